@@ -179,9 +179,7 @@ def _complaint(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Compl
         code, values = (error.code, error.values) if error.code else ("entry.other", {"words": str(error)})
         return Complaint((*detail["loc"], *error.place), kind, code, values)
     code, values = _pydantic_message(detail, data, model)
-    return Complaint(
-        detail["loc"], detail["type"], code, {"value": detail["input"], **detail.get("ctx", {}), **values}
-    )
+    return Complaint(detail["loc"], detail["type"], code, {"value": detail["input"], **detail.get("ctx", {}), **values})
 
 
 def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> tuple[str, dict[str, Any]]:

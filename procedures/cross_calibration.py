@@ -154,9 +154,7 @@ class PairStage:
             )
             if progress is not None:
                 progress((place + 1) / len(self._context.secondaries))
-        return self._solution(
-            done, checks, {s.number: s.stored for s in self._context.secondaries}, data.gaps, ()
-        )
+        return self._solution(done, checks, {s.number: s.stored for s in self._context.secondaries}, data.gaps, ())
 
     def _watched(self, watch: PairWatch) -> Solution:
         self._events += watch.finish()
@@ -213,22 +211,16 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     limits = {**UNDETERMINED, "clock_offset": 0.5 / sample_rate}
     # if only the bias was fitted the matrix is listed too, because the bias belongs to it
     fixed = {
-        f"secondary_{s}_matrix"
-        for s, place in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS))
-        if fit.fitted[place].any()
+        f"secondary_{s}_matrix" for s, place in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS)) if fit.fitted[place].any()
     }
     return {
-        pair_name(p.name, number): Estimate(
-            float(value), float(s), p.unit, bool(s <= limits.get(p.group, np.inf))
-        )
+        pair_name(p.name, number): Estimate(float(value), float(s), p.unit, bool(s <= limits.get(p.group, np.inf)))
         for p, value, s, chosen in zip(PAIR_PARAMETERS, fit.value, sigma, fit.fitted, strict=True)
         if chosen or p.group in fixed
     }
 
 
-def _details(
-    secondary: Secondary, calibrated: PairResult | None, check: Any, stored: StoredPair
-) -> dict[str, Any]:
+def _details(secondary: Secondary, calibrated: PairResult | None, check: Any, stored: StoredPair) -> dict[str, Any]:
     kept = stored if calibrated is None else calibrated.stored
     details: dict[str, Any] = {
         "number": secondary.number,
@@ -251,6 +243,4 @@ def _details(
     return details
 
 
-METHOD = Method(
-    "cross_calibration", Schedule, plan, PairStage, estimates=lambda context: (), needs_no_table=True
-)
+METHOD = Method("cross_calibration", Schedule, plan, PairStage, estimates=lambda context: (), needs_no_table=True)

@@ -23,9 +23,7 @@ class Schedule(RepeatedSchedule):
     """Rests in s, rates in °/s and °/s², and the stop rule; `place_dwell_s` is the rest after positioning moves."""
 
     dwell_s: float = Field(20.0, ge=2.0, le=600.0, description="rest after every quarter turn")
-    place_dwell_s: float = Field(
-        5.0, ge=1.0, le=600.0, description="rest after an axis was brought into place"
-    )
+    place_dwell_s: float = Field(5.0, ge=1.0, le=600.0, description="rest after an axis was brought into place")
     rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
 

@@ -226,9 +226,7 @@ def _axis_solution(
     P, left, drift = np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
     for m in motions:
         J = drift_matrix(schedule.order, course.axis, m.angle)
-        random = (
-            noise.rate * (m.duration + 1.2 * m.duration**2 / m.rest) + 2.0 * context.table.encoder_sigma**2
-        )
+        random = noise.rate * (m.duration + 1.2 * m.duration**2 / m.rest) + 2.0 * context.table.encoder_sigma**2
         drift = J @ P @ J.T + random * np.eye(2)
         step = np.eye(2) + sign_of(m.angle) * schedule.gain * J
         P = step @ P @ step.T + schedule.gain**2 * random * np.eye(2)

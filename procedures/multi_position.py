@@ -124,9 +124,7 @@ def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]
     low, high = geometry.limits.low[joint], geometry.limits.high[joint]
     up, down = int((high + 1e-9) // step), int((-low + 1e-9) // step)
     if up + down < 1:
-        raise ConfigurationError(
-            "plan.positions_exceed_travel", step_deg=float(np.rad2deg(step)), axis=JOINTS[joint]
-        )
+        raise ConfigurationError("plan.positions_exceed_travel", step_deg=float(np.rad2deg(step)), axis=JOINTS[joint])
     yield from (k * step for k in (*range(up + 1), *range(up - 1, -down - 1, -1), *range(-down + 1, 1)))
 
 
@@ -176,9 +174,7 @@ def _details(
     }
 
 
-def _messages(
-    still: Stillness, links: tuple[Link, ...], fit: PositionFit
-) -> tuple[tuple[str, dict[str, Any]], ...]:
+def _messages(still: Stillness, links: tuple[Link, ...], fit: PositionFit) -> tuple[tuple[str, dict[str, Any]], ...]:
     stage = {"stage": "multi_position"}
     messages: list[tuple[str, dict[str, Any]]] = []
     if not fit.converged:

@@ -185,9 +185,7 @@ def _require_turns(turns: list[Turn], gaps: int) -> None:
         raise InsufficientDataError("solve.no_whole_turn", missing=missing, turns=len(turns), gaps_note=note)
 
 
-def _solve(
-    data: StageData, turns: list[Turn], context: SolveContext, prior: Belief, assumed: bool
-) -> Solution:
+def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Belief, assumed: bool) -> Solution:
     table, site = context.table, context.site
     geometry = table.geometry
     noise = filter_noise(context)
@@ -235,9 +233,7 @@ def _solve(
         estimated=ESTIMATED,
         consistency=nis_consistency(result.chi2, len(turns), 3),
         gaps=data.gaps,
-        innovations=Innovations(
-            np.array([data.seq[t.stop - 1] for t in turns]), result.normalised.reshape(-1, 3)
-        ),
+        innovations=Innovations(np.array([data.seq[t.stop - 1] for t in turns]), result.normalised.reshape(-1, 3)),
         details={
             "turns": [
                 {

@@ -114,9 +114,7 @@ def _require_faces(positions: list[Position], prior: Belief) -> None:
             seen.add(("+" if up[axis] > 0 else "-") + "xyz"[axis])
     missing = [f for f in ("+x", "-x", "+y", "-y", "+z", "-z") if f not in seen]
     if missing:
-        raise InsufficientDataError(
-            "solve.missing_faces", seconds=SHORTEST_REST, missing=missing, rests=len(positions)
-        )
+        raise InsufficientDataError("solve.missing_faces", seconds=SHORTEST_REST, missing=missing, rests=len(positions))
 
 
 def _solve(data: StageData, positions: list[Position], context: SolveContext, prior: Belief) -> Solution:
@@ -159,9 +157,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         estimated=ESTIMATED,
         consistency=nis_consistency(result.chi2, len(positions), 3),
         gaps=data.gaps,
-        innovations=Innovations(
-            np.array([data.seq[p.stop - 1] for p in positions]), result.normalised.reshape(-1, 3)
-        ),
+        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), result.normalised.reshape(-1, 3)),
         details={
             "positions": [
                 {

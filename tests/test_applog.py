@@ -52,9 +52,7 @@ def test_the_level_decides_and_is_inherited(tmp_path: Path) -> None:
     assert "too fine" not in text(tmp_path)
 
 
-def test_an_empty_folder_in_the_environment_switches_it_off(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_empty_folder_in_the_environment_switches_it_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(applog.FOLDER, "")
     applog.configure("cli", tmp_path)
     logger.error("nowhere")

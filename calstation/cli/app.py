@@ -71,9 +71,7 @@ def _program(
     version: Annotated[
         bool, typer.Option("--version", help="Show the version.", callback=_show_version, is_eager=True)
     ] = False,
-    log_level: Annotated[
-        applog.Level | None, typer.Option(help="Detail of the application log, default info.")
-    ] = None,
+    log_level: Annotated[applog.Level | None, typer.Option(help="Detail of the application log, default info.")] = None,
 ) -> None:
     from calstation.config import site_folder
 
@@ -103,9 +101,7 @@ def run(
     beyond_attempts: Annotated[
         bool, typer.Option("--beyond-attempts", help="Accept a unit whose attempts are used up.")
     ] = False,
-    faults: Annotated[
-        Path | None, typer.Option(help="Virtual bench: plan of faults.", metavar="FILE.toml")
-    ] = None,
+    faults: Annotated[Path | None, typer.Option(help="Virtual bench: plan of faults.", metavar="FILE.toml")] = None,
 ) -> None:
     """Calibrate the unit on the station: one click without a window."""
     from calstation.cli.run import complete_request, run_command
@@ -182,9 +178,7 @@ def watch(
     folder: Annotated[
         Path | None, typer.Option("--pairs", help="Folder of the stored pairs; default: the site's own.")
     ] = None,
-    command: Annotated[
-        bool, typer.Option("--now", help="Check at the first rest, whatever the triggers.")
-    ] = False,
+    command: Annotated[bool, typer.Option("--now", help="Check at the first rest, whatever the triggers.")] = False,
 ) -> None:
     """Follow IMUs on one body as live: check at rest, calibrate what is out of tolerance, store the result."""
     from calstation.cli.logs import watch_command
@@ -217,9 +211,7 @@ def soak(
     seed: Annotated[int, typer.Option(min=0, help="Of units, faults and their moments.")] = 1,
     json: JsonOption = None,
     full: Annotated[bool, typer.Option("--full", help="The product's whole schedule in every run.")] = False,
-    keep: Annotated[
-        Path | None, typer.Option(help="Keep logs and results in this folder.", metavar="DIR")
-    ] = None,
+    keep: Annotated[Path | None, typer.Option(help="Keep logs and results in this folder.", metavar="DIR")] = None,
 ) -> None:
     """Calibrations back to back on the virtual bench with random faults, judged by its truth."""
     from calstation.cli.studies import soak_command
@@ -260,13 +252,9 @@ registers = typer.Typer(
 app.add_typer(registers, name="registers")
 
 SerialArgument = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the unit.")]
-RunsOption = Annotated[
-    Path, typer.Option("--out", help="Folder of the runs; a virtual unit's journal is there.")
-]
+RunsOption = Annotated[Path, typer.Option("--out", help="Folder of the runs; a virtual unit's journal is there.")]
 YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask before writing.")]
-AtRestOption = Annotated[
-    bool, typer.Option("--at-rest", help="Leave the table alone: verify at rest, without a turn.")
-]
+AtRestOption = Annotated[bool, typer.Option("--at-rest", help="Leave the table alone: verify at rest, without a turn.")]
 
 
 @registers.command("list")
@@ -405,9 +393,7 @@ def run_app(arguments: list[str]) -> int:
         logger.exception("the command ended by a mistake of the program")
         if debug:
             traceback.print_exc()
-        sys.stderr.write(
-            f"calstation: internal error: {type(error).__name__}: {error} (--debug shows where)\n"
-        )
+        sys.stderr.write(f"calstation: internal error: {type(error).__name__}: {error} (--debug shows where)\n")
         return 2 if isinstance(error, OSError) else 3
     return code
 
@@ -443,9 +429,7 @@ def has_screen() -> bool:
     if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
         return False
     try:
-        probe = subprocess.run(
-            [sys.executable, "-c", _PROBE], capture_output=True, timeout=_PROBED_WITHIN, check=False
-        )
+        probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, timeout=_PROBED_WITHIN, check=False)
     except subprocess.TimeoutExpired:
         return False
     return probe.returncode == 0

@@ -86,9 +86,7 @@ def status_command(station: Path | None, product: Path | None, json: str | None)
     state = read_table(ignore_progress, request)
     emit_json({"station": request.station.name, **asdict(state)}, json)
     if json != "-":
-        show_line(
-            Console(file=sys.stdout), "\n".join([f"station    {request.station.name}", *_state_lines(state)])
-        )
+        show_line(Console(file=sys.stdout), "\n".join([f"station    {request.station.name}", *_state_lines(state)]))
     return 0 if state.fault is None else DeviceFaultError.exit_code
 
 

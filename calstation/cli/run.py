@@ -135,9 +135,7 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
     show_line(console, f"result: {verdict.result_file}")
     if result.advice == "resume":
         command = shlex.join(["calstation", "run", "--resume", verdict.log])
-        show_line(
-            console, f"to resume: {command} {station_options(request.station, request.product)}".rstrip()
-        )
+        show_line(console, f"to resume: {command} {station_options(request.station, request.product)}".rstrip())
 
 
 def _outcome(outcome: str, result: Result) -> Text:

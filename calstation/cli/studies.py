@@ -83,9 +83,7 @@ def method_study_command(method: str, grade: str | None, seeds: int | None, json
     emit_json({"rows": rows, "passed": passed}, json)
     if json != "-":
         for row in rows:
-            title = (
-                f"{row['method']}: {row['grade']}, {row['units']} units, consistency {row['consistency']:.2f}"
-            )
+            title = f"{row['method']}: {row['grade']}, {row['units']} units, consistency {row['consistency']:.2f}"
             _show_groups(Console(file=sys.stdout), title, row)
     return 0 if passed else 1
 
@@ -111,9 +109,7 @@ def _check_options(grade: str | None, seeds: int | None, grades: tuple[str, ...]
     if grade is not None and grade not in grades:
         raise ConfigurationError("cli.unknown_choice", option="--grade", value=grade, choices=grades)
     if seeds is not None and seeds < 1:
-        raise ConfigurationError(
-            "cli.too_small", option="--seeds", value=seeds, least=1, program="calstation study"
-        )
+        raise ConfigurationError("cli.too_small", option="--seeds", value=seeds, least=1, program="calstation study")
 
 
 def _units_bar() -> Progress:
@@ -168,9 +164,7 @@ def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool
             if not console.is_terminal:
                 show_line(console, f"{last.planned.number + 1}/{runs} {how}: {what}")
             for text in (*last.wrong, *last.lost, *(["the table was not left safe"] if last.unsafe else [])):
-                console.print(
-                    f"run {last.planned.number + 1}, seed {last.planned.seed}: {text}", markup=False
-                )
+                console.print(f"run {last.planned.number + 1}, seed {last.planned.seed}: {text}", markup=False)
 
         return soak(runs, seed, folder, full=full, on_run=on_run, stopping=lambda: bool(interrupted))
 

@@ -53,9 +53,7 @@ def locate(kind: str, path: Path) -> Path:
     if _is_path(path):
         return path
     if path.name not in names(kind):
-        raise ConfigurationError(
-            "configuration.no_file_or_name", kind=kind, name=str(path), known=names(kind)
-        )
+        raise ConfigurationError("configuration.no_file_or_name", kind=kind, name=str(path), known=names(kind))
     return find(kind, path.name)
 
 

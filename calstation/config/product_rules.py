@@ -16,9 +16,7 @@ _ROUNDING = 12.0**-0.5
 
 def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
     """Targets at `keys` that name no parameter or group: the stop rule would take them as reached at once."""
-    return (
-        EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not named(name)
-    )
+    return (EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not named(name))
 
 
 def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:
@@ -42,9 +40,7 @@ def _limit_of(product: ProductConfig, parameter: str) -> str | None:
     return next((name for name in (parameter, group) if name in product.limits), None)
 
 
-def _conflicts(
-    register: RegisterEntry, name: str, limit_name: str, limit: Limit, profile: str
-) -> Iterator[EntryError]:
+def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit, profile: str) -> Iterator[EntryError]:
     where = {"parameter": name, "register": str(register), "profile": profile}
     if limit.interval is not None:
         least, most = _needed(register, name, limit.interval)
@@ -58,9 +54,7 @@ def _conflicts(
         yield EntryError("product.finer_than_step", "limits", limit_name, "sigma_below", **where, **values)
     elif sigma is not None and register.tolerance > sigma:
         values = {"sigma": sigma, "tolerance": register.tolerance}
-        yield EntryError(
-            "product.finer_than_tolerance", "limits", limit_name, "sigma_below", **where, **values
-        )
+        yield EntryError("product.finer_than_tolerance", "limits", limit_name, "sigma_below", **where, **values)
 
 
 def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -> tuple[float, float]:

@@ -320,9 +320,7 @@ def _stop_rule(schedule: BaseModel) -> StopRule:
 Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
 
 
-def resolve_configuration(
-    request: RunRequest, adjust: Adjustment = lambda resolved: resolved
-) -> ResolvedConfiguration:
+def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
     """Read and check the files that a request names, whatever its serial number.
 
     Parameters

@@ -139,9 +139,7 @@ def schedule_fields(stage: str) -> tuple[ScheduleField, ...]:
     return tuple(_field(name, info) for name, info in method(stage).schedule.model_fields.items())
 
 
-def schedule_problems(
-    stage: str, values: Mapping[str, Any], options: ScheduleOptions
-) -> dict[str, ScheduleProblem]:
+def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOptions) -> dict[str, ScheduleProblem]:
     """What is wrong with a schedule's values, by field; {} if the table of the options can run them."""
     found: dict[str, ScheduleProblem] = {}
     try:

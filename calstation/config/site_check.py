@@ -132,11 +132,7 @@ def site_advice(
             found.append(Finding("gravity_off", "look", values))
     if latitude_deg == 0 and longitude_deg == 0:
         found.append(Finding("null_island", "look"))
-    if (
-        azimuth_deg is None
-        and isinstance(latitude_deg, float | int)
-        and 90.0 >= abs(latitude_deg) > _NEAR_POLE
-    ):
+    if azimuth_deg is None and isinstance(latitude_deg, float | int) and 90.0 >= abs(latitude_deg) > _NEAR_POLE:
         found.append(Finding("azimuth_hopeless", "look", {"latitude": float(latitude_deg)}))
     return tuple(found)
 
@@ -178,11 +174,7 @@ def latitude_untold(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str,
         ),
         None,
     )
-    if (
-        inconsistent is None
-        or _seen(solutions) is not None
-        or not resolves_earth_rate(context_from_meta(meta).imu)
-    ):
+    if inconsistent is None or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):
         return None
     return {"stage": inconsistent, "latitude": meta.site.latitude_deg}
 

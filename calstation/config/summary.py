@@ -79,17 +79,14 @@ def run_summary(request: RunRequest) -> RunSummary:
         inner_axis=geometry.inner_axis,
         serial_pattern=setup.product.serial_pattern,
         stages=tuple(
-            StageSummary(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s)))
-            for p in plans
+            StageSummary(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s))) for p in plans
         ),
         transfer=DURATION if RegisterMap(tuple(setup.imu.registers)).parameters else None,
         targets=_targets(setup),
         attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),
         by_hand=setup.by_hand,
-        positions=tuple(
-            _up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry)
-        )
+        positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry))
         if setup.by_hand
         else (),
     )

@@ -32,9 +32,7 @@ class BenchHost:
     endpoints: Mapping[str, Any]
 
     @classmethod
-    def start(
-        cls, config: Mapping[str, Any], check_cancelled: Callable[[], None] = lambda: None
-    ) -> "BenchHost":
+    def start(cls, config: Mapping[str, Any], check_cancelled: Callable[[], None] = lambda: None) -> "BenchHost":
         """Start a bench with its configuration. Raises DeviceFaultError if it does not start.
 
         `check_cancelled` is called repeatedly meanwhile; what it raises ends the bench.

@@ -57,9 +57,7 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
     if setup.station.bench is not None:
         return
     if not is_confirmed(site, needed=blind):
-        yield Finding(
-            "place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)}
-        )
+        yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)})
     example = load_station(library.find("stations", EXAMPLE))[1].site
     if (site.latitude_deg, site.longitude_deg, site.height_m) == (
         example.latitude_deg,

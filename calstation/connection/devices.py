@@ -40,9 +40,7 @@ class Endpoints:
 
 
 @contextmanager
-def connected(
-    setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
-) -> Iterator[Devices]:
+def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Devices]:
     """Open clock, table and IMU, and identify both; closed on exit.
 
     `check_cancelled` is called from time to time and may raise. Raises DeviceFaultError, ConfigurationError.
@@ -57,9 +55,7 @@ def connected(
         imu = open_imu(setup, at.imu)
         stack.callback(imu.close)
         if table is None:
-            table = (
-                ManualTable(setup.table) if setup.table.by_hand else SharedTable(imu, table_profile(setup))
-            )
+            table = ManualTable(setup.table) if setup.table.by_hand else SharedTable(imu, table_profile(setup))
         if not isinstance(table, ManualTable):
             # Before anything else: not even a stop may be written to a device that may not be the table.
             identify(table, imu, link_settings(setup, at.table, at.imu), check_cancelled)
@@ -70,9 +66,7 @@ def connected(
 
 
 @contextmanager
-def endpoints(
-    setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
-) -> Iterator[Endpoints]:
+def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
     """The locked ports of a station, or those of a virtual bench that runs as long as the context.
 
     `check_cancelled` is called while the bench starts and may raise. Raises DeviceFaultError if another program uses a

@@ -99,9 +99,7 @@ def identify(
     return identity
 
 
-def _explained(
-    fault: DeviceFaultError, link: LinkSettings, check_cancelled: Callable[[], None]
-) -> DeviceFaultError:
+def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Callable[[], None]) -> DeviceFaultError:
     """A fault that names the cause, if it can be found out."""
     port = link.table_port
     if _swapped(link, check_cancelled):
@@ -113,9 +111,7 @@ def _explained(
     if unit == link.table.unit:
         other = find_unit_number(link, lambda share: check_cancelled())
         if other is not None:
-            return DeviceFaultError(
-                "connection.other_unit", port=port, model=other[1], found=other[0], unit=unit
-            )
+            return DeviceFaultError("connection.other_unit", port=port, model=other[1], found=other[0], unit=unit)
     if refused is not None:
         return DeviceFaultError("connection.refused", port=port, unit=unit, exception=refused)
     if port.startswith("tcp://"):
@@ -153,9 +149,7 @@ def table_on_imu_port(link: LinkSettings) -> bool:
     return True
 
 
-def find_unit_number(
-    link: LinkSettings, tried: Callable[[float], None] = lambda share: None
-) -> tuple[int, str] | None:
+def find_unit_number(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> tuple[int, str] | None:
     """Number and model of the profile's table on its port under another Modbus unit number, or None.
 
     `tried` is called with the share of the numbers that have been tried.

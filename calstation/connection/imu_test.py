@@ -86,9 +86,7 @@ class ImuTest:
         except DeviceFaultError as exc:
             yield Finding("registers_unread", "wrong", {"words": exc.as_text})
         else:
-            yield Finding(
-                "registers", "ok" if count else "told", {"count": count}, "" if count else "no_registers"
-            )
+            yield Finding("registers", "ok" if count else "told", {"count": count}, "" if count else "no_registers")
         try:
             yield from self._stream()
         except DeviceFaultError as exc:

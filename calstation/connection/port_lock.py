@@ -41,9 +41,7 @@ def _locked(device: str, port: str) -> Iterator[None]:
     try:
         handle = _open(path)
     except OSError as exc:
-        raise DeviceFaultError(
-            "connection.lock_failed", port=port, path=str(path), cause=os_reason(exc)
-        ) from exc
+        raise DeviceFaultError("connection.lock_failed", port=port, path=str(path), cause=os_reason(exc)) from exc
     try:
         if not take(handle, _WITHIN):
             raise _in_use(port, handle)

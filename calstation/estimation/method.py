@@ -97,9 +97,7 @@ class RepeatedSchedule(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     rounds: int | None = Field(1, ge=1, description="complete rounds")
-    duration_s: float | None = Field(
-        None, gt=0.0, description="the round during which this is over is the last"
-    )
+    duration_s: float | None = Field(None, gt=0.0, description="the round during which this is over is the last")
     targets: dict[str, Annotated[float, Field(gt=0.0)]] = Field(
         default_factory=dict, description="the round after which every sigma is below its target is the last"
     )

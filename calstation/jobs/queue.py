@@ -266,9 +266,7 @@ class JobQueue:
     def _start(self) -> None:
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
-        process = context.Process(
-            target=_serve, args=(there, self._warm_up), name="calstation worker", daemon=True
-        )
+        process = context.Process(target=_serve, args=(there, self._warm_up), name="calstation worker", daemon=True)
         spawn_process(process)
         there.close()
         self._process, self._connection, self._pipe_reader = process, here, PipeReader(here)

@@ -35,9 +35,7 @@ class Finding:
 
     def to_json(self) -> dict[str, Any]:
         """JSON-ready: id, state and values; messages among the values as English sentences."""
-        values = {
-            name: sentence(value) if isinstance(value, Text) else value for name, value in self.values.items()
-        }
+        values = {name: sentence(value) if isinstance(value, Text) else value for name, value in self.values.items()}
         return {"id": self.id, "state": self.state, "values": values_to_json(values)}
 
 

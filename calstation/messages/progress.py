@@ -37,7 +37,5 @@ def step_text(kind: str, label: tuple[str | float, ...]) -> Text:
     code = f"step.{name}"
     if known(code):
         return Text(code, dict(zip(_STEP_VALUES.get(str(name), ()), values, strict=False)))
-    words = " ".join(
-        f"{part:g}" if isinstance(part, float | int) else part.replace("_", " ") for part in label
-    )
+    words = " ".join(f"{part:g}" if isinstance(part, float | int) else part.replace("_", " ") for part in label)
     return Text.of("step.other", words=words)

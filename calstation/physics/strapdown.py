@@ -81,9 +81,7 @@ def _exponential(rotvec: FloatArray, E: FloatArray) -> None:
 
 
 @nb.njit(cache=True)
-def _correct(
-    c: Compensation, gyro: FloatArray, accel: FloatArray, omega: FloatArray, force: FloatArray
-) -> None:
+def _correct(c: Compensation, gyro: FloatArray, accel: FloatArray, omega: FloatArray, force: FloatArray) -> None:
     """Angular rate, and specific force before the size effect is added, from one raw sample's rates."""
     for i in range(3):
         omega[i] = 0.0

@@ -98,9 +98,7 @@ class Previous(StrictModel):
     def _known(cls, limits: dict[str, float]) -> dict[str, float]:
         for name, limit in limits.items():
             if name not in NAMES and name not in GROUPS:
-                raise EntryError(
-                    "entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES + GROUPS)
-                )
+                raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES + GROUPS))
             if not limit > 0:
                 raise EntryError("limits.not_positive", name, value=limit)
         return limits
@@ -153,9 +151,7 @@ def acceptance(
     return list(_Acceptance(section, context, prior, solutions).checks(previous))
 
 
-def offline_online(
-    section: ChecksSection, offline: Mapping[str, Any], online: Mapping[str, Any]
-) -> list[Check]:
+def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: Mapping[str, Any]) -> list[Check]:
     """Compare the parameters of a log solved again with those its run found.
 
     Parameters
@@ -167,9 +163,7 @@ def offline_online(
     shared = [n for n, row in offline.items() if n in online and online[n]["stage"] == row["stage"]]
     if rule is None or not shared:
         return []
-    apart = {
-        n: abs(offline[n]["value"] - online[n]["value"]) / max(offline[n]["sigma"], 1e-300) for n in shared
-    }
+    apart = {n: abs(offline[n]["value"] - online[n]["value"]) / max(offline[n]["sigma"], 1e-300) for n in shared}
     worst = max(apart, key=lambda n: apart[n])
     return [
         Check.compare(
@@ -211,9 +205,7 @@ class _Acceptance:
         if s.excitation is not None:
             yield from self._excitation(s.excitation)
 
-    def _check(
-        self, kind: CheckKind, value: float, limit: float, unit: str, where: Where, subject: str = ""
-    ) -> Check:
+    def _check(self, kind: CheckKind, value: float, limit: float, unit: str, where: Where, subject: str = "") -> Check:
         near = self._section.near_miss_beyond
         return Check.compare(kind, value, limit, unit, subject=subject, near=near, where=where)
 
@@ -241,9 +233,7 @@ class _Acceptance:
         for k in range(len(evidence.rests)) if rule.positions is None else rule.positions:
             if k >= len(evidence.rests):
                 continue
-            before, after = (
-                self._force_error(evidence.rests[k], p) for p in (self._prior.mean, self._found.mean)
-            )
+            before, after = (self._force_error(evidence.rests[k], p) for p in (self._prior.mean, self._found.mean))
             limit = max(rule.below * before, rule.or_within)
             where = Where(stage=evidence.stage, rest=k)
             rows.append((after / max(limit, 1e-300), after, limit, where))

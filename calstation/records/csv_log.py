@@ -224,9 +224,7 @@ class _Table:
             row = int(np.argmax(wrong))
             if not cells[row].strip():
                 raise self._wrong_cell("csv.cell_empty", name, row)
-            raise self._wrong_cell(
-                "csv.cell_nan" if np.isnan(values[row]) else "csv.cell_infinite", name, row
-            )
+            raise self._wrong_cell("csv.cell_nan" if np.isnan(values[row]) else "csv.cell_infinite", name, row)
         return values
 
     def _float(self, name: str, row: int, cell: str, may_be_empty: bool) -> float:

@@ -316,16 +316,10 @@ def check_limits(
     return checks
 
 
-def _check_estimate(
-    name: str, estimate: Estimate, limit: Limit, sigma_limit: float | None, near: float
-) -> list[Check]:
+def _check_estimate(name: str, estimate: Estimate, limit: Limit, sigma_limit: float | None, near: float) -> list[Check]:
     checks = []
     if limit.interval is not None:
-        checks.append(
-            Check.compare("within", estimate.value, limit.interval, estimate.unit, subject=name, near=near)
-        )
+        checks.append(Check.compare("within", estimate.value, limit.interval, estimate.unit, subject=name, near=near))
     if sigma_limit is not None:
-        checks.append(
-            Check.compare("sigma_below", estimate.sigma, sigma_limit, estimate.unit, subject=name, near=near)
-        )
+        checks.append(Check.compare("sigma_below", estimate.sigma, sigma_limit, estimate.unit, subject=name, near=near))
     return checks

@@ -211,9 +211,7 @@ class LogMeta(StrictModel):
                 raise EntryError("log.imu_numbers", number=number, missing=expected)
             rate, primary = section.sample_rate_hz, self.imu.sample_rate_hz
             if rate != primary:
-                raise EntryError(
-                    "log.imu_rates", f"imu{number}", "sample_rate_hz", rate=rate, primary=primary
-                )
+                raise EntryError("log.imu_rates", f"imu{number}", "sample_rate_hz", rate=rate, primary=primary)
         return self
 
     @field_validator("prior", "registers", "previous")

@@ -140,9 +140,7 @@ class RunIndex:
     def stamps(self) -> dict[str, str]:
         """Stamp of each run by name."""
         return self._try(
-            lambda connection: {
-                row.name: row.stamp for row in connection.execute(select(_runs.c.name, _runs.c.stamp))
-            }
+            lambda connection: {row.name: row.stamp for row in connection.execute(select(_runs.c.name, _runs.c.stamp))}
         )
 
     def put(self, runs: Iterable[IndexedRun], gone: Iterable[str] = ()) -> None:
@@ -170,16 +168,12 @@ class RunIndex:
         query = select(_runs).order_by(_runs.c.started_utc.desc(), _runs.c.name.desc()).limit(limit)
         if search.strip():
             columns = ("serial", "started_utc", "product", "station", "operator", "name")
-            query = query.where(
-                or_(*(_runs.c[name].icontains(search.strip(), autoescape=True) for name in columns))
-            )
+            query = query.where(or_(*(_runs.c[name].icontains(search.strip(), autoescape=True) for name in columns)))
         if outcome is not None:
             query = query.where(_runs.c.outcome == outcome)
         return self._records(query)
 
-    def of(
-        self, serial: str, outcomes: tuple[str, ...] | None = None, before: str | None = None
-    ) -> list[IndexedRun]:
+    def of(self, serial: str, outcomes: tuple[str, ...] | None = None, before: str | None = None) -> list[IndexedRun]:
         """A unit's runs, latest first.
 
         Parameters
@@ -209,11 +203,7 @@ class RunIndex:
 
     def count(self, serial: str) -> int:
         """Number of runs begun for a unit; a resumed run counts once."""
-        query = (
-            select(func.count())
-            .select_from(_runs)
-            .where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
-        )
+        query = select(func.count()).select_from(_runs).where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
     def _record(self, row: Row[Any]) -> RunRecord:

@@ -78,8 +78,7 @@ class UnitType:
 def map_digest(registers: list[RegisterEntry]) -> str:
     """A digest that is equal for registers whose contents mean the same."""
     rows = sorted(
-        json.dumps(entry.model_dump(mode="json", exclude=_WITHOUT_MEANING), sort_keys=True)
-        for entry in registers
+        json.dumps(entry.model_dump(mode="json", exclude=_WITHOUT_MEANING), sort_keys=True) for entry in registers
     )
     return hashlib.sha256("\n".join(rows).encode()).hexdigest()[:16]
 

@@ -298,9 +298,7 @@ def _context(work: _Work, devices: Devices, control: Control) -> RunContext:
     unit = setup.unit_task()
     preflight = replace(unit.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
     slot = Slot(devices.imu, replace(unit, preflight=preflight))
-    return RunContext(
-        replace(setup.task(), stages=()), devices.table, (slot,), devices.clock, work.emit, control
-    )
+    return RunContext(replace(setup.task(), stages=()), devices.table, (slot,), devices.clock, work.emit, control)
 
 
 def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> Transfer:
@@ -308,9 +306,7 @@ def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> T
     folder = str(site or runs)
     known = journal.history(runs, serial, site)
     if not known:
-        raise InputError(
-            "transfer.none_known" if site else "transfer.none_known_here", folder=folder, serial=serial
-        )
+        raise InputError("transfer.none_known" if site else "transfer.none_known_here", folder=folder, serial=serial)
     found = [transfer_ for transfer_ in known if ident in (None, transfer_.id)]
     if not found:
         raise InputError("transfer.unknown_id", folder=folder, serial=serial, id=ident)

@@ -47,9 +47,7 @@ def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
     if most is None or not setup.imu.registers:
         return
     if used >= most:
-        raise ConfigurationError(
-            "transfer.flash_worn", serial=serial, used=used, most=most, profile=setup.imu.name
-        )
+        raise ConfigurationError("transfer.flash_worn", serial=serial, used=used, most=most, profile=setup.imu.name)
     if used >= _NEAR * most:
         emit(Message("flash_near", {"serial": serial, "used": used, "most": most}))
 
@@ -62,9 +60,7 @@ def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
     recorded, profile = entry.unit_type, setup.imu
     about = {"id": entry.id, "serial": entry.serial, "profile": profile.name}
     if recorded.profile and recorded.profile != profile.name:
-        raise InputError(
-            "transfer.other_profile", **about, recorded=recorded.profile, product=recorded.product
-        )
+        raise InputError("transfer.other_profile", **about, recorded=recorded.profile, product=recorded.product)
     if recorded.map and recorded.map != map_digest(profile.registers):
         raise InputError("transfer.other_meaning", **about)
     if not recorded.map and entry.old and set(entry.old) != set(register_map(setup).parameters):
@@ -75,9 +71,7 @@ def check_unit_model(entry: Transfer, model: str) -> None:
     """Raise DeviceFaultError if a transfer was to another model of unit than the one that answers."""
     recorded = entry.unit_type.model
     if recorded and recorded != model:
-        raise DeviceFaultError(
-            "transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model
-        )
+        raise DeviceFaultError("transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model)
 
 
 def check_interrupted(setup: ResolvedConfiguration, runs: Path) -> None:

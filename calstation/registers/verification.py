@@ -178,9 +178,7 @@ def _wrong_checks(
     """Failed checks without a run's own estimate: tolerances allow for any unit of the type."""
     meta = setup.log_meta()
     entry = done.entry
-    registers = AppliedRegisters(
-        entry.old if restored else entry.new, entry.old if setup.after_registers else None
-    )
+    registers = AppliedRegisters(entry.old if restored else entry.new, entry.old if setup.after_registers else None)
     prior = prior_from_meta(meta).covariance
     checks = verify_output(data, registers, prior, context_from_meta(meta), setup.repeatability)
     return [check for check in checks if not check.passed]
@@ -352,9 +350,7 @@ def _carried_turn(
     return VerificationCheck("carried_turn", value, 0.0, SIGMAS * float(known) + RATE * seconds, "rad")
 
 
-def _tolerance(
-    covariance: FloatArray, sensor: str, seen: FloatArray, noise: float, instability: float
-) -> float:
+def _tolerance(covariance: FloatArray, sensor: str, seen: FloatArray, noise: float, instability: float) -> float:
     """Tolerance of the magnitude of a corrected vector `seen`, whatever its direction."""
     jacobian = np.zeros((3, COUNT))
     for i, p in enumerate(PARAMETERS):
@@ -386,9 +382,7 @@ def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArra
     if registers is None:
         return output
     p = _vector(registers)
-    gyro, accel = (
-        np.eye(3) + group_matrix(p, f"{sensor}_scale", f"{sensor}_misalign") for sensor in ("gyro", "accel")
-    )
+    gyro, accel = (np.eye(3) + group_matrix(p, f"{sensor}_scale", f"{sensor}_misalign") for sensor in ("gyro", "accel"))
     force = output[:, 3:]
     return np.hstack(
         [
@@ -403,9 +397,7 @@ def _net(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
     return np.asarray(angle - rests[turned.turn.still, :3] * turned.seconds)
 
 
-def _force_scatter(
-    force: FloatArray, seconds: float, context: SolveContext, repeatability: float
-) -> FloatArray:
+def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, repeatability: float) -> FloatArray:
     """Covariance of a force difference, (m/s²)², shape (3, 3); the table's tilt shows across the force only."""
     size = float(np.linalg.norm(force))
     up = force / size
@@ -419,9 +411,7 @@ def _rate_scatter(seconds: float, imu: ImuModel) -> float:
     return 2.0 * _rate_noise(imu, seconds) ** 2 + (DRIFT * imu.gyro_bias_instability) ** 2
 
 
-def _turn_scatter(
-    turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float
-) -> FloatArray:
+def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float) -> FloatArray:
     """Covariance of a turn difference, rad², shape (3, 3): the joint's angle along it, the other joint's across it.
 
     `seconds` are the durations of the turn and of a rest.

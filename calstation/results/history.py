@@ -151,9 +151,7 @@ def _files(folder: Path) -> dict[str, str]:
                 stamps[stem] = stamp
             else:
                 logs[stem] = stamp
-    left = {
-        stem: stamp for stem, stamp in logs.items() if stem not in stamps and not _is_running(folder, stem)
-    }
+    left = {stem: stamp for stem, stamp in logs.items() if stem not in stamps and not _is_running(folder, stem)}
     return {**{stem: f"log {stamp}" for stem, stamp in left.items()}, **stamps}
 
 
@@ -218,9 +216,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         record.product,
         record.station,
     )
-    "".join(
-        filter(None, (*texts, record.operator, record.error))
-    ).encode()  # a lone surrogate cannot be stored
+    "".join(filter(None, (*texts, record.operator, record.error))).encode()  # a lone surrogate cannot be stored
     values = {name: row.value for name, row in result.parameters.items() if math.isfinite(row.value)}
     return IndexedRun(name, stamp, record, values, _written(result))
 

@@ -191,9 +191,7 @@ def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
     }
     for solution in solutions:
         for name, found in solution.found.items():
-            parameters[name] = Parameter(
-                value=found.value, sigma=found.sigma, unit=found.unit, stage=solution.stage
-            )
+            parameters[name] = Parameter(value=found.value, sigma=found.sigma, unit=found.unit, stage=solution.stage)
     return parameters
 
 

@@ -141,9 +141,7 @@ def progress_from_note(note: str) -> PairProgress | None:
     if not note.startswith("["):
         return None
     time, duration, state, motion, happened = json.loads(note)
-    events = tuple(
-        PairEvent(kind, at, number, values_from_json(values)) for kind, at, number, values in happened
-    )
+    events = tuple(PairEvent(kind, at, number, values_from_json(values)) for kind, at, number, values in happened)
     return PairProgress(time, duration, state, motion, events)
 
 

@@ -260,10 +260,7 @@ class _Previewer:
         if isinstance(step, Move):
             target = (step.outer, step.inner)
             t = np.linspace(0.0, move_time(self._joints, step), _CORNERS)
-            course = [
-                profile(t, a, b, step.rate, step.acceleration)
-                for a, b in zip(self._joints, target, strict=True)
-            ]
+            course = [profile(t, a, b, step.rate, step.acceleration) for a, b in zip(self._joints, target, strict=True)]
             self._course.extend(zip((self._clock + t).tolist(), *(c.tolist() for c in course), strict=True))
             self._joints = target
         elif isinstance(step, Carry):

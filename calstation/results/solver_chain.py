@@ -77,9 +77,7 @@ class StageChain:
         """Start a stage. Raises ConfigurationError for an unknown one, InputError for a wrong schedule."""
         chosen = method(stage)
         self._stage = stage
-        schedule = validate(
-            chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError
-        )
+        schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
         self._solver = chosen.solver(self._context, self._belief, schedule)
         self._kept = Spool()
 
@@ -161,9 +159,7 @@ def solve(
 class _Solving:
     """Feeds the blocks of a log to a chain."""
 
-    def __init__(
-        self, blocks: Blocks, chain: StageChain, source: str | Path, progress: SolveProgress | None
-    ) -> None:
+    def __init__(self, blocks: Blocks, chain: StageChain, source: str | Path, progress: SolveProgress | None) -> None:
         self._blocks, self.chain, self._source, self._progress = blocks, chain, source, progress
         self._stage, self._seq = "", 0
 

@@ -70,9 +70,7 @@ class Engine:
         self._polled = time.monotonic()
 
     @classmethod
-    def start(
-        cls, request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None" = None
-    ) -> "Engine":
+    def start(cls, request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None" = None) -> "Engine":
         """Start a run, which `hooks` accompany, or a register operation in a new process."""
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()

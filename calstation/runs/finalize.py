@@ -149,9 +149,7 @@ class Finalization:
         belief, estimated = solutions[-1].belief, estimated_stage(solutions)
         better: tuple[PreviousValue, ...] = ()
         if is_partial(run.meta):
-            better = better_previous_values(
-                old, belief, estimated, self._earlier, after_registers=after_registers
-            )
+            better = better_previous_values(old, belief, estimated, self._earlier, after_registers=after_registers)
         kept = [parameter for parameter in better if not parameter.contradicted]
         for parameter in better:
             message = "better_changed" if parameter.contradicted else "better_kept"

@@ -63,9 +63,7 @@ class PreparedRun:
         known = {name: value for name, value in self.history.previous(serial).items() if name in INDEX}
         return meta.model_copy(update={"previous": known})
 
-    def open(
-        self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None
-    ) -> "OpenRun":
+    def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
         """Open the run's log; from now on the hand-over expects its result."""
         meta = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)

@@ -165,9 +165,7 @@ class Continuation:
         finished = _finished(log)
         _check_not_continued(log)
         if log.meta.imu.serial != request.serial:
-            raise ConfigurationError(
-                "run.other_unit", path=path, found=log.meta.imu.serial, serial=request.serial
-            )
+            raise ConfigurationError("run.other_unit", path=path, found=log.meta.imu.serial, serial=request.serial)
         _check_station(log, load_station(request.station)[1])
         filled = replace(
             request,
@@ -178,9 +176,7 @@ class Continuation:
         )
         return cls(filled, log, finished)
 
-    def meta(
-        self, setup: ResolvedConfiguration, started: datetime, registers: dict[str, float] | None
-    ) -> LogMeta:
+    def meta(self, setup: ResolvedConfiguration, started: datetime, registers: dict[str, float] | None) -> LogMeta:
         """The new log's configuration: that of the old one, so that the finished stages stay valid.
 
         Parameters

@@ -52,9 +52,7 @@ def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHo
     """
     prepared = prepare(request, emit, control, hooks())
     setup = prepared.setup
-    hand_over = HandOver(
-        prepared.folder, load_station(setup.request.station)[0], setup.station, prepared.emit
-    )
+    hand_over = HandOver(prepared.folder, load_station(setup.request.station)[0], setup.station, prepared.emit)
     hand_over.start()
     try:
         with one_blas_thread():

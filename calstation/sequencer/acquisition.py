@@ -149,9 +149,7 @@ class Acquisition:
         if answered - asked > SLOWEST_POLL:
             return
         middle = 0.5 * (asked + answered) - self._latency
-        self._polls.append(
-            _Poll(middle, np.asarray(status.angles, np.float64), np.asarray(status.rates, np.float64))
-        )
+        self._polls.append(_Poll(middle, np.asarray(status.angles, np.float64), np.asarray(status.rates, np.float64)))
 
     def drain(self) -> Flow:
         """Take all samples that have come, stamp them and pass them on."""

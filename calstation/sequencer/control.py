@@ -28,9 +28,7 @@ class State(StrEnum):
 TRANSITIONS: dict[State, frozenset[State]] = {
     State.IDLE: frozenset({State.PREPARING}),
     State.PREPARING: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
-    State.RUNNING: frozenset(
-        {State.PAUSING, State.STOPPING, State.FAULT, State.PASSED, State.FAILED, State.DONE}
-    ),
+    State.RUNNING: frozenset({State.PAUSING, State.STOPPING, State.FAULT, State.PASSED, State.FAILED, State.DONE}),
     State.PAUSING: frozenset({State.PAUSED, State.STOPPING, State.FAULT}),
     State.PAUSED: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
     State.STOPPING: frozenset({State.STOPPED, State.FAULT}),

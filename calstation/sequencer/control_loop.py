@@ -189,11 +189,7 @@ class ControlLoop:
             self._shown_table = now
             (outer, inner), (outer_rate, inner_rate) = self.status.angles, self.status.rates
             if np.isfinite(self.status.angles).all():
-                emit(
-                    TableMoved(
-                        float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving
-                    )
-                )
+                emit(TableMoved(float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving))
             if self._traced:
                 times, outputs = zip(*self._traced, strict=True)
                 emit(Trace(times, tuple(chain.from_iterable(outputs))))

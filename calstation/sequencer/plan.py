@@ -171,8 +171,6 @@ def planned(
             return
 
 
-def plan_time(
-    steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
-) -> float:
+def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE) -> float:
     """Duration of all steps that `planned` lists, s."""
     return sum(seconds for _, seconds in planned(steps, rule, start, settle))

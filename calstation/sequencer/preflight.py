@@ -151,9 +151,7 @@ class Preflight:
 
     def _check_rates(self, rates: FloatArray) -> None:
         """A gyro so far from its profile finds no rest in the data of any stage."""
-        for axis, rate, low, high in zip(
-            "xyz", rates, self._limits.rate_low, self._limits.rate_high, strict=True
-        ):
+        for axis, rate, low, high in zip("xyz", rates, self._limits.rate_low, self._limits.rate_high, strict=True):
             if not low <= rate <= high:
                 rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
                 raise DeviceFaultError(
@@ -174,9 +172,7 @@ class Preflight:
                 raise DeviceFaultError("preflight.no_data_in_turn")
             period = (blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
             turned = (counts[:, :3] * self._scale[:3] - bias).sum(axis=0) * period
-            expected = rotation_vector(
-                self._geometry.body_to_home(*start).T @ self._geometry.body_to_home(*end)
-            )
+            expected = rotation_vector(self._geometry.body_to_home(*start).T @ self._geometry.body_to_home(*end))
             size = float(np.linalg.norm(expected))
             along = float(turned @ expected) / size
             off = float(np.arctan2(np.linalg.norm(np.cross(turned, expected)) / size, abs(along)))

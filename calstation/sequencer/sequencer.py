@@ -59,9 +59,7 @@ class Sequencer:
     solved : stages of a resumed run that are solved already
     """
 
-    def __init__(
-        self, context: RunContext, evaluation: Evaluation, solved: tuple[Solution, ...] = ()
-    ) -> None:
+    def __init__(self, context: RunContext, evaluation: Evaluation, solved: tuple[Solution, ...] = ()) -> None:
         journal, solving = context.slot.journal, context.slot.solving
         if journal is None or solving is None:
             raise ValueError("a run needs a log and a solver chain")
@@ -114,9 +112,7 @@ class Sequencer:
             if not self._run_stage(stage, index):
                 break
         drive.control_loop.check_cancelled()
-        finalized = self._evaluation.finalize(
-            tuple(self._solutions), drive.run_in_background, drive.reference
-        )
+        finalized = self._evaluation.finalize(tuple(self._solutions), drive.run_in_background, drive.reference)
         if finalized.written:
             emit(Message("verifying"))
             try:

@@ -43,9 +43,7 @@ class StepRunner:
     on_state : changes the state of the run
     """
 
-    def __init__(
-        self, control_loop: ControlLoop, stream: UnitStream, on_state: Callable[[State], None]
-    ) -> None:
+    def __init__(self, control_loop: ControlLoop, stream: UnitStream, on_state: Callable[[State], None]) -> None:
         self.control_loop = control_loop
         self.acquisition = control_loop.acquisition
         self.stream = stream

@@ -100,9 +100,7 @@ def verification_path(
 class _PathBuilder:
     """A path under construction."""
 
-    def __init__(
-        self, start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float
-    ) -> None:
+    def __init__(self, start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float) -> None:
         self.pose = list(start)
         self.legs: list[Leg] = []
         self.turns: list[Turn] = []

@@ -46,9 +46,7 @@ _PAIR_SCHEDULE = {
 _RIG = ManualRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
 
 
-def make_recording(
-    kind: Kind, path: Path, grade: GradeName = "mems", seed: int = 1
-) -> tuple[LogFacts, dict[str, Any]]:
+def make_recording(kind: Kind, path: Path, grade: GradeName = "mems", seed: int = 1) -> tuple[LogFacts, dict[str, Any]]:
     """Make a recording.
 
     Parameters
@@ -101,9 +99,7 @@ def _imu_section(imu: ImuTruth, serial: str) -> dict[str, Any]:
 def _meta(imu: ImuTruth, grade: GradeName, **more: Any) -> LogMeta:
     sigma = {p.name: {"sigma": float(2.0 * GRADES[grade].sigma[p.group])} for p in PARAMETERS}
     site = {"latitude_deg": _LATITUDE_DEG, "longitude_deg": 108.9, "height_m": _HEIGHT}
-    return LogMeta.model_validate(
-        {"site": site, "imu": _imu_section(imu, f"BENCH-{grade}"), "prior": sigma, **more}
-    )
+    return LogMeta.model_validate({"site": site, "imu": _imu_section(imu, f"BENCH-{grade}"), "prior": sigma, **more})
 
 
 def _truth(imu: ImuTruth) -> dict[str, float]:
@@ -142,9 +138,7 @@ def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, 
     random = np.random.default_rng([seed, 1])
     primary = _unit(grade, 2 * seed, plain=True)
     place = Place(rotation(0.03 * random.standard_normal(3)), random.uniform(-0.1, 0.1, 3))
-    secondary = SecondaryTruth(
-        _unit(grade, 2 * seed + 1, plain=True), place, float(random.uniform(-0.02, 0.02))
-    )
+    secondary = SecondaryTruth(_unit(grade, 2 * seed + 1, plain=True), place, float(random.uniform(-0.02, 0.02)))
     rig = replace(_RIG, initial_rest=6.0, rest=2.0, speed=float(np.deg2rad(120.0)))
     motion, duration = push(rig, around(np.deg2rad(60.0)), random)
     counts, others = record_pair(primary, [secondary], motion, duration, rig.field, seed)

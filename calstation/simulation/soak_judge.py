@@ -98,9 +98,7 @@ def judge_run(
     result, lost = _records(request, died)
     outcome = "hung" if hung else str(result.get("outcome", "lost"))
     happened += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
-    happened += [
-        kind for kind in kinds if kind in ("operator_stop", "window_killed") and outcome == "stopped"
-    ]
+    happened += [kind for kind in kinds if kind in ("operator_stop", "window_killed") and outcome == "stopped"]
     lost_link = died or "mute_table" in happened
     samples, missing = _samples(result, "jump_counter" in happened)
     return Judged(
@@ -110,9 +108,7 @@ def judge_run(
         injected=tuple(happened),
         wrong=tuple(_wrong(planned, request, result, outcome, happened)),
         lost=tuple(lost),
-        unsafe=bool(
-            bench.get("moving", True) or (bench["enabled"] and not (lost_link and _left_alone(setup.table)))
-        ),
+        unsafe=bool(bench.get("moving", True) or (bench["enabled"] and not (lost_link and _left_alone(setup.table)))),
         samples=samples,
         samples_lost=missing,
         engine_mb=engine_mb,
@@ -273,6 +269,4 @@ def resident_mb(pid: int | None) -> float:
         text = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
     except OSError:
         return 0.0
-    return next(
-        (int(line.split()[1]) / 1024.0 for line in text.splitlines() if line.startswith("VmHWM")), 0.0
-    )
+    return next((int(line.split()[1]) / 1024.0 for line in text.splitlines() if line.startswith("VmHWM")), 0.0)

@@ -158,9 +158,7 @@ def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> Ru
         limits = {name: {"within": limit["within"]} for name, limit in product["limits"].items()}
         product |= {"name": "soak", **_SHORT, "limits": limits, "stages": list(stages)}
     names = tuple(product["stages"])
-    faults = [
-        _fault(kind, value, names, drawn) for kind, value in planned.faults if kind not in _FROM_LISTENER
-    ]
+    faults = [_fault(kind, value, names, drawn) for kind, value in planned.faults if kind not in _FROM_LISTENER]
     _write(folder / "station.toml", station)
     _write(folder / "product.toml", product)
     _write(folder / "plan.toml", {"seed": planned.seed, "fault": faults})

@@ -83,9 +83,7 @@ class Soak:
         counts = self.counts()
         memory = counts["parent_memory_mb"]
         grown = memory["last"] > 1.1 * memory["first"] + _GROWTH
-        return not grown and not any(
-            counts[name] for name in ("wrong_verdicts", "lost_records", "unsafe", "hung")
-        )
+        return not grown and not any(counts[name] for name in ("wrong_verdicts", "lost_records", "unsafe", "hung"))
 
 
 def soak(

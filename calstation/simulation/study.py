@@ -102,9 +102,7 @@ def run_study(
     collected: dict[tuple[GradeName, str], CaseData] = {}
     for done, (name, results) in enumerate(_map(jobs, workers), 1):
         for r in results:
-            collected.setdefault((name, r.case), CaseData()).add(
-                r.estimated, r.error, r.covariance, r.bound, r.nis
-            )
+            collected.setdefault((name, r.case), CaseData()).add(r.estimated, r.error, r.covariance, r.bound, r.nis)
         if progress is not None:
             progress(done, len(jobs))
     rows = []
@@ -142,9 +140,7 @@ def _unit(
     return grade, results
 
 
-def draw_unit(
-    grade: GradeName, seed: int, outer_lever: str, instability: bool
-) -> tuple[BenchTruth, SolveContext]:
+def draw_unit(grade: GradeName, seed: int, outer_lever: str, instability: bool) -> tuple[BenchTruth, SolveContext]:
     """Draw a bench of the study, and the context of its solvers."""
     truth = BenchTruth.draw(
         grade,
@@ -190,9 +186,7 @@ def study_prior(grade: GradeName, outer_lever: str) -> Belief:
     return Belief(np.zeros(len(sigma)), np.diag(sigma**2))
 
 
-def simulate_stages(
-    truth: BenchTruth, seed: int, stages: list[str], schedules: Schedules
-) -> dict[str, SampleBlock]:
+def simulate_stages(truth: BenchTruth, seed: int, stages: list[str], schedules: Schedules) -> dict[str, SampleBlock]:
     """Simulate the stages one after another; one block per stage."""
     simulator = Simulator(truth, seed + 10_000)
     blocks = {}

@@ -52,9 +52,7 @@ def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
     return float(np.sqrt(low)), float(np.sqrt(high))
 
 
-def summary(
-    grade: str, name: str, data: CaseData, true_covariance_ratio: FloatArray | None
-) -> dict[str, Any]:
+def summary(grade: str, name: str, data: CaseData, true_covariance_ratio: FloatArray | None) -> dict[str, Any]:
     """One row of the study, JSON-ready.
 
     Parameters

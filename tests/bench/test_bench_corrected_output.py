@@ -23,10 +23,7 @@ IMUS = Path(__file__).parents[2] / "data" / "imus"
 PROFILES = {"framed": "bench_mems", "modbus": "dsp_modbus", "vectornav": "vectornav_vn100"}
 _RNG = np.random.default_rng(3)
 SIZES = {"bias": 1e-2, "scale": 3e-3, "misalign": 3e-3, "quadratic": 1e-5, "inner_lever": 0.02}
-ERRORS = {
-    p.name: float(_RNG.normal() * next((v for k, v in SIZES.items() if k in p.group), 0.0))
-    for p in PARAMETERS
-}
+ERRORS = {p.name: float(_RNG.normal() * next((v for k, v in SIZES.items() if k in p.group), 0.0)) for p in PARAMETERS}
 
 
 def measured(errors, rate, force):
@@ -74,9 +71,7 @@ def fill(unit, profile, entries, told):
         kind = number(entry.type)
         if profile.protocol == "vectornav":
             values = ",".join(f"{v:.9G}" for v in numbers[entry.key])
-            assert b"VNERR" not in b"".join(
-                check_cancelled(line(f"VNWRG,{entry.address},{values}", "xor8"), 1.0)
-            )
+            assert b"VNERR" not in b"".join(check_cancelled(line(f"VNWRG,{entry.address},{values}", "xor8"), 1.0))
             continue
         order = entry.byte_order or ("big" if profile.modbus else "little")
         body = b"".join(kind.pack(v, order, entry.word_order) for v in numbers[entry.key])
@@ -123,9 +118,7 @@ def test_the_driver_changes_over_and_nothing_of_the_other_kind_is_read(start_ben
             assert len(batch) > 300
             assert np.all(np.diff(batch.seq) == 1)
             scale = np.repeat([profile.stream.gyro_lsb, profile.stream.accel_lsb], 3)
-            return (
-                batch.counts.mean(axis=0) * scale * (200.0 if profile.stream.output == "increment" else 1.0)
-            )
+            return batch.counts.mean(axis=0) * scale * (200.0 if profile.stream.output == "increment" else 1.0)
 
         try:
             imu.identify()

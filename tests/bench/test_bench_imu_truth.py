@@ -80,9 +80,7 @@ def test_the_thirty_parameters_enter_as_the_contract_says():
 
 def test_steady_rotation_about_the_vertical_gives_the_centripetal_forces_of_the_levers():
     rate = 1.0
-    imu = unit(
-        outer_lever_x=0.3, outer_lever_y=-0.2, inner_lever_x=0.05, inner_lever_y=0.02, inner_lever_z=0.4
-    )
+    imu = unit(outer_lever_x=0.3, outer_lever_y=-0.2, inner_lever_x=0.05, inner_lever_y=0.02, inner_lever_z=0.4)
     turning = JointProfile.rest(0.0).move(0.0, 20.0 * np.pi, rate, 10.0)
     # Well within the cruise; the earth tilts ω off the vertical by 1e-4 rad.
     forces = increments(imu, PLAIN, JointProfile.rest(0.0), turning, 50, first=1000)[:, 3:] * 100.0
@@ -150,9 +148,7 @@ def test_specific_force_integrates_to_the_velocity_of_the_lever_point():
     velocities = np.gradient(places, h, axis=0)
     # v' = C f − 2 Ω × v + g with g including the centrifugal force at the centre; the lever's own is in f.
     coriolis = -2.0 * np.cross(earth, velocities) - np.cross(earth, np.cross(earth, places))
-    velocity = (
-        np.einsum("nij,nj->i", attitudes, force) + (coriolis.sum(axis=0) - count * table.up_force_n) * h
-    )
+    velocity = np.einsum("nij,nj->i", attitudes, force) + (coriolis.sum(axis=0) - count * table.up_force_n) * h
     end = np.array([count * h])
     outer_end, inner_end = outer.states(end), inner.states(end)
     rate = table.rotation_states(outer_end, inner_end)[0][0]
@@ -165,9 +161,7 @@ def test_base_vibration_adds_its_velocity_changes():
     table = replace(PLAIN, azimuth=1.0)
     velocity = np.random.default_rng(1).normal(0.0, 1e-3, (11, 3))
     still = JointProfile.rest(0.3), JointProfile.rest(0.9)
-    difference = increments(unit(), table, *still, 10, velocity=velocity) - increments(
-        unit(), table, *still, 10
-    )
+    difference = increments(unit(), table, *still, 10, velocity=velocity) - increments(unit(), table, *still, 10)
     to_body = table.attitude(np.array([[0.3, 0.9]]))[0].T
     assert difference[:, 3:] == pytest.approx(np.diff(velocity, axis=0) @ to_body.T, abs=1e-15)
     assert np.all(difference[:, :3] == 0.0)

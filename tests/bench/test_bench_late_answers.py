@@ -46,9 +46,7 @@ def test_registers_of_a_slow_unit_are_its_own(start_bench, transport):
     profile = load_imu_profile(DATA / "imus" / "dsp_modbus.toml").with_timeout(TIMEOUT)
     entries = RegisterMap(tuple(profile.registers))
     wanted = entries.rounded({n: 1e-4 * (1 + i / 7) for i, n in enumerate(entries.parameters)})
-    with start_bench(
-        grade="mems", imu_protocol="modbus", imu_transport=transport, serial="SN-000042"
-    ) as bench:
+    with start_bench(grade="mems", imu_protocol="modbus", imu_transport=transport, serial="SN-000042") as bench:
         imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "imu"), profile, "")
         try:
             imu.write_registers(wanted)

@@ -266,9 +266,7 @@ def test_an_adapter_that_is_plugged_in_again_has_another_name(start_bench, imu_c
         bench.ask(order="hang_up_imu")
         now = json.loads(bench.process.stdout.readline())
         assert now["imu"] != bench.endpoints["imu"]
-        assert {k: v for k, v in now.items() if k != "imu"} == {
-            k: v for k, v in bench.endpoints.items() if k != "imu"
-        }
+        assert {k: v for k, v in now.items() if k != "imu"} == {k: v for k, v in bench.endpoints.items() if k != "imu"}
         before.wait_for_the_end()
         after = imu_client(now["imu"])
         assert after.command(1) == (1, b"bench-imu;SN-77;1.0.0")

@@ -27,9 +27,7 @@ def endless():
 
 def test_time_counter_step_and_joints_carry_on_from_stage_to_stage():
     simulator = Simulator(BenchTruth.draw("nav", 1), 1)
-    first = simulator.run(
-        [Prepare(), Dwell(2.0), Move(np.pi / 2, 0.0, RATE, ACCELERATION), Dwell(3.0)], "rate"
-    )
+    first = simulator.run([Prepare(), Dwell(2.0), Move(np.pi / 2, 0.0, RATE, ACCELERATION), Dwell(3.0)], "rate")
     second = simulator.run([Dwell(1.0), Move(0.0, 0.0, RATE, ACCELERATION), Finish()], "six_position")
     assert np.array_equal(first.step[:401], [0] * 400 + [1])
     seq = np.concatenate([first.seq, second.seq])

@@ -85,17 +85,13 @@ def test_rates_are_the_exact_derivatives_of_the_attitude_wobble_included():
     inner = lambda t: np.array([1.4 * t + 0.2 * t**2, 1.4 + 0.4 * t, 0.4])  # noqa: E731
     for time in (0.0, 0.7, 2.3):
         h = 1e-4
-        attitudes = [
-            table.attitude(np.array([[outer(t)[0], inner(t)[0]]]))[0] for t in time + h * np.arange(-2, 3)
-        ]
+        attitudes = [table.attitude(np.array([[outer(t)[0], inner(t)[0]]]))[0] for t in time + h * np.arange(-2, 3)]
         slope = (attitudes[0] - 8 * attitudes[1] + 8 * attitudes[3] - attitudes[4]) / (12 * h)
         skew = attitudes[2].T @ slope
         from_earth = attitudes[2].T @ table.earth_rate_n
         expected = np.array([skew[2, 1], skew[0, 2], skew[1, 0]]) + from_earth
         rate, change = table.rotation_states(outer(time)[None], inner(time)[None])
         assert rate[0] == pytest.approx(expected, abs=1e-10)
-        around = [
-            table.rotation_states(outer(t)[None], inner(t)[None])[0][0] for t in time + h * np.arange(-2, 3)
-        ]
+        around = [table.rotation_states(outer(t)[None], inner(t)[None])[0][0] for t in time + h * np.arange(-2, 3)]
         expected_change = (around[0] - 8 * around[1] + 8 * around[3] - around[4]) / (12 * h)
         assert change[0] == pytest.approx(expected_change, abs=1e-9)

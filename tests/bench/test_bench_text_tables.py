@@ -87,9 +87,7 @@ def test_acl_known_answers():
 def test_mn_known_answers():
     table = Controller("mn")
     assert table(mn("CHK")) == "$ASCHK,OK,MN-2A,T-9*E9\r\n"
-    assert table("$MNCHK*00", "CHK", "$MN*", mn("STS,0").lower()) == "", (
-        "what has no right sum is not answered"
-    )
+    assert table("$MNCHK*00", "CHK", "$MN*", mn("STS,0").lower()) == "", "what has no right sum is not answered"
     assert table(mn("RUN,1")).startswith("$ASRUN,ERR*")
     assert table(mn("ENB,7")).startswith("$ASENB,ERR*")
     assert table(mn("STS,0")).startswith("$ASSTS,OK,0.00000,0.00000,0.00000,0.00000,0068,0*")
@@ -177,9 +175,7 @@ def test_a_refusal_of_the_bench_is_told(start_bench):
 
 @pytest.mark.parametrize("language", ["atl", "mn", "acl"])
 def test_an_endless_rate_where_the_profile_states_a_stop(start_bench, language):
-    profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").model_copy(
-        update={"link_loss_stop_s": 1.0}
-    )
+    profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").model_copy(update={"link_loss_stop_s": 1.0})
     with start_bench(table_protocol=language, start_deg=[0.0, 0.0]) as bench:
         table = TextTable(f"tcp://{bench.endpoints['table']}", profile)
         try:

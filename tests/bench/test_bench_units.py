@@ -55,8 +55,7 @@ def test_vectornav_known_answers():
         "VNERR,04", "VNERR,05", "VNERR,08", "VNERR,05", "VNERR,06", "VNERR,09",
     ]  # fmt: skip
     assert (
-        unit.lines(f"VNWRG,84,{PLAIN.replace('0', 'x')}", "VNWRG,75,1,7,05,0001,001C", "VNWRG,6,14")
-        == ["VNERR,07"] * 3
+        unit.lines(f"VNWRG,84,{PLAIN.replace('0', 'x')}", "VNWRG,75,1,7,05,0001,001C", "VNWRG,6,14") == ["VNERR,07"] * 3
     )
     assert unit(b"$VNRRG,1*00\r\n$VNRRG,1*XX\r\nnoise\r\n").count(b"VNERR,03") == 1
 

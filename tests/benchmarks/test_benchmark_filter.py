@@ -40,9 +40,7 @@ def reference_pass(stage, last):
 
 
 def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
-    monkeypatch.setattr(
-        navigation, "GROUP_TIME", 0.1
-    )  # back to the reference after every observation, as there
+    monkeypatch.setattr(navigation, "GROUP_TIME", 0.1)  # back to the reference after every observation, as there
     with one_blas_thread():
         mean, covariance = reference_pass(stage, STRETCH)
         belief = compiled_pass(stage, STRETCH)

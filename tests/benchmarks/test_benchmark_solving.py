@@ -49,9 +49,7 @@ def test_a_2_khz_stream_is_followed_in_a_fraction_of_its_time(benchmark, figures
         begin = process_time()
         longest = benchmark.pedantic(follow, rounds=1)
         share = (process_time() - begin) / seconds
-    figures(
-        stream_s=round(seconds), share_of_real_time=round(share, 4), longest_block_ms=round(longest * 1e3, 1)
-    )
+    figures(stream_s=round(seconds), share_of_real_time=round(share, 4), longest_block_ms=round(longest * 1e3, 1))
     assert share < 0.5
 
 
@@ -108,7 +106,5 @@ def test_an_hours_log_resolves_in_seconds(hour, benchmark, figures):
     figures(log_s=round(seconds), wall_s=round(took, 2), processor_s=round(processor, 2))
     assert seconds > 3600.0
     found = result["parameters"]
-    errors = [
-        (found[n]["value"] - t) / found[n]["sigma"] for n, t in zip(NAMES, truth.parameters, strict=True)
-    ]
+    errors = [(found[n]["value"] - t) / found[n]["sigma"] for n, t in zip(NAMES, truth.parameters, strict=True)]
     assert np.abs(errors).max() < 4.0

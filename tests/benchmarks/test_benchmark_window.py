@@ -26,7 +26,7 @@ from calstation.sequencer.events import (
     TableMoved,
     Trace,
 )
-from tests.gui.conftest import Place
+from tests.gui.conftest import SiteFolder
 
 RATE = 2000.0
 #: s
@@ -58,15 +58,15 @@ class Probe(QObject):
 @pytest.fixture
 def window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[MainWindow]:
     """A window at a bench whose unit sends 2000 samples a second."""
-    place = Place(tmp_path)
-    monkeypatch.setenv("CALSTATION_HOME", str(place.home))
+    site_folder = SiteFolder(tmp_path)
+    monkeypatch.setenv("CALSTATION_HOME", str(site_folder.home))
     monkeypatch.chdir(tmp_path)
     profile = library.find("imus", "bench_nav").read_text(encoding="utf-8")
     assert "sample_rate_hz = 200.0" in profile
-    (place.home / "imus").mkdir()
+    (site_folder.home / "imus").mkdir()
     fast = profile.replace("sample_rate_hz = 200.0", f"sample_rate_hz = {RATE}")
-    (place.home / "imus" / "bench_nav.toml").write_text(fast, encoding="utf-8")
-    made = create_window(place.station)
+    (site_folder.home / "imus" / "bench_nav.toml").write_text(fast, encoding="utf-8")
+    made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     made.app.set_product(library.find("products", "short"))
     made.resize(1920, 1080)

@@ -50,9 +50,7 @@ def test_an_interrupted_transfer_names_station_and_folder(capsys: pytest.Capture
 def test_an_error_of_the_command_itself_names_its_station() -> None:
     options = command_options(HERE.station, HERE.product, HERE.out)
     with pytest.raises(DeviceFaultError) as raised, complete_commands(options):
-        raise DeviceFaultError(
-            "transfer.at_rest_possible", cause=Text("table.latched_stall", {"fault": "stall"})
-        )
+        raise DeviceFaultError("transfer.at_rest_possible", cause=Text("table.latched_stall", {"fault": "stall"}))
     assert f"calstation table reset {STATION}, or" in str(raised.value)
 
 

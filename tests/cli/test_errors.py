@@ -209,9 +209,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ],
     ids=lambda v: v[0][:25],
 )
-def test_a_wrong_station_file(
-    calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
-) -> None:
+def test_a_wrong_station_file(calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]) -> None:
     station = edited(tmp_path, "stations", "virtual_bench", change)
     check(calstation("run", "--station", station), 2, *words)
 
@@ -247,9 +245,7 @@ def test_wrong_serial_settings(
     ],
     ids=lambda v: v[0][:25],
 )
-def test_a_wrong_product_file(
-    calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]
-) -> None:
+def test_a_wrong_product_file(calstation: Run, tmp_path: Path, change: tuple[str, str], words: tuple[str, ...]) -> None:
     product = edited(tmp_path, "products", "nav_a", change)
     check(calstation("run", "--product", product), 2, *words)
 
@@ -277,9 +273,7 @@ def test_hardware_needs_a_serial_number_and_no_bench_options(calstation: Run, tm
     check(done, 2, "--speed", "virtual bench")
 
 
-def test_hardware_for_gyros_that_do_not_feel_the_earth_needs_a_confirmed_place(
-    calstation: Run, tmp_path: Path
-) -> None:
+def test_hardware_for_gyros_that_do_not_feel_the_earth_needs_a_confirmed_place(calstation: Run, tmp_path: Path) -> None:
     surveyed = ("height_m = 400.0", "height_m = 400.0\ngravity_mps2 = 9.79612")
     station = edited(tmp_path, "stations", "example_hardware", surveyed)
     product = shipped_folder() / "products" / "mems_c.toml"
@@ -315,9 +309,7 @@ def test_a_folder_without_write_permission(calstation: Run, tmp_path: Path) -> N
 
 
 def test_no_port(calstation: Run, tmp_path: Path) -> None:
-    station = edited(
-        tmp_path, "stations", "example_hardware", ("tcp://192.168.1.10:502", "tcp://127.0.0.1:9")
-    )
+    station = edited(tmp_path, "stations", "example_hardware", ("tcp://192.168.1.10:502", "tcp://127.0.0.1:9"))
     run = ("run", "--station", station, "--serial", "SN-1", "--yes", "--out", tmp_path / "runs")
     done = calstation(*run, "--json", "-")
     assert done.code == 3

@@ -9,8 +9,8 @@ import tomli_w
 
 from calstation.config.library import shipped_folder
 from tests.cli.conftest import Done
-from tests.station.conftest import STATION
-from tests.station.wires import FakeImu, FakeTable, server, terminal
+from tests.connection.fake_links import FakeImu, FakeTable, server, terminal
+from tests.site_folder import STATION
 
 Run = Callable[..., Done]
 
@@ -41,9 +41,7 @@ def test_what_is_wrong_is_shown_with_its_remedy(calstation: Run, tmp_path: Path)
     fake.words[17] |= 1 << 3
     fake.words[20] = 0
     with server(fake.answer) as address:
-        done = calstation(
-            "test", "table", "--station", station(tmp_path, f"tcp://{address}", "/dev/ttyNONE9")
-        )
+        done = calstation("test", "table", "--station", station(tmp_path, f"tcp://{address}", "/dev/ttyNONE9"))
     assert done.code == 3
     lines = done.out.splitlines()
     wrong = next(i for i, line in enumerate(lines) if line.startswith("WRONG"))
@@ -63,9 +61,7 @@ def test_a_unit_on_hardware_is_tested(calstation: Run, tmp_path: Path) -> None:
     assert done.code == 0
 
 
-@pytest.mark.parametrize(
-    "path", sorted(shipped_folder().glob("*/*.toml")), ids=lambda p: f"{p.parent.name}-{p.stem}"
-)
+@pytest.mark.parametrize("path", sorted(shipped_folder().glob("*/*.toml")), ids=lambda p: f"{p.parent.name}-{p.stem}")
 def test_a_shipped_file_is_right_wherever_it_lies(calstation: Run, tmp_path: Path, path: Path) -> None:
     elsewhere = tmp_path / path.name
     elsewhere.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
@@ -78,9 +74,7 @@ def test_a_shipped_file_is_right_wherever_it_lies(calstation: Run, tmp_path: Pat
 def test_all_that_is_wrong_in_a_file_is_told_with_its_line(calstation: Run, tmp_path: Path) -> None:
     path = tmp_path / "s.toml"
     text = (shipped_folder() / "stations" / "virtual_bench.toml").read_text(encoding="utf-8")
-    path.write_text(
-        text.replace("34.25", "134.25").replace('profile = "bench"', 'profile = "lathe"'), encoding="utf-8"
-    )
+    path.write_text(text.replace("34.25", "134.25").replace('profile = "bench"', 'profile = "lathe"'), encoding="utf-8")
     done = calstation("check", path)
     assert done.code == 2
     assert f"{path}:5: site.latitude_deg" in done.out
@@ -135,13 +129,9 @@ def test_all_that_keeps_a_product_from_this_station_is_told_at_once(calstation: 
     unit = FakeImu(counts=[0, 0, 0, 0, 0, 2449])  # 2e-5 m/s per count
     with terminal(unit.answer, unit.sends) as port:
         file = station(tmp_path, "tcp://127.0.0.1:1", port)
-        mems = calstation(
-            "test", "imu", "--station", file, "--product", shipped_folder() / "products" / "mems_c.toml"
-        )
+        mems = calstation("test", "imu", "--station", file, "--product", shipped_folder() / "products" / "mems_c.toml")
     assert "Tested as a unit of “carried”, with the profile “Bench IMU, navigation grade”." in carried.out
-    assert "LOOK   “Bench table” is driven, but stages of “carried” are turned by hand" in carried.out, (
-        carried.out
-    )
+    assert "LOOK   “Bench table” is driven, but stages of “carried” are turned by hand" in carried.out, carried.out
     assert "LOOK   Surveyed gravity is missing" in mems.out, mems.out
     assert "LOOK   The site has not been confirmed on this computer" in mems.out
     assert "site.confirmed_on of the station file" in mems.out
@@ -172,9 +162,7 @@ def test_a_file_of_the_site_is_given_by_its_name(
     assert (done.code, f"{tmp_path / 'stations' / 'rtu.toml'}:" in done.out) == (2, True)
     assert "rtu.toml [bench]: speed" in calstation("run", "--station", "rtu", "--out", tmp_path).err
     assert calstation("check", "cia402_drives").code == 0
-    assert (
-        "“both” is the name of several files (station file, product file)" in calstation("check", "both").err
-    )
+    assert "“both” is the name of several files (station file, product file)" in calstation("check", "both").err
     for option, kind in (("--station", "station"), ("--product", "product")):
         done = calstation("test", "table", option, "unit7")
         assert done.code == 2

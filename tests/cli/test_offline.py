@@ -51,9 +51,7 @@ def test_a_part_of_the_log_solves(calstation: Callable[..., Done], tmp_path: Pat
     assert (done.json["log"]["first_seq"], done.json["log"]["last_seq"]) == (100, 2900)
 
 
-def test_a_stage_cut_short_is_told_and_those_before_are_solved(
-    calstation: Callable[..., Done], tmp_path: Path
-) -> None:
+def test_a_stage_cut_short_is_told_and_those_before_are_solved(calstation: Callable[..., Done], tmp_path: Path) -> None:
     rows = six_position_rows()
     cut = [
         ",".join([str(number), f"{(number + 1) / 50:.2f}", *row.split(",")[2:10], "rate", "0"])

@@ -10,30 +10,30 @@ import pytest
 from calstation.cli.run import _show_verdict
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, StepStarted
-from tests.station.conftest import QUICK, Place
+from tests.site_folder import QUICK, SiteFolder
 
 
 def test_a_stopped_run_is_carried_on(
     tmp_path: Path, calstation: Callable[..., Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = Place(tmp_path)
+    site_folder = SiteFolder(tmp_path)
     schedule = {"rate": {"turns": 1, "dwell_s": 2.0, **QUICK}, "six_position": {"dwell_s": 2.0, **QUICK}}
     limits = {"gyro_scale": {"within": 0.1}}
-    place.write({"schedule": schedule, "stages": ["rate", "six_position"], "limits": limits})
+    site_folder.write({"schedule": schedule, "stages": ["rate", "six_position"], "limits": limits})
 
     def watch(event: Event) -> None:
         if isinstance(event, StepStarted) and event.stage == "six_position":
-            place.control.send(Command.STOP)
+            site_folder.control.send(Command.STOP)
 
-    before = place.run(on_event=watch)
+    before = site_folder.run(on_event=watch)
     assert before.outcome == "stopped", before.result.get("error")
-    where = ("--station", place.station, "--product", place.product)
-    _show_verdict(before, None, replace(place.request(), station=Path("my line.toml")))
+    where = ("--station", site_folder.station, "--product", site_folder.product)
+    _show_verdict(before, None, replace(site_folder.request(), station=Path("my line.toml")))
     said = capsys.readouterr().out
-    assert f"--resume {before.log} --station 'my line.toml' --product {place.product}" in said
+    assert f"--resume {before.log} --station 'my line.toml' --product {site_folder.product}" in said
     assert "STOPPED by the operator" in said
     lost = replace(before, result={**before.result, "stop_reason": "listener_lost"})
-    _show_verdict(lost, None, place.request())
+    _show_verdict(lost, None, site_folder.request())
     assert "STOPPED: the window or terminal that watched the run is gone" in capsys.readouterr().out
     done = calstation("run", *where, "--resume", before.log, "--json", "-")
     assert done.code == 0, done.err

@@ -17,9 +17,7 @@ def crc(data: bytes) -> bytes:
 class RtuServer(threading.Thread):
     """Register n holds n where `words` says nothing else; answer k is `late[k]` s late, or is not given: None."""
 
-    def __init__(
-        self, late: Mapping[int, float | None] | None = None, words: Mapping[int, int] | None = None
-    ) -> None:
+    def __init__(self, late: Mapping[int, float | None] | None = None, words: Mapping[int, int] | None = None) -> None:
         import tty
 
         super().__init__(daemon=True)

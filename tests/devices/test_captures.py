@@ -94,9 +94,7 @@ def test_microstrain_samples_follow_each_other_without_a_gap() -> None:
     np.testing.assert_array_equal(counter, stamps)
     np.testing.assert_array_equal(seq, np.rint(np.array(stamps) / 8e6))
     assert count.gaps == 0
-    assert np.median(np.linalg.norm(counts[:, 3:], axis=1)) == pytest.approx(1.0, abs=0.03), (
-        "gravity, moved about"
-    )
+    assert np.median(np.linalg.norm(counts[:, 3:], axis=1)) == pytest.approx(1.0, abs=0.03), "gravity, moved about"
 
 
 # Xsens MTData2 -------------------------------------------------------------------------------------------------
@@ -127,15 +125,9 @@ WHOLE = {
     "StatusWord": (0xE020, "u32"),
 }
 CLOCK = [("nano", "u32"), ("year", "u16"), *((n, "u8") for n in ("month", "day", "hour", "minute", "second"))]
-GNSS = (
-    "ITOW u32,Year u16,Month u8,Day u8,Hour u8,Min u8,Sec u8,Valid u8,TAcc u32,Nano i32,FixType u8,Flags u8"
-)
-GNSS += (
-    ",NumSV u8,Reserved1 u8,Lon i32,Lat i32,Height i32,HMSL i32,HAcc u32,VAcc u32,VelN i32,VelE i32,VelD i32"
-)
-GNSS += (
-    ",GSpeed i32,HeadMot i32,SAcc u32,HeadAcc u32,HeadVeh i32,GDOP u16,PDOP u16,TDOP u16,VDOP u16,HDOP u16"
-)
+GNSS = "ITOW u32,Year u16,Month u8,Day u8,Hour u8,Min u8,Sec u8,Valid u8,TAcc u32,Nano i32,FixType u8,Flags u8"
+GNSS += ",NumSV u8,Reserved1 u8,Lon i32,Lat i32,Height i32,HMSL i32,HAcc u32,VAcc u32,VelN i32,VelE i32,VelD i32"
+GNSS += ",GSpeed i32,HeadMot i32,SAcc u32,HeadAcc u32,HeadVeh i32,GDOP u16,PDOP u16,TDOP u16,VDOP u16,HDOP u16"
 GNSS += ",NDOP u16,EDOP u16"
 
 
@@ -261,9 +253,7 @@ def test_stim300_by_parameters_of_its_crc_and_with_every_bit_flipped() -> None:
 @pytest.mark.skipif(not BOARD.is_file(), reason=f"no recording at {BOARD}")
 def test_a_board_of_eight_imus_with_an_additive_sum() -> None:
     names = [f"{sensor}_{axis}" for sensor in ("accel", "gyro") for axis in "xyz"]
-    fields = [
-        {"name": n, "type": t} for n, t in (("counter", "u16"), ("spare_length", "u8"), ("clock", "u32"))
-    ]
+    fields = [{"name": n, "type": t} for n, t in (("counter", "u16"), ("spare_length", "u8"), ("clock", "u32"))]
     fields += [{"name": f"{name}_{k}", "type": "i16"} for k in range(8) for name in names]
     crc = {"kind": "sum16", "start": 0}
     frame = FrameSection.model_validate({"sync": "AA", "byte_order": "big", "fields": fields, "crc": crc})
@@ -304,9 +294,7 @@ def test_sound_packets_are_found_again_after_any_noise(which: int, data: st.Data
         sent += data.draw(st.binary(max_size=12))
         if i in hurt:
             place = data.draw(st.integers(0, len(packet) - 1))
-            sent += (
-                packet[:place] + bytes([packet[place] ^ data.draw(st.integers(1, 255))]) + packet[place + 1 :]
-            )
+            sent += packet[:place] + bytes([packet[place] ^ data.draw(st.integers(1, 255))]) + packet[place + 1 :]
         else:
             sent += packet
             kept.append(packet)
@@ -315,6 +303,4 @@ def test_sound_packets_are_found_again_after_any_noise(which: int, data: st.Data
     found = list(frames.raw)
     assert all(packet in found for packet in kept)
     assert len(found) >= len(kept)
-    assert len(found) + decoder.others <= 12 + 2, (
-        "noise passes a check of one byte now and then, and not more"
-    )
+    assert len(found) + decoder.others <= 12 + 2, "noise passes a check of one byte now and then, and not more"

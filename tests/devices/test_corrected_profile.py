@@ -62,9 +62,7 @@ def profile(name: str, corrected: dict[str, Any] | None, **changes: Any) -> ImuP
         ),
     ],
 )
-def test_what_does_not_fit_is_told(
-    name: str, corrected: dict[str, Any], changes: dict[str, Any], told: str
-) -> None:
+def test_what_does_not_fit_is_told(name: str, corrected: dict[str, Any], changes: dict[str, Any], told: str) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, corrected, **changes)
     assert complaint(error.value) == told

@@ -101,14 +101,7 @@ def test_vectornav_text(cut: int) -> None:
     told = "$VNIMU,+01.1,-00.2,+00.3,-00.01,+00.02,-09.81,+0.001,-0.002,+0.003,+25.5,+101.3,T"
     other = line("$VNIMUX,1,2")
     broken = line(told + "17").replace(b"9.81", b"9.82")
-    data = (
-        b"\r\n*"
-        + line(told + "7,S00A1")
-        + other
-        + broken
-        + line(told + "8,S0000")
-        + line("$VNIMU,,,x,1e999,T9")
-    )
+    data = b"\r\n*" + line(told + "7,S00A1") + other + broken + line(told + "8,S0000") + line("$VNIMU,,,x,1e999,T9")
     decoder, frames = decode(frame, data, cut)
     counter, counts, temperature, status = decoder.samples(frames)
     assert counter.tolist() == [7, 8]
@@ -177,9 +170,7 @@ def test_a_length_beyond_the_largest_is_noise_at_once() -> None:
     decoder = FrameDecoder(section(**{**ITEMS, "max_size": 600}))
     assert len(decoder.feed(b"\xfa\xff\x36\xff\xff\xff" + good).frames) == 1
     assert len(decoder.feed(b"\xfa\xff\x36\xff\x02\x00").frames) == 0
-    assert len(decoder.feed(good * 100).frames) == 100, (
-        "a length that could be is waited for and then given up"
-    )
+    assert len(decoder.feed(good * 100).frames) == 100, "a length that could be is waited for and then given up"
 
 
 def test_status_words_are_one() -> None:

@@ -61,9 +61,7 @@ class ScriptedLink:
 
 
 @contextmanager
-def driver(
-    pairs: list[tuple[bytes, bytes]], profile: ImuProfile = QUICK
-) -> Iterator[tuple[FramedImu, ScriptedLink]]:
+def driver(pairs: list[tuple[bytes, bytes]], profile: ImuProfile = QUICK) -> Iterator[tuple[FramedImu, ScriptedLink]]:
     link = ScriptedLink(pairs)
     imu = FramedImu(link, profile)  # type: ignore[arg-type]
     try:
@@ -90,9 +88,7 @@ def test_identify_on_the_wire() -> None:
         assert link.finished
 
 
-@pytest.mark.parametrize(
-    ("answer", "code"), [(b"other;SN;1", "imu.other_model"), (b"odd", "imu.identity_malformed")]
-)
+@pytest.mark.parametrize(("answer", "code"), [(b"other;SN;1", "imu.other_model"), (b"odd", "imu.identity_malformed")])
 def test_another_model_is_rejected(answer: bytes, code: str) -> None:
     with (
         driver([(request(1), reply_frame(1, answer))]) as (imu, _),

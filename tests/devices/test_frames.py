@@ -116,9 +116,7 @@ def test_the_result_does_not_depend_on_how_the_stream_is_cut(
     drop=st.integers(0, 33),
     at=st.integers(0, 9),
 )
-def test_sound_frames_survive_noise_and_a_lost_byte(
-    profile: ImuProfile, noise: bytes, drop: int, at: int
-) -> None:
+def test_sound_frames_survive_noise_and_a_lost_byte(profile: ImuProfile, noise: bytes, drop: int, at: int) -> None:
     frames = [stream_frame(i, [i] * 6) for i in range(10)]
     hurt = frames[at][:drop] + frames[at][drop + 1 :]
     stream = noise + b"".join([*frames[:at], hurt, *frames[at + 1 :]]) + noise

@@ -153,9 +153,7 @@ def test_a_counter_that_begins_again_too_soon_is_refused(tmp_path: Path) -> None
 
 def test_a_line_whose_baud_nobody_states_is_not_judged(tmp_path: Path) -> None:
     path = tmp_path / "profile.toml"
-    path.write_text(
-        tomli_w.dumps(edited(NAV, {"link/baud": None, "stream/sample_rate_hz": 2000.0})), encoding="utf-8"
-    )
+    path.write_text(tomli_w.dumps(edited(NAV, {"link/baud": None, "stream/sample_rate_hz": 2000.0})), encoding="utf-8")
     assert load_imu_profile(path).stream.sample_rate_hz == 2000.0
 
 

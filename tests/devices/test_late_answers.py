@@ -89,9 +89,7 @@ def test_targets_that_differ_are_not_told_while_the_same_echo_may_still_come() -
         table.write(34, [3, 4])
         assert [device.words[34], device.words[35]] == [3, 4]
         asked = device.requests.index((3, 0, 1))
-        assert device.requests[asked + 1 :] == [(16, 34, 2)], (
-            "what counts is told behind another question's answer"
-        )
+        assert device.requests[asked + 1 :] == [(16, 34, 2)], "what counts is told behind another question's answer"
 
 
 def test_a_refusal_that_may_be_an_older_request_s_is_passed_over() -> None:
@@ -137,8 +135,7 @@ def pageless() -> ImuProfile:
     del told["modbus"]["page"]
     told["modbus"] |= {"timeout_s": TIMEOUT, "stream": {"address": 20, "on": 1}}
     told["registers"] = [
-        {"address": 100 + 10 * i, "parameters": [group], "range": [-50.0, 50.0]}
-        for i, group in enumerate(GROUPS)
+        {"address": 100 + 10 * i, "parameters": [group], "range": [-50.0, 50.0]} for i, group in enumerate(GROUPS)
     ]
     told["without_register"] = ["gyro_misalign", "accel_misalign"]
     told["prior"] = {group: {"sigma": 1.0} for group in GROUPS}
@@ -175,9 +172,7 @@ def test_over_tcp_an_answer_with_another_transaction_s_number_is_not_taken() -> 
                 peer, _ = server.accept()
                 with peer:
                     while len(head := peer.recv(12)) == 12:
-                        words = struct.pack(
-                            ">B2H", 4, *(int.from_bytes(head[8:10], "big") + i for i in range(2))
-                        )
+                        words = struct.pack(">B2H", 4, *(int.from_bytes(head[8:10], "big") + i for i in range(2)))
                         answer = head[:4] + struct.pack(">HBB", 7, head[6], 3) + words
                         peer.sendall(older + answer)
                         older = answer

@@ -88,10 +88,7 @@ def wire(values: dict[str, float]) -> dict[tuple[int, int], bytes]:
 
 
 VALUES = MAP.rounded(
-    {
-        n: (-1) ** i * (1e-3 + 1e-4 * i) * (1e-2 if "quadratic" in n else 1.0)
-        for i, n in enumerate(MAP.parameters)
-    }
+    {n: (-1) ** i * (1e-3 + 1e-4 * i) * (1e-2 if "quadratic" in n else 1.0) for i, n in enumerate(MAP.parameters)}
 )
 
 
@@ -183,9 +180,7 @@ def test_a_commit_that_a_busy_unit_did_not_take_is_told() -> None:
 
 
 def test_a_commit_that_never_ends_is_told_and_one_that_is_lost_never_repeated() -> None:
-    quick = PROFILE.model_copy(
-        update={"modbus": section(PROFILE).model_copy(update={"commit_timeout_s": 0.1})}
-    )
+    quick = PROFILE.model_copy(update={"modbus": section(PROFILE).model_copy(update={"commit_timeout_s": 0.1})})
     busy = [read(21, b"\x5a\x5a")] * 200
     with (
         driver([OFF, write(21, 0x5A5A), *busy], quick) as (imu, _),
@@ -234,9 +229,7 @@ def test_a_lost_or_hurt_answer_is_asked_for_again() -> None:
 def test_a_unit_that_may_be_asked_while_it_streams_is_not_switched_off() -> None:
     stream = section(PROFILE).stream
     assert stream is not None
-    talks = section(PROFILE).model_copy(
-        update={"stream": stream.model_copy(update={"off": None}), "page": None}
-    )
+    talks = section(PROFILE).model_copy(update={"stream": stream.model_copy(update={"off": None}), "page": None})
     profile = PROFILE.model_copy(update={"modbus": talks})
     pairs = [read(address, words) for (_, address), words in wire(VALUES).items()]
     with driver(pairs, profile) as (imu, link):

@@ -100,10 +100,6 @@ def test_a_quick_stop_counts_only_while_the_axes_are_to_be_powered() -> None:
 
 
 def test_bits_that_the_profile_does_not_name_are_left_alone() -> None:
-    named = {
-        name: bit
-        for name, bit in quick().status_bits.items()
-        if name not in ("remote", "limit", "quick_stop")
-    }
+    named = {name: bit for name, bit in quick().status_bits.items() if name not in ("remote", "limit", "quick_stop")}
     with table([polled(0x1C07)], quick().model_copy(update={"status_bits": named})) as (driver, _):
         assert driver.status().fault is None

@@ -25,7 +25,7 @@ from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.register_table import RegisterTable
 from calstation.devices.table.shared_table import SharedTable
 from calstation.devices.table.text_table import TextTable
-from tests.station.wires import server, tcp_pdu
+from tests.connection.fake_links import server, tcp_pdu
 
 DATA = Path(__file__).parents[2] / "data"
 DRIVEN = ["bench", "cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"]
@@ -146,9 +146,7 @@ def driver(name: str, far: Far) -> Iterator[RegisterTable | TextTable]:
         yield table
         table.close()
         return
-    answer = (
-        modbus(far, profile.map.inner_apart) if profile.protocol == "modbus" else text(far, profile.protocol)
-    )
+    answer = modbus(far, profile.map.inner_apart) if profile.protocol == "modbus" else text(far, profile.protocol)
     with server(answer) as place:
         port = f"tcp://{place}"
         quick = hurried(profile)
@@ -176,9 +174,7 @@ def moved(name: str, start: tuple[float, float], loses: bool = False) -> tuple[l
 
 def test_every_shipped_profile_of_a_driven_table_is_here() -> None:
     shipped = {path.stem for path in (DATA / "tables").glob("*.toml")}
-    driven = {
-        name for name in shipped if load_table_profile(DATA / "tables" / f"{name}.toml").protocol != "hand"
-    }
+    driven = {name for name in shipped if load_table_profile(DATA / "tables" / f"{name}.toml").protocol != "hand"}
     assert driven == set(DRIVEN)
 
 

@@ -160,10 +160,6 @@ def test_a_crc_by_its_parameters(
 @settings(deadline=None, max_examples=100)
 @given(data=st.binary(max_size=80))
 def test_a_crc_by_parameters_is_the_named_one(data: bytes) -> None:
-    assert parametric_crc(16, 0x1021, 0xFFFF, False, False, 0)(data) == check_function("crc16_ccitt_false")(
-        data
-    )
-    assert parametric_crc(32, 0x04C11DB7, 0xFFFFFFFF, True, True, 0xFFFFFFFF)(data) == check_function(
-        "crc32"
-    )(data)
+    assert parametric_crc(16, 0x1021, 0xFFFF, False, False, 0)(data) == check_function("crc16_ccitt_false")(data)
+    assert parametric_crc(32, 0x04C11DB7, 0xFFFFFFFF, True, True, 0xFFFFFFFF)(data) == check_function("crc32")(data)
     assert struct.pack(">I", check_function("crc32")(data)) == check_bytes("crc32", data, "big")

@@ -65,9 +65,7 @@ def test_a_host_that_cannot_be_reached(monkeypatch: pytest.MonkeyPatch, error: O
         (serial.SerialException("something else"), "other"),
     ],
 )
-def test_a_serial_port_that_does_not_open(
-    monkeypatch: pytest.MonkeyPatch, error: Exception, reason: str
-) -> None:
+def test_a_serial_port_that_does_not_open(monkeypatch: pytest.MonkeyPatch, error: Exception, reason: str) -> None:
     def fail(*_: object, **__: object) -> None:
         raise error
 

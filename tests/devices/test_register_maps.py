@@ -59,9 +59,7 @@ def device_output(held: dict[str, float], sensor: str, c: Convention, measured: 
 
 
 @settings(deadline=None, max_examples=200)
-@given(
-    sensor=st.sampled_from(["gyro", "accel"]), c=st.sampled_from(CONVENTIONS), truth=vector, data=st.data()
-)
+@given(sensor=st.sampled_from(["gyro", "accel"]), c=st.sampled_from(CONVENTIONS), truth=vector, data=st.data())
 def test_the_unit_s_formula_gives_the_true_value_exactly(
     sensor: str, c: Convention, truth: np.ndarray, data: st.DataObject
 ) -> None:
@@ -140,9 +138,7 @@ def test_the_vectornav_identity_is_no_calibration_at_all() -> None:
     assert entries.encode(dict.fromkeys(entries.parameters, 0.0)) == {25: plain, 84: plain}
     assert set(entries.decode({25: plain, 84: plain}).values()) == {0.0}
     assert entries.address("gyro_misalign_xy") == entries.address("gyro_bias_z") == 84
-    assert set(entries.parameters) == {
-        p.name for p in PARAMETERS if p.sensor != "lever" and "quadratic" not in p.name
-    }
+    assert set(entries.parameters) == {p.name for p in PARAMETERS if p.sensor != "lever" and "quadratic" not in p.name}
 
 
 def test_tolerance_of_the_read_back() -> None:
@@ -160,9 +156,9 @@ def test_without_a_tolerance_every_bit_counts() -> None:
     entries = map_of("bench_nav")
     zero = dict.fromkeys(entries.parameters, 0.0)
     one_step = float(np.nextafter(np.float32(1e-5), np.float32(1)))
-    assert entries.differing(
-        {**zero, "gyro_bias_x": float(np.float32(1e-5))}, {**zero, "gyro_bias_x": one_step}
-    ) == ["gyro_bias_x"]
+    assert entries.differing({**zero, "gyro_bias_x": float(np.float32(1e-5))}, {**zero, "gyro_bias_x": one_step}) == [
+        "gyro_bias_x"
+    ]
     assert entries.differing(zero, {**zero, "accel_bias_z": -0.0}) == ["accel_bias_z"]
     nan = {**zero, "accel_bias_z": float("nan")}
     assert entries.differing(nan, nan) == []

@@ -40,9 +40,7 @@ class FlashUnit(RtuServer):
             padded = text.encode().ljust(16, b"\0")
             self.flash |= {address + i: int.from_bytes(padded[2 * i : 2 * i + 2], "big") for i in range(4)}
             if address != 16:
-                self.flash |= {
-                    address + i: int.from_bytes(padded[2 * i : 2 * i + 2], "big") for i in range(4, 8)
-                }
+                self.flash |= {address + i: int.from_bytes(padded[2 * i : 2 * i + 2], "big") for i in range(4, 8)}
         super().__init__(words=self.flash)
 
     def obey(self, function: int, address: int, values: Iterable[int]) -> int:

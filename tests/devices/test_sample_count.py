@@ -72,9 +72,7 @@ def test_a_clock_that_begins_again_is_counted() -> None:
 
 
 @given(st.integers(0, 65535), st.lists(st.integers(0, 2), min_size=1, max_size=60), st.randoms())
-def test_duplicates_and_swapped_neighbours_lose_no_sample(
-    first: int, kinds: list[int], drawn: object
-) -> None:
+def test_duplicates_and_swapped_neighbours_lose_no_sample(first: int, kinds: list[int], drawn: object) -> None:
     raw: list[int] = []
     for i, kind in enumerate(kinds):
         raw += [(first + i) % 65536] * (2 if kind == 1 else 1)

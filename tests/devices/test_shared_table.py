@@ -26,9 +26,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 DATA = Path(__file__).parents[2] / "data"
 PROFILE = load_table_profile(DATA / "tables" / "indexing_unit.toml")
 #: Answers come at once, but a busy computer may take its time to hear them.
-PATIENT = IMU_PROFILE.model_copy(
-    update={"commands": IMU_PROFILE.commands.model_copy(update={"timeout_s": 1.0})}
-)
+PATIENT = IMU_PROFILE.model_copy(update={"commands": IMU_PROFILE.commands.model_copy(update={"timeout_s": 1.0})})
 Pair = tuple[bytes, bytes]
 
 

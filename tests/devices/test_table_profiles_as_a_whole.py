@@ -136,10 +136,7 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
             "registers.outer_high.scale profile.opposite_sense",
         ),
         (
-            {
-                f"registers/outer_{name}/scale": -1e-5
-                for name in ("position", "rate", "target", "low", "high")
-            },
+            {f"registers/outer_{name}/scale": -1e-5 for name in ("position", "rate", "target", "low", "high")},
             "registers.outer_target_rate.scale profile.turn_rate_needed",
         ),
         (
@@ -228,9 +225,7 @@ def test_lines_of_text(tmp_path: Path, name: str, changes: dict[str, Any], words
 
 
 def test_axes_that_count_the_other_way_throughout_are_taken(tmp_path: Path) -> None:
-    backwards = {
-        f"registers/outer_{name}/scale": -1e-5 for name in ("position", "rate", "target", "low", "high")
-    }
+    backwards = {f"registers/outer_{name}/scale": -1e-5 for name in ("position", "rate", "target", "low", "high")}
     load(tmp_path, BENCH, {**backwards, "commands/rate": None})
 
 

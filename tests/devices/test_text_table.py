@@ -97,9 +97,7 @@ def over_terminal(line: ScriptedLine) -> Iterator[str]:
 
 
 @contextmanager
-def table(
-    pairs: Pairs, used: TableProfile, place: Any = over_tcp
-) -> Iterator[tuple[TextTable, ScriptedLine]]:
+def table(pairs: Pairs, used: TableProfile, place: Any = over_tcp) -> Iterator[tuple[TextTable, ScriptedLine]]:
     line = ScriptedLine(pairs)
     with place(line) as port:
         driver = TextTable(port, used)
@@ -481,20 +479,14 @@ def test_a_port_that_is_not_there_is_told() -> None:
 
 
 @settings(deadline=None, max_examples=60)
-@given(
-    noise=st.lists(
-        st.one_of(st.binary(max_size=30), st.sampled_from([b"\r\n", b">", b"$AS", b"*D6"])), max_size=20
-    )
-)
+@given(noise=st.lists(st.one_of(st.binary(max_size=30), st.sampled_from([b"\r\n", b">", b"$AS", b"*D6"])), max_size=20))
 def test_no_noise_breaks_a_framing(noise: list[bytes]) -> None:
     heard = b"".join(noise)
     for name in ("aerosmith_atl", "acutronic_acl", "mn_ascii"):
         section = profile(name).text
         assert section is not None
         framing = (
-            Checked(section, section.checked)
-            if section.checked
-            else (Prompted if section.prompt else Plain)(section)
+            Checked(section, section.checked) if section.checked else (Prompted if section.prompt else Plain)(section)
         )
         rest = heard
         while (found := framing.reply("STP,1", rest)) is not None:

@@ -19,9 +19,7 @@ from calstation.devices.interfaces import OtherModelError
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
 
-PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "vectornav_vn100.toml").with_timeout(
-    0.15
-)
+PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "vectornav_vn100.toml").with_timeout(0.15)
 MAP = RegisterMap(tuple(PROFILE.registers))
 PLAIN = "1,0,0,0,1,0,0,0,1,0,0,0"
 
@@ -80,11 +78,7 @@ def test_start_identity_and_samples() -> None:
         identity = imu.identify()
         assert (identity.model, identity.serial, identity.firmware) == ("VN-100T-CR", "0100012345", "2.1.0.0")
         link.send(b"$VNYMR,1,2*00\r\n" + sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[:30])
-        link.send(
-            sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[30:]
-            + said("VNYPR,1,2,3")
-            + sample(15_000_000, *range(7))
-        )
+        link.send(sample(5_000_000, 1, 2, 3, 4, 5, 6, 25.5)[30:] + said("VNYPR,1,2,3") + sample(15_000_000, *range(7)))
         deadline = time.monotonic() + 5.0
         while imu.stats.frames < 2 and time.monotonic() < deadline:
             time.sleep(0.001)
@@ -136,9 +130,7 @@ def test_values_are_written_with_all_the_digits_that_they_have() -> None:
 def test_commit_once_and_reset_with_the_stream_again() -> None:
     start = [pair("VNWRG,06,0"), pair("VNWRG,75,1,4,05,0001,001C")]
     shown = f"VNRRG,25,{PLAIN}"
-    mark = ",".join(
-        f"{v:.9G}" for v in np.float32([1, 0, 0, 0, 1, 0, 0, 0, 1, *[-10.0 + 20.0 * 0.381966] * 3])
-    )
+    mark = ",".join(f"{v:.9G}" for v in np.float32([1, 0, 0, 0, 1, 0, 0, 0, 1, *[-10.0 + 20.0 * 0.381966] * 3]))
     marking = [
         pair("VNRRG,25", shown),
         pair(f"VNWRG,25,{mark}"),

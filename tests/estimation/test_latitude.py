@@ -16,9 +16,7 @@ from calstation.estimation.common.samples import SampleBlock
 UNITS = 12
 
 
-def see(
-    truth: BenchTruth, blocks: list[SampleBlock], belief: Belief | None = None
-) -> LatitudeEstimate | None:
+def see(truth: BenchTruth, blocks: list[SampleBlock], belief: Belief | None = None) -> LatitudeEstimate | None:
     resting = RestOutput(context_of(truth).imu)
     for block in blocks:
         resting.feed(block)
@@ -93,11 +91,7 @@ def test_vibration_enlarges_the_sigma() -> None:
     shaken = block.counts.copy()
     shaken[:, :3] += np.random.default_rng(1).normal(
         0.0,
-        40.0
-        * truth.imu.gyro_arw
-        * 10.0
-        / truth.imu.gyro_lsb
-        * (0.01 if truth.imu.output == "increment" else 1.0),
+        40.0 * truth.imu.gyro_arw * 10.0 / truth.imu.gyro_lsb * (0.01 if truth.imu.output == "increment" else 1.0),
         (len(block), 3),
     )
     rough = see(truth, [replace(block, counts=shaken)], replace_gyros(truth))
@@ -106,7 +100,5 @@ def test_vibration_enlarges_the_sigma() -> None:
 
 
 def test_which_gyros_resolve_earth_rate() -> None:
-    felt = {
-        g: resolves_earth_rate(context_of(BenchTruth.draw(g, 1)).imu) for g in ("nav", "tactical", "mems")
-    }
+    felt = {g: resolves_earth_rate(context_of(BenchTruth.draw(g, 1)).imu) for g in ("nav", "tactical", "mems")}
     assert felt == {"nav": True, "tactical": True, "mems": False}

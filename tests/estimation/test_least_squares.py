@@ -67,9 +67,7 @@ def test_exactly_known_parameters_do_not_change():
     covariance = prior.covariance.copy()
     for known in (0, 7):
         covariance[known, :] = covariance[:, known] = 0.0
-    result = gauss_newton(
-        "test", model, observed, noise, Belief(prior.mean, covariance), nuisance, nuisance_sigma, ALL
-    )
+    result = gauss_newton("test", model, observed, noise, Belief(prior.mean, covariance), nuisance, nuisance_sigma, ALL)
     assert np.all(np.isfinite(result.belief.covariance))
     for known in (0, 7):
         assert result.belief.mean[known] == pytest.approx(prior.mean[known], abs=1e-12)
@@ -104,9 +102,7 @@ def test_consider_parameters_are_not_relinearised():
     prior = Belief(np.zeros(COUNT), np.diag(np.r_[1.0, 0.5, np.full(COUNT - 2, 1e-12)]) ** 2)
     estimated = ALL.copy()
     estimated[1] = False
-    gauss_newton(
-        "test", model, np.array([1.0, 0.8]), np.full(2, 1e-4), prior, np.zeros(0), np.zeros(0), estimated
-    )
+    gauss_newton("test", model, np.array([1.0, 0.8]), np.full(2, 1e-4), prior, np.zeros(0), np.zeros(0), estimated)
     # the last call evaluates the residual; all before are the Jacobian's small steps about the prior's mean
     assert max(abs(value) for value in seen[:-1]) < 1e-4
 
@@ -135,9 +131,7 @@ def test_consider_posterior_equals_schmidts_update(seed, count):
     estimated[random.choice(COUNT, count, replace=False)] = True
     prior = correlated_prior(random)
     H, noise, observed = random.normal(size=(12, COUNT)), random.uniform(0.1, 1.0, 12), random.normal(size=12)
-    full = gauss_newton(
-        "test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL
-    ).belief
+    full = gauss_newton("test", lambda p, n: H @ p, observed, noise, prior, np.zeros(0), np.zeros(0), ALL).belief
     found = restricted(prior, full, estimated)
     mean, covariance = schmidt(prior, H, noise, observed, estimated)
     assert found.mean == pytest.approx(mean, abs=1e-5)

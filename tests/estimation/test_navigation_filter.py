@@ -58,9 +58,7 @@ def test_grouped_observations_equal_single_ones(nav_stage, data, monkeypatch, to
     runs = []
     for seconds in (0.1, together):
         monkeypatch.setattr(navigation, "GROUP_TIME", seconds)
-        run = NavigationFilter(
-            replace(nav_stage.context, imu=noisy), nav_stage.prior, nav_stage.truth.parameters
-        )
+        run = NavigationFilter(replace(nav_stage.context, imu=noisy), nav_stage.prior, nav_stage.truth.parameters)
         run.run(data, start, start.attitude, smooth=True)
         runs.append(run)
     single, group = runs

@@ -131,17 +131,11 @@ def test_stage_without_samples_is_refused(nav_stage):
     assert caught.value.values["seconds"] == 0.0
 
 
-@pytest.mark.parametrize(
-    ("azimuth", "angles"), [(False, True), (False, False)], ids=["no azimuth", "no encoders"]
-)
+@pytest.mark.parametrize(("azimuth", "angles"), [(False, True), (False, False)], ids=["no azimuth", "no encoders"])
 def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angles, solution):
     context = context_of(nav_stage.truth)
     context = replace(context, site=replace(context.site, azimuth=None))
-    block = (
-        nav_stage.block
-        if angles
-        else replace(nav_stage.block, angles=np.full_like(nav_stage.block.angles, np.nan))
-    )
+    block = nav_stage.block if angles else replace(nav_stage.block, angles=np.full_like(nav_stage.block.angles, np.nan))
     result = solved(nav_stage.truth, nav_stage.prior, [block], context)
     assert np.abs(errors_in_sigma(result.belief, nav_stage.truth)).max() < 4.0
     assert result.consistency.passed

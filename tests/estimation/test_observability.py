@@ -28,9 +28,7 @@ def passed(nav_stage):
     run = NavigationFilter(nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     (start,) = starts(data, nav_stage.context, nav_stage.prior)
     run.run(data, start, start.attitude, smooth=False)
-    found = observability_analysis(
-        data, run.history, nav_stage.context, nav_stage.prior, nav_stage.prior.mean
-    )
+    found = observability_analysis(data, run.history, nav_stage.context, nav_stage.prior, nav_stage.prior.mean)
     return data, run.history, found
 
 

@@ -36,9 +36,7 @@ def test_stored_samples_are_read_back_unchanged(sizes):
     for name in COLUMNS:
         if parts:
             expected = np.concatenate([getattr(p, name) for p in parts])
-            assert np.array_equal(
-                np.concatenate([getattr(b, name) for b in back]), expected, equal_nan=name != "valid"
-            )
+            assert np.array_equal(np.concatenate([getattr(b, name) for b in back]), expected, equal_nan=name != "valid")
 
 
 def test_samples_may_be_stored_after_reading():

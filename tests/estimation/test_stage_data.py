@@ -156,9 +156,7 @@ def test_slope_weights_have_the_variance_of_the_least_squares_slope():
     weights = slope_weights(count, 1)
     # velocity noise white at the samples' borders: acceleration noise is its difference over dt
     on_velocity = np.diff(np.concatenate([[0.0], weights, [0.0]])) / dt
-    assert sigma**2 * np.sum(on_velocity**2) == pytest.approx(
-        12.0 * sigma**2 / (count * (count * dt) ** 2), rel=5e-3
-    )
+    assert sigma**2 * np.sum(on_velocity**2) == pytest.approx(12.0 * sigma**2 / (count * (count * dt) ** 2), rel=5e-3)
     # white acceleration noise: 6/5 of the plain mean's
     assert np.sum(weights**2) * count == pytest.approx(1.2, rel=1e-3)
 

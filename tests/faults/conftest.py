@@ -16,7 +16,7 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, Message, StateChanged, StepStarted, Verdict
 from calstation.simulation.hooks import BenchHooks
-from tests.station.conftest import PRODUCT, STATION
+from tests.site_folder import PRODUCT, STATION
 
 SERIAL = "SN-000042"
 
@@ -84,9 +84,7 @@ class Floor:
         self.site: dict[str, Any] = {}
         self.table = STATION["table"]["profile"]
 
-    def request(
-        self, *faults: dict[str, Any], stages: tuple[str, ...] = ("rate",), **bench: Any
-    ) -> RunRequest:
+    def request(self, *faults: dict[str, Any], stages: tuple[str, ...] = ("rate",), **bench: Any) -> RunRequest:
         """A run with these faults."""
         self.folder.mkdir(parents=True, exist_ok=True)
         settings = {

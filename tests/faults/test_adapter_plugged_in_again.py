@@ -18,7 +18,7 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, StageStarted, Verdict
 from tests.faults.conftest import SERIAL, Floor
-from tests.station.conftest import PRODUCT, QUICK
+from tests.site_folder import PRODUCT, QUICK
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")]
 
@@ -36,9 +36,7 @@ def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         return [SimpleNamespace(device=had[-1], name=Path(had[-1]).name, **about)]
 
     @contextmanager
-    def by_adapter(
-        setup: ResolvedConfiguration, check_cancelled: Callable[[], None]
-    ) -> Iterator[wiring.Endpoints]:
+    def by_adapter(setup: ResolvedConfiguration, check_cancelled: Callable[[], None]) -> Iterator[wiring.Endpoints]:
         with endpoints(setup, check_cancelled) as at:
             had.append(at.imu)
             yield replace(at, imu=f"usb:{ADAPTER}")
@@ -48,9 +46,7 @@ def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return had
 
 
-def test_the_run_is_a_fault_and_is_carried_on_once_the_adapter_is_back(
-    floor: Floor, names: list[str]
-) -> None:
+def test_the_run_is_a_fault_and_is_carried_on_once_the_adapter_is_back(floor: Floor, names: list[str]) -> None:
     floor.product = {
         **PRODUCT,
         "schedule": {

@@ -86,9 +86,7 @@ def test_a_killed_engine_leaves_an_incomplete_run(floor: Floor) -> None:
     assert (result["outcome"], result["passed"]) == ("incomplete", False)
     assert sum(len(block) for block in open_log(path).blocks()) > 200
     left = how_the_bench_was_left(floor)
-    assert (left["enabled"], left["moving"], left["fault"]) == (False, False, "WATCHDOG"), (
-        "the table stops itself"
-    )
+    assert (left["enabled"], left["moving"], left["fault"]) == (False, False, "WATCHDOG"), "the table stops itself"
 
 
 def how_the_bench_was_left(floor: Floor) -> dict[str, Any]:

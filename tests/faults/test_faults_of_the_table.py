@@ -8,8 +8,8 @@ import pytest
 from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.sequencer.events import StepStarted
+from tests.connection.fake_links import server, tcp_pdu
 from tests.faults.conftest import Floor, fault
-from tests.station.wires import server, tcp_pdu
 
 pytestmark = pytest.mark.long
 
@@ -35,9 +35,7 @@ def test_a_fault_of_the_table_stops_the_run(
     floor.run(fault(kind, value)).assert_stopped("table: ", *words)
 
 
-@pytest.mark.parametrize(
-    "profile", ["cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"]
-)
+@pytest.mark.parametrize("profile", ["cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"])
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
@@ -117,8 +115,8 @@ def test_every_modbus_exception_is_told_with_a_mend_and_only_a_busy_device_is_as
         asked.append(heard)
         return tcp_pdu(heard, bytes([heard[7] | 0x80, code]))
 
-    with server(answer) as place:
-        link = ModbusLink(f"tcp://{place}", 1, 1.0, SerialSettings())
+    with server(answer) as address:
+        link = ModbusLink(f"tcp://{address}", 1, 1.0, SerialSettings())
         with pytest.raises(ModbusRefusalError) as caught:
             link.read(0, 2)
         assert (caught.value.exception, caught.value.unit) == (code, 1)
@@ -133,7 +131,7 @@ def test_every_modbus_exception_is_told_with_a_mend_and_only_a_busy_device_is_as
 
 def test_a_table_that_is_busy_once_is_asked_again() -> None:
     answers = [bytes([0x83, 6]), bytes([3, 2]) + struct.pack(">H", 77)]
-    with server(lambda heard: tcp_pdu(heard, answers.pop(0))) as place:
-        link = ModbusLink(f"tcp://{place}", 1, 1.0, SerialSettings())
+    with server(lambda heard: tcp_pdu(heard, answers.pop(0))) as address:
+        link = ModbusLink(f"tcp://{address}", 1, 1.0, SerialSettings())
         assert link.read(0, 1) == [77]
         link.close()

@@ -13,7 +13,7 @@ from calstation.runs.resume import resumable
 from calstation.sequencer.events import Message, StepStarted, Trace
 from tests.faults.conftest import SERIAL, Floor, fault
 from tests.helpers import complaint
-from tests.station.conftest import PRODUCT, QUICK
+from tests.site_folder import PRODUCT, QUICK
 
 pytestmark = pytest.mark.long
 
@@ -141,12 +141,8 @@ def test_an_adapter_that_was_unplugged_works_again_when_it_is_back(floor: Floor)
 def test_a_wrong_latitude_is_seen_by_the_gyros_before_anything_is_written(floor: Floor) -> None:
     rests = {**PRODUCT["schedule"], "six_position": {"dwell_s": 10.0, **QUICK}}
     floor.product = {**PRODUCT, "schedule": rests}
-    ran = floor.run(
-        {"kind": "wrong_latitude", "value": -2.0}, stages=("rate", "six_position", "azimuth_flip")
-    )
-    ran.assert_stopped(
-        "site.latitude_deg of the station file is 32.25", "as at latitude 34.", "correct latitude"
-    )
+    ran = floor.run({"kind": "wrong_latitude", "value": -2.0}, stages=("rate", "six_position", "azimuth_flip"))
+    ran.assert_stopped("site.latitude_deg of the station file is 32.25", "as at latitude 34.", "correct latitude")
     assert ran.fault.code == "site.latitude_contradicts"
     assert ran.verdict.result["stages"] == ["rate", "six_position"]
     assert not ran.verdict.result["registers"]
@@ -173,9 +169,7 @@ def test_a_stage_whose_rests_tell_no_latitude_names_it_where_it_does_not_fit_tog
 
 
 @pytest.mark.parametrize("degrees", [-10.0, 10.0])
-def test_gyros_that_do_not_feel_the_earth_need_gravity_and_latitude_that_agree(
-    floor: Floor, degrees: float
-) -> None:
+def test_gyros_that_do_not_feel_the_earth_need_gravity_and_latitude_that_agree(floor: Floor, degrees: float) -> None:
     floor.product = {**PRODUCT, "imu": "bench_mems"}
     with pytest.raises(ConfigurationError, match=r"Add the local gravity") as missing:
         floor.run(stages=("six_position",))
@@ -212,9 +206,7 @@ def test_a_unit_whose_page_is_lost_in_a_brown_out_is_told_by_what_it_refuses(flo
     limits = {"gyro_scale": loose, "accel_scale": loose}
     floor.product = {**PRODUCT, "imu": "dsp_modbus", "bench_grade": "mems", "limits": limits}
     ran = floor.run({"kind": "brown_out_write", "value": 20.0})
-    ran.assert_stopped(
-        "IMU: Register 118 is refused: no such register", "Check its supply (a unit that restarts"
-    )
+    ran.assert_stopped("IMU: Register 118 is refused: no such register", "Check its supply (a unit that restarts")
     assert ran.bench["flash_cycles"] == 0
 
 
@@ -224,9 +216,7 @@ def test_a_brown_out_over_the_commit_is_recognised_and_settled_at_the_next_start
     floor.run({"kind": "brown_out_commit", "value": 128.0}).assert_stopped("new registers, not yet verified")
     refused = floor.run()
     refused.assert_stopped("was interrupted", "registers finish")
-    offers = [
-        e.values["offers"] for e in refused.events if isinstance(e, Message) and e.id == "transfer_open"
-    ]
+    offers = [e.values["offers"] for e in refused.events if isinstance(e, Message) and e.id == "transfer_open"]
     assert offers == [["finish", "restore"]]
     assert floor.run(unfinished="finish").verdict.outcome == "passed"
     closings = [transfer.closing for transfer in register_journal.history(runs, SERIAL)]

@@ -23,9 +23,7 @@ SIZES = {"gyro_bias": 1e-5, "accel_bias": 1e-2, "accel_quadratic": 1e-6, "inner_
 def values(kind: str, factor: float) -> dict[str, float]:
     """For every register that a kind of unit has, as it keeps them."""
     names = registers(KINDS[kind]).parameters
-    told = {
-        n: factor * (i + 1) * (-1) ** i * SIZES.get(n.rsplit("_", 1)[0], 1e-5) for i, n in enumerate(names)
-    }
+    told = {n: factor * (i + 1) * (-1) ** i * SIZES.get(n.rsplit("_", 1)[0], 1e-5) for i, n in enumerate(names)}
     return registers(KINDS[kind]).rounded(told)
 
 

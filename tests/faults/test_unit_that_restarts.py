@@ -10,9 +10,9 @@ from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
 from calstation.simulation.fault_plan import load_fault_plan
 from tests.faults.conftest import SERIAL, Floor, Ran
-from tests.station.conftest import PRODUCT
-from tests.station.errands import Errands
-from tests.station.test_run_by_hand import PRODUCT as BY_HAND
+from tests.registers.operations import Errands
+from tests.runs.test_manual_rig import PRODUCT as BY_HAND
+from tests.site_folder import PRODUCT
 
 pytestmark = pytest.mark.long
 
@@ -60,9 +60,7 @@ def test_in_mid_run_its_step_is_repeated(floor: Floor, imu: str, reason: str) ->
 
 @pytest.mark.parametrize("moment", [0.3, 3.0, 8.0, 14.0, 20.0, 26.0])
 @pytest.mark.parametrize("imu", IMUS)
-def test_while_its_new_registers_are_looked_at_it_is_looked_at_again(
-    floor: Floor, imu: str, moment: float
-) -> None:
+def test_while_its_new_registers_are_looked_at_it_is_looked_at_again(floor: Floor, imu: str, moment: float) -> None:
     ran = with_imu(floor, imu).run(*restart("verifying", moment))
     assert_proved(floor, ran)
     assert looks_repeated(ran) <= 1

@@ -57,9 +57,7 @@ def wall_clock(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("by", [DAYS, -DAYS], ids=["forward", "back"])
-def test_a_run_ends_as_if_the_clock_had_never_been_set(
-    floor: Floor, wall_clock: WallClock, by: timedelta
-) -> None:
+def test_a_run_ends_as_if_the_clock_had_never_been_set(floor: Floor, wall_clock: WallClock, by: timedelta) -> None:
     runs = floor.folder / "runs"
     begun = datetime.now(UTC)
     steps = 0

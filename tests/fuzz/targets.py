@@ -99,8 +99,7 @@ def numbers(data: bytes) -> None:
     for name in ("vectornav_vn100", "dsp_modbus", "bench_nav"):
         entries = RegisterMap(tuple(IMUS[name].registers))
         held = {
-            e.key: [floats[i % len(floats)] if floats else 0.0 for i in range(len(e.names))]
-            for e in entries.entries
+            e.key: [floats[i % len(floats)] if floats else 0.0 for i in range(len(e.names))] for e in entries.entries
         }
         with suppress(DeviceFaultError):
             entries.decode(held)

@@ -17,12 +17,8 @@ SECONDS = 3
 
 pieces = st.one_of(
     st.binary(max_size=60),
-    st.sampled_from(
-        [b"\xfa\xff\x36", b"\xfa\xff\x36\xff", b"ue\x80", b"\x55\xaa", b"\x55\x5a\x02\xff", b"\xaf"]
-    ),
-    st.sampled_from(
-        [b"$VNIMU,", b"$VN", b"*", b"\r\n", b"$VNIMU,T1,2,3,4,5,6,7*", b"\x01\x03\xff", b"\xff" * 40]
-    ),
+    st.sampled_from([b"\xfa\xff\x36", b"\xfa\xff\x36\xff", b"ue\x80", b"\x55\xaa", b"\x55\x5a\x02\xff", b"\xaf"]),
+    st.sampled_from([b"$VNIMU,", b"$VN", b"*", b"\r\n", b"$VNIMU,T1,2,3,4,5,6,7*", b"\x01\x03\xff", b"\xff" * 40]),
 )
 
 

@@ -45,9 +45,7 @@ leaf = st.one_of(
     st.floats(),
     st.sampled_from(WORDS),
     st.lists(st.sampled_from([*WORDS, "gyro_scale_x"]), max_size=4),
-    st.dictionaries(
-        st.sampled_from(["kind", "at", "value", "address", "send"]), st.integers(-3, 70000), max_size=3
-    ),
+    st.dictionaries(st.sampled_from(["kind", "at", "value", "address", "send"]), st.integers(-3, 70000), max_size=3),
 )
 
 

@@ -66,7 +66,7 @@ def result_with(**changes: Any) -> Result:
     return Result.from_json({**RESULT, **changes})
 
 
-class Place:
+class SiteFolder:
     """A site's own folder with one station and one product, and the runs made there."""
 
     def __init__(self, folder: Path) -> None:
@@ -88,9 +88,9 @@ class Place:
 
 
 @pytest.fixture(autouse=True)
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Place]:
+def site_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SiteFolder]:
     """An empty place; configuration, settings and runs go nowhere else. Windows do not outlive their test."""
-    made = Place(tmp_path)
+    made = SiteFolder(tmp_path)
     monkeypatch.setenv("CALSTATION_HOME", str(made.home))
     monkeypatch.chdir(tmp_path)
     yield made
@@ -107,10 +107,10 @@ class LentJobQueue(JobQueue):
         if self._running is not None and not self._running.cancel():
             super().close()
 
-    def move_to(self, place: "Place") -> None:
+    def move_to(self, site_folder: "SiteFolder") -> None:
         """Live in a test's place from now on, as a process started there would."""
         self.poll()
-        self.submit(live_in, str(place.folder), str(place.home))
+        self.submit(live_in, str(site_folder.folder), str(site_folder.home))
 
 
 @pytest.fixture(scope="session")
@@ -123,19 +123,19 @@ def lent() -> Iterator[list[LentJobQueue]]:
 
 
 @pytest.fixture
-def job_queue(place: Place, lent: list[LentJobQueue], monkeypatch: pytest.MonkeyPatch) -> LentJobQueue:
+def job_queue(site_folder: SiteFolder, lent: list[LentJobQueue], monkeypatch: pytest.MonkeyPatch) -> LentJobQueue:
     """The workshop of this test's windows."""
     if not lent or lent[0]._closed:
         lent[:] = [LentJobQueue(warm_up)]
-    lent[0].move_to(place)
+    lent[0].move_to(site_folder)
     monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda warm_up: lent[0])
     return lent[0]
 
 
 @pytest.fixture
-def window(place: Place, job_queue: LentJobQueue, qtbot: QtBot) -> Iterator[MainWindow]:
+def window(site_folder: SiteFolder, job_queue: LentJobQueue, qtbot: QtBot) -> Iterator[MainWindow]:
     """The window on the place's station, English, light, shown at 1366x768."""
-    made = create_window(place.station)
+    made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)
     made.resize(1366, 768)
@@ -149,8 +149,8 @@ def window(place: Place, job_queue: LentJobQueue, qtbot: QtBot) -> Iterator[Main
 class Operator:
     """What an operator does at a window, and what stands on it: all through its widgets."""
 
-    def __init__(self, window: MainWindow, qtbot: QtBot, place: Place) -> None:
-        self.window, self.qtbot, self.place = window, qtbot, place
+    def __init__(self, window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> None:
+        self.window, self.qtbot, self.site_folder = window, qtbot, site_folder
         self.choose("short")
 
     def widget(self, name: str, kind: type[Any] = QWidget) -> Any:
@@ -219,6 +219,6 @@ class Operator:
 
 
 @pytest.fixture
-def operator(window: MainWindow, qtbot: QtBot, place: Place) -> Operator:
+def operator(window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> Operator:
     """An operator at the window, with the short product chosen."""
-    return Operator(window, qtbot, place)
+    return Operator(window, qtbot, site_folder)

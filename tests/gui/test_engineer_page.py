@@ -33,7 +33,7 @@ from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
 from calstation.results.finished_run import FinishedRun
 from calstation.results.result import SCHEMA, Result
-from tests.gui.conftest import PRODUCT, SERIAL, Operator, Place
+from tests.gui.conftest import PRODUCT, SERIAL, Operator, SiteFolder
 
 STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
@@ -99,8 +99,7 @@ class Engineer(Operator):
         headings = [model.headerData(i, across) for i in range(model.columnCount())]
         return {
             model.headerData(row, down): {
-                heading: str(model.index(row, column).data()).strip()
-                for column, heading in enumerate(headings)
+                heading: str(model.index(row, column).data()).strip() for column, heading in enumerate(headings)
             }
             for row in range(model.rowCount())
         }
@@ -128,9 +127,9 @@ class Engineer(Operator):
 
 
 @pytest.fixture
-def engineer(window: Any, qtbot: Any, place: Place) -> Engineer:
+def engineer(window: Any, qtbot: Any, site_folder: SiteFolder) -> Engineer:
     """At the engineer page, with the short product chosen, in the operator's role."""
-    return Engineer(window, qtbot, place).open_page()
+    return Engineer(window, qtbot, site_folder).open_page()
 
 
 def number(text: str) -> float:
@@ -186,7 +185,7 @@ def test_single_stages_run_in_any_order_here_and_on_the_operator_page(engineer: 
     assert engineer.why_not("engineer_start_button") == "Choose at least one stage."
     assert engineer.why_not("preview_button") == "Choose at least one stage."
 
-    path = engineer.place.folder / "x.json"
+    path = engineer.site_folder.folder / "x.json"
     path.write_text(json.dumps({"schema": "other"}), encoding="utf-8")
     engineer.page.analysis.open(path)
     engineer.until(lambda: "This file cannot be opened" in engineer.says())
@@ -236,7 +235,7 @@ def test_a_schedule_is_checked_as_typed_previewed_and_saved_to_its_product(
     assert "Every later run of this product uses it" in engineer.says()
     engineer.press("confirm_save_button")
     engineer.until(lambda: "version" in engineer.says())
-    stored = tomllib.loads(engineer.place.product.read_text(encoding="utf-8"))
+    stored = tomllib.loads(engineer.site_folder.product.read_text(encoding="utf-8"))
     assert stored["schedule"]["rate"] == {**PRODUCT["schedule"]["rate"], "dwell_s": 6.5}
     assert versions.list_versions("products", "short")[0].author == "wang"
     assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() == "6.5"
@@ -292,10 +291,8 @@ def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
     engineer.turn_to(3)
     assert page.analysis.residuals.isVisible()
     plot = page.analysis.residuals.plots[0]
-    place = (
-        plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
-    )
-    engineer.qtbot.mouseMove(plot.viewport(), place.toPoint())
+    point = plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
+    engineer.qtbot.mouseMove(plot.viewport(), point.toPoint())
     engineer.until(lambda: "rest" in engineer.widget("rest_label", QLabel).text())
 
     engineer.turn_to(4)
@@ -320,7 +317,7 @@ def help_at(heat: HeatMap, at: QPoint) -> str:
 
 
 def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer: Engineer) -> None:
-    engineer.place.write(flash_file=str(engineer.place.folder / "flash.bin"), out_of_limits=True)
+    engineer.site_folder.write(flash_file=str(engineer.site_folder.folder / "flash.bin"), out_of_limits=True)
     engineer.window.app.product_changed.emit()
     engineer.tick("stage_check_six_position")
     result = engineer.start()
@@ -342,7 +339,7 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     assert f"Write 6 registers of unit {SERIAL}?" in engineer.says()
     assert "12–15, 19, 23" in engineer.says()
     assert "flash write number 1" in engineer.says()
-    assert register_journal.history(engineer.place.runs, SERIAL) == []
+    assert register_journal.history(engineer.site_folder.runs, SERIAL) == []
     assert "The table of “test bench” moves" in engineer.says()
     engineer.press("confirm_write_button")
     assert engineer.widget("stop_button", QPushButton).isEnabled()
@@ -352,7 +349,7 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     assert "verified with a turn of the table" in engineer.says()
     engineer.until_ended()
     assert (engineer.run.state, engineer.run.fault) == ("idle", None), "what is no calibration has not passed"
-    (entry,) = register_journal.history(engineer.place.runs, SERIAL)
+    (entry,) = register_journal.history(engineer.site_folder.runs, SERIAL)
     assert (entry.by, entry.why, entry.closing) == ("wang", "hand", "done")
     after = engineer.cells("register_table")
     assert after["accel_scale_x"]["Change"] == "0"
@@ -377,7 +374,7 @@ def finished_run(found: dict[str, Any], **more: Any) -> FinishedRun:
 
 def at_the_registers(engineer: Engineer, **bench: Any) -> None:
     """A result that asks for registers, its unit read, and the word asked for."""
-    engineer.place.write(flash_file=str(engineer.place.folder / "flash.bin"), **bench)
+    engineer.site_folder.write(flash_file=str(engineer.site_folder.folder / "flash.bin"), **bench)
     engineer.window.app.product_changed.emit()
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
@@ -399,9 +396,7 @@ def test_a_result_of_another_profile_asks_for_its_own_product(engineer: Engineer
     other = finished_run(found, product="MEMS grade C", configuration=used)
     engineer.page._controller.show_run(other)
     engineer.until(
-        lambda: (
-            "choose the result's own product, 'MEMS grade C'" in engineer.says().replace("Choose", "choose")
-        )
+        lambda: "choose the result's own product, 'MEMS grade C'" in engineer.says().replace("Choose", "choose")
     )
     assert engineer.page.registers.target is None
 
@@ -412,7 +407,7 @@ def test_registers_are_written_with_the_table_left_alone_by_choice(engineer: Eng
     engineer.press("confirm_at_rest_button")
     engineer.until(lambda: "written and read back" in engineer.says())
     assert "Verified at rest; no turn was made." in engineer.says()
-    (entry,) = register_journal.history(engineer.place.runs, SERIAL)
+    (entry,) = register_journal.history(engineer.site_folder.runs, SERIAL)
     assert (entry.closing, entry.steps[-1]) == ("done", "at_rest")
 
 
@@ -422,7 +417,7 @@ def test_a_table_that_cannot_turn_says_so_and_what_else_can_be_done(engineer: En
     engineer.press("confirm_write_button")
     engineer.until(lambda: "not done" in engineer.says())
     assert "Or choose “Write, table at rest”." in engineer.says()
-    assert register_journal.history(engineer.place.runs, SERIAL) == []
+    assert register_journal.history(engineer.site_folder.runs, SERIAL) == []
     engineer.until_ended()
     assert engineer.run.fault is not None, "told on the operator page as well, and to be acknowledged there"
 
@@ -436,7 +431,7 @@ def test_stop_ends_a_turn_behind_a_write(engineer: Engineer) -> None:
     engineer.until(lambda: "written but not verified" in engineer.says())
     engineer.until_ended()
     assert (engineer.run.state, engineer.run.stage) == ("idle", None)
-    assert register_journal.interrupted(engineer.place.runs, SERIAL) is not None
+    assert register_journal.interrupted(engineer.site_folder.runs, SERIAL) is not None
 
 
 def test_a_part_says_so_and_when_its_registers_were_written(engineer: Engineer) -> None:
@@ -459,7 +454,7 @@ def test_a_part_says_so_and_when_its_registers_were_written(engineer: Engineer) 
             "written_utc": "2026-11-21T15:04:00+00:00",
         },
     }
-    path = engineer.place.folder / "x.json"
+    path = engineer.site_folder.folder / "x.json"
     path.write_text(json.dumps(result), encoding="utf-8")
     engineer.page.analysis.open(path)
     engineer.until(lambda: bool(engineer.cells("register_table")))
@@ -483,8 +478,6 @@ def test_a_plan_that_the_table_cannot_run_is_explained_in_both_languages(qapp: Q
         language.use("en")
 
 
-@pytest.mark.parametrize(
-    ("up", "name"), [((0.0, 0.1, 0.99), "+z"), ((-1.0, 0.0, 0.0), "−x"), ((0.6, 0.6, 0.5), "")]
-)
+@pytest.mark.parametrize(("up", "name"), [((0.0, 0.1, 0.99), "+z"), ((-1.0, 0.0, 0.0), "−x"), ((0.6, 0.6, 0.5), "")])
 def test_a_rest_is_named_by_the_axis_that_is_up(up: tuple[float, float, float], name: str) -> None:
     assert upward_axis(np.array(up)) == name

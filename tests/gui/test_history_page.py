@@ -47,9 +47,7 @@ META: dict[str, Any] = {
 }
 
 
-def write_run(
-    folder: Path, serial: str, outcome: str, age: timedelta, bias: float = 1.0, **more: Any
-) -> Path:
+def write_run(folder: Path, serial: str, outcome: str, age: timedelta, bias: float = 1.0, **more: Any) -> Path:
     """The result of a run of one stage whose x gyro has a bias of so many °/h; allowed are 3."""
     started = NOW - age
     name = f"{serial}_{started:%Y%m%dT%H%M%S%f}"
@@ -194,8 +192,8 @@ def button(page: QWidget, name: str) -> QPushButton:
 def look_at(page: HistoryPage, row: int, qtbot: QtBot) -> None:
     """Click a row."""
     table = page.findChild(QTableView, "history_table")
-    place = table.visualRect(table.model().index(row, 1)).center()
-    qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(place))
+    point = table.visualRect(table.model().index(row, 1)).center()
+    qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(point))
 
 
 def test_without_runs_the_page_says_what_will_be_here(page: HistoryPage, qtbot: QtBot) -> None:
@@ -301,9 +299,7 @@ def test_where_there_is_little_room_the_stages_keep_theirs(
         ("listener_lost", "Stopped safely: the window or terminal that watched the run is gone."),
     ],
 )
-def test_who_stopped_a_run_is_said(
-    page: HistoryPage, folder: Path, qtbot: QtBot, by: str, words: str
-) -> None:
+def test_who_stopped_a_run_is_said(page: HistoryPage, folder: Path, qtbot: QtBot, by: str, words: str) -> None:
     write_run(folder, "SN-000004", "stopped", timedelta(minutes=3), stop_reason=by)
     shown(page, qtbot)
     look_at(page, 0, qtbot)
@@ -319,9 +315,7 @@ def test_an_incomplete_run_is_resumed_or_closed(
         button(page, "history_resume_button").click()
     assert wanted.args == [runs["dead"]]
     button(page, "history_close_button").click()
-    qtbot.waitUntil(
-        lambda: not page.busy and not button(page, "history_close_button").isVisible(), timeout=WAIT
-    )
+    qtbot.waitUntil(lambda: not page.busy and not button(page, "history_close_button").isVisible(), timeout=WAIT)
     assert not button(page, "history_resume_button").isVisible()
     assert json.loads(runs["dead"].with_suffix(".json").read_text("utf-8"))["outcome"] == "incomplete"
 
@@ -337,9 +331,7 @@ def test_a_run_that_ends_appears_by_itself(
     assert page.table.run.serial == "SN-000003"  # what was looked at still is
 
 
-def test_resume_asks_on_the_operator_page_before_anything_moves(
-    window: MainWindow, folder: Path, qtbot: QtBot
-) -> None:
+def test_resume_asks_on_the_operator_page_before_anything_moves(window: MainWindow, folder: Path, qtbot: QtBot) -> None:
     write_dead_log(folder)
     window.app.runs_folder = folder
     window.show_page("history_page")

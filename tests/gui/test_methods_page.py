@@ -32,7 +32,7 @@ from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, load_pair, prior_from_meta
 from calstation.simulation.recordings import record_on_bench
 from procedures import method
-from tests.gui.conftest import Operator, Place, result_with
+from tests.gui.conftest import Operator, SiteFolder, result_with
 
 pytestmark = pytest.mark.timeout(120)
 #: Longest wait for a job, ms: a loaded machine is no failure.
@@ -175,13 +175,13 @@ def test_the_unit_in_the_fixture_is_shown_before_and_after(
 
 
 def test_a_gimbal_recording_is_made_on_the_bench_and_both_answers_stand_side_by_side(
-    chosen: Callable[[str], MethodPanel], qtbot: QtBot, place: Place
+    chosen: Callable[[str], MethodPanel], qtbot: QtBot, site_folder: SiteFolder
 ) -> None:
     panel = chosen("gimbal")
     qtbot.mouseClick(panel.bench.make_button, Qt.MouseButton.LeftButton)
     assert panel.busy
     qtbot.waitUntil(lambda: panel.answer is not None and not panel.busy, timeout=WAIT)
-    assert panel.path == place.home / "recordings" / "gimbal-mems-1.h5"
+    assert panel.path == site_folder.home / "recordings" / "gimbal-mems-1.h5"
     assert panel.path.exists()
     rows = cells(panel)
     assert len(rows) == 6

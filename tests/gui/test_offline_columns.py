@@ -11,7 +11,7 @@ from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.results.plots.index import LogIndex, log_index, samples
 from calstation.results.plots.min_max_pyramid import Columns
-from tests.station.test_overview import META, START, blocks
+from tests.results.test_log_index import META, START, blocks
 
 
 def told(_: float, *rest: Any, **more: Any) -> None:
@@ -36,9 +36,7 @@ def test_what_was_fetched_is_enough(log: LogIndex, first: int, width: int, count
     last = min(START + first + width, log.facts.last_seq)
     drawn, wanted = columns.view(START + first, last, count)
     if wanted is not None:
-        columns.keep(
-            wanted, samples(told, log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count)
-        )
+        columns.keep(wanted, samples(told, log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count))
         drawn, again = columns.view(START + first, last, count)
         assert again is None
         assert drawn.samples < 16

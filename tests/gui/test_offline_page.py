@@ -180,10 +180,7 @@ def cells(page: OfflinePage, column: str) -> dict[str, str]:
     model = table.model()
     headings = [model.headerData(i, Qt.Orientation.Horizontal) for i in range(model.columnCount())]
     k = headings.index(column)
-    return {
-        model.headerData(i, Qt.Orientation.Vertical): model.index(i, k).data()
-        for i in range(model.rowCount())
-    }
+    return {model.headerData(i, Qt.Orientation.Vertical): model.index(i, k).data() for i in range(model.rowCount())}
 
 
 def save_as(page: OfflinePage, name: str, target: Path, kind: int, qtbot: QtBot) -> None:
@@ -201,9 +198,7 @@ def save_as(page: OfflinePage, name: str, target: Path, kind: int, qtbot: QtBot)
     qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
 
 
-def test_a_path_that_is_filled_in_is_opened_without_a_key(
-    page: OfflinePage, run_log: Path, qtbot: QtBot
-) -> None:
+def test_a_path_that_is_filled_in_is_opened_without_a_key(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     edit = page.findChild(QLineEdit, "log_edit")
     edit.setText(str(run_log.with_suffix(".json")))
     edit.setText(str(run_log))
@@ -217,9 +212,7 @@ def test_an_empty_page_says_what_to_do(page: OfflinePage) -> None:
     assert solve_button.toolTip() == "Open a log first"
 
 
-def test_the_same_log_gives_the_same_result_bit_for_bit(
-    page: OfflinePage, run_log: Path, qtbot: QtBot
-) -> None:
+def test_the_same_log_gives_the_same_result_bit_for_bit(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     opened(page, run_log, qtbot)
     assert page.comparison.online_badge.text() == "PASS"
     assert "–" in set(cells(page, "offline").values())
@@ -278,14 +271,12 @@ def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
         QEvent.Type.MouseButtonRelease,
     )
     steps = ((press, start), (move, middle), (move, stop), (release, stop))
-    for kind, place in ((QEvent.Type.MouseMove, start), *steps):
+    for kind, position in ((QEvent.Type.MouseMove, start), *steps):
         held = Qt.MouseButton.NoButton if kind == release else Qt.MouseButton.LeftButton
-        if (kind, place) == (move, start):
+        if (kind, position) == (move, start):
             held = Qt.MouseButton.NoButton
         pressed = Qt.MouseButton.NoButton if kind == move else Qt.MouseButton.LeftButton
-        event = QMouseEvent(
-            kind, place, view.mapToGlobal(place), pressed, held, Qt.KeyboardModifier.NoModifier
-        )
+        event = QMouseEvent(kind, position, view.mapToGlobal(position), pressed, held, Qt.KeyboardModifier.NoModifier)
         QApplication.sendEvent(view, event)
         QApplication.processEvents()
 
@@ -338,10 +329,7 @@ def test_a_sigma_beyond_its_limit_marks_the_sigma_alone(qtbot: QtBot) -> None:
     before = {**result, "outcome": "failed", "stages": ["rate"]}
     shown.show_log(SimpleNamespace(stored=before, facts=SimpleNamespace(first_seq=0, last_seq=9)))  # type: ignore[arg-type]
     shown.show_solved(Resolved(result_with(**result, stages=["rate"], outcome="resolved"), ()))
-    states = [
-        [shown.model.index(line, column).data(Qt.ItemDataRole.UserRole) for column in (3, 4)]
-        for line in (0, 1)
-    ]
+    states = [[shown.model.index(line, column).data(Qt.ItemDataRole.UserRole) for column in (3, 4)] for line in (0, 1)]
     assert states == [[None, "bad"], ["bad", None]]
 
 
@@ -403,9 +391,7 @@ def test_a_file_that_is_no_log_says_so_in_a_sentence(
     assert page.log is None
 
 
-def test_a_dropped_csv_is_opened_and_a_picture_is_not(
-    page: OfflinePage, tmp_path: Path, qtbot: QtBot
-) -> None:
+def test_a_dropped_csv_is_opened_and_a_picture_is_not(page: OfflinePage, tmp_path: Path, qtbot: QtBot) -> None:
     log = write_log(tmp_path, six_position_rows(), meta=CSV_META)
     for name, taken in (("picture.png", False), (log.name, True)):
         mime = QMimeData()
@@ -437,9 +423,7 @@ def test_log_and_result_are_exported(page: OfflinePage, run_log: Path, tmp_path:
     assert copy == page.solved.result_json["parameters"]
 
 
-def test_a_cancelled_export_leaves_nothing(
-    page: OfflinePage, long_log: Path, tmp_path: Path, qtbot: QtBot
-) -> None:
+def test_a_cancelled_export_leaves_nothing(page: OfflinePage, long_log: Path, tmp_path: Path, qtbot: QtBot) -> None:
     opened(page, long_log, qtbot)
     target = tmp_path / "out" / "copy.csv"
     target.parent.mkdir()

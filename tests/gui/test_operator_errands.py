@@ -22,7 +22,7 @@ ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "
 def told(operator: Operator) -> Operator:
     """An operator whose run is events; nothing is started."""
     link = operator.window.app.engine_link
-    link.request = RunRequest(SERIAL, operator.place.station, operator.place.product)
+    link.request = RunRequest(SERIAL, operator.site_folder.station, operator.site_folder.product)
     link.running_changed.emit(True)
     return operator
 
@@ -138,7 +138,7 @@ def test_a_verdict_ends_with_its_product_and_its_station(told: Operator) -> None
     told.window.app.engine_link.running_changed.emit(True)
     told.window.app.engine_link.event.emit(StateChanged("running", "preparing"))
     end(told, "passed")
-    told.window.app.set_station(told.place.station)
+    told.window.app.set_station(told.site_folder.station)
     assert told.verdict == ""
 
 
@@ -157,9 +157,7 @@ def test_what_is_nearest_is_bold_and_stands_beside_its_own_limit(told: Operator)
     end(told, "passed", parameters={"gyro_bias_x": row}, checks=checks)
     told.until(lambda: "σ ≤ 2.06" in told.says())
     bold = theme.font(theme.SECTION, bold=True)
-    shown = [
-        label for label in told.window.findChildren(QLabel) if label.isVisible() and label.font() == bold
-    ]
+    shown = [label for label in told.window.findChildren(QLabel) if label.isVisible() and label.font() == bold]
     assert "1.9" in [label.text() for label in shown]
     assert "−0.8" not in [label.text() for label in shown]
 

@@ -15,16 +15,16 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, Q
 from calstation.config import library
 from calstation.gui.shell.app import create_window
 from calstation.gui.shell.main_window import MainWindow
-from tests.gui.conftest import QUICK, SERIAL, STATION, Operator, Place
+from tests.gui.conftest import QUICK, SERIAL, STATION, Operator, SiteFolder
 
 ONE_STAGE = {"stages": ["six_position"]}
 #: At twenty times real time half a minute long: it does not end while somebody presses buttons.
 LONG_STAGE = {"six_position": {"dwell_s": 100.0, **QUICK}}
 
 
-def results(place: Place) -> list[dict[str, Any]]:
+def results(site_folder: SiteFolder) -> list[dict[str, Any]]:
     """Results of the runs made here, oldest first."""
-    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(place.runs.glob("SN-*.json"))]
+    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(site_folder.runs.glob("SN-*.json"))]
 
 
 def test_one_click_runs_to_pass_while_the_language_changes(operator: Operator) -> None:
@@ -52,13 +52,13 @@ def test_one_click_runs_to_pass_while_the_language_changes(operator: Operator) -
     progress = operator.widget("run_progress", QProgressBar)
     assert progress.value() == progress.maximum()
     operator.until_ended()
-    (result,) = results(operator.place)
+    (result,) = results(operator.site_folder)
     assert (result["unit"]["serial"], result["outcome"], result["passed"]) == (serial, "passed", True)
     assert operator.widget("serial_edit", QLineEdit).text() == "SN-000002"
 
 
 def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
-    operator.place.write({**ONE_STAGE, "schedule": LONG_STAGE}, speed=20.0)
+    operator.site_folder.write({**ONE_STAGE, "schedule": LONG_STAGE}, speed=20.0)
     operator.scan(SERIAL)
     operator.press("start_button")
     pause = operator.widget("pause_button", QPushButton)
@@ -79,7 +79,7 @@ def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
     operator.window.show_page("operator_page")
     assert operator.verdict == "STOPPED"
     assert "at rest" in operator.says()
-    assert results(operator.place)[0]["outcome"] == "stopped"
+    assert results(operator.site_folder)[0]["outcome"] == "stopped"
     assert operator.widget("start_button").isEnabled()
 
 
@@ -87,7 +87,7 @@ def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
 def test_a_fault_is_told_latched_and_recovered_from_and_a_passed_unit_is_asked_for(
     operator: Operator,
 ) -> None:
-    operator.place.write(ONE_STAGE, orders=[{"order": "interlock", "value": 0, "at": 35.0}])
+    operator.site_folder.write(ONE_STAGE, orders=[{"order": "interlock", "value": 0, "at": 35.0}])
     operator.scan(SERIAL)
     operator.press("start_button")
     operator.until(lambda: operator.verdict)
@@ -101,7 +101,7 @@ def test_a_fault_is_told_latched_and_recovered_from_and_a_passed_unit_is_asked_f
     operator.press("acknowledge_button")
     assert operator.verdict == ""
 
-    operator.place.write(ONE_STAGE)
+    operator.site_folder.write(ONE_STAGE)
     operator.scan(SERIAL)
     assert "attempt 2" in operator.says()
     operator.press("start_button")
@@ -120,7 +120,7 @@ def test_a_fault_is_told_latched_and_recovered_from_and_a_passed_unit_is_asked_f
     assert operator.window.app.engine_link.running
     operator.press("stop_button")
     operator.until_ended()
-    assert [r["outcome"] for r in results(operator.place)] == ["fault", "passed", "stopped"]
+    assert [r["outcome"] for r in results(operator.site_folder)] == ["fault", "passed", "stopped"]
 
 
 def test_the_scanners_enter_checks_and_only_a_press_starts(operator: Operator) -> None:
@@ -142,7 +142,7 @@ def test_the_scanners_enter_checks_and_only_a_press_starts(operator: Operator) -
 
 
 def test_a_failed_unit_is_told_what_to_do(operator: Operator) -> None:
-    operator.place.write(ONE_STAGE, out_of_limits=True)
+    operator.site_folder.write(ONE_STAGE, out_of_limits=True)
     operator.scan(SERIAL)
     operator.press("start_button")
     operator.until(lambda: operator.verdict)
@@ -154,7 +154,7 @@ def test_a_failed_unit_is_told_what_to_do(operator: Operator) -> None:
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 def test_a_dying_engine_is_a_fault(operator: Operator) -> None:
-    operator.place.write(ONE_STAGE)
+    operator.site_folder.write(ONE_STAGE)
     operator.scan(SERIAL)
     operator.press("start_button")
     operator.until(operator.in_a_stage)
@@ -170,7 +170,7 @@ def test_a_dying_engine_is_a_fault(operator: Operator) -> None:
 
 
 def test_closing_during_a_run_asks_and_then_stops(operator: Operator) -> None:
-    operator.place.write(ONE_STAGE)
+    operator.site_folder.write(ONE_STAGE)
     operator.press("start_button")
     operator.until(operator.in_a_stage)
     operator.window.show_page("station_page")
@@ -183,42 +183,42 @@ def test_closing_during_a_run_asks_and_then_stops(operator: Operator) -> None:
     operator.window.close()
     operator.press("close_choice")
     operator.until(lambda: not operator.window.isVisible())
-    assert results(operator.place)[0]["outcome"] == "stopped"
+    assert results(operator.site_folder)[0]["outcome"] == "stopped"
 
 
 @pytest.mark.long
-def test_an_interrupted_run_is_offered_at_the_start_and_continued(operator: Operator, place: Place) -> None:
-    place.write({"stages": ["six_position", "rate"]})
+def test_an_interrupted_run_is_offered_at_the_start_and_continued(operator: Operator, site_folder: SiteFolder) -> None:
+    site_folder.write({"stages": ["six_position", "rate"]})
     operator.scan(SERIAL)
     operator.press("start_button")
     operator.until(lambda: operator.run.stages and operator.run.stages[1].fraction > 0.1)
     operator.press("stop_button")
     operator.until_ended()
 
-    again = create_window(place.station)
+    again = create_window(site_folder.station)
     assert isinstance(again, MainWindow)
     operator.qtbot.addWidget(again)
     again.show()
-    second = Operator(again, operator.qtbot, place)
+    second = Operator(again, operator.qtbot, site_folder)
     second.until(lambda: f"{SERIAL} was interrupted in stage 2, Rate" in second.says())
     second.press("resume_choice")
     second.until(lambda: second.verdict)
     assert second.verdict == "PASS"
     second.until_ended()
-    assert [r["outcome"] for r in results(place)] == ["stopped", "passed"]
-    assert results(place)[1]["stages"] == ["six_position", "rate"]
+    assert [r["outcome"] for r in results(site_folder)] == ["stopped", "passed"]
+    assert results(site_folder)[1]["stages"] == ["six_position", "rate"]
     again.app.close()
 
 
-def test_a_real_table_is_asked_for_before_it_moves(operator: Operator, place: Place) -> None:
+def test_a_real_table_is_asked_for_before_it_moves(operator: Operator, site_folder: SiteFolder) -> None:
     hardware = {
         **STATION,
         "name": "station 7",
         "table": {"profile": "bench", "port": "tcp://127.0.0.1:9"},
         "imu": {"port": "socket://127.0.0.1:9"},
     }
-    place.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
-    operator.window.app.set_station(place.station)
+    site_folder.station.write_text(tomli_w.dumps(hardware), encoding="utf-8")
+    operator.window.app.set_station(site_folder.station)
     assert "station 7" in operator.says()
     assert "virtual bench" not in operator.says()
     operator.scan(SERIAL)
@@ -234,12 +234,12 @@ def test_a_real_table_is_asked_for_before_it_moves(operator: Operator, place: Pl
     operator.until_ended()
 
 
-def test_a_broken_product_stands_where_it_can_be_mended(operator: Operator, place: Place) -> None:
-    place.product.write_text("name = 1", encoding="utf-8")
+def test_a_broken_product_stands_where_it_can_be_mended(operator: Operator, site_folder: SiteFolder) -> None:
+    site_folder.product.write_text("name = 1", encoding="utf-8")
     operator.window.app.product_changed.emit()
     assert "cannot run" in operator.says()
     assert not operator.widget("start_button").isEnabled()
-    place.write()
+    site_folder.write()
     operator.window.app.product_changed.emit()
     assert "cannot run" not in operator.says()
     assert operator.widget("start_button").isEnabled()

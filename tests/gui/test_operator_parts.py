@@ -22,9 +22,7 @@ from tests.gui.conftest import result_with
 PACKAGE = Path(calstation.__file__).parent
 
 
-@pytest.mark.parametrize(
-    "path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem
-)
+@pytest.mark.parametrize("path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem)
 def test_every_word_is_translated_with_its_values(path: Path) -> None:
     for message in ElementTree.parse(path).getroot().iter("message"):
         source, translation = message.find("source"), message.find("translation")
@@ -99,9 +97,7 @@ def test_names_at_the_lines_ends_keep_apart_and_inside() -> None:
 
 
 def bench(**settings: object) -> RunSummary:
-    return RunSummary(
-        "s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), None, {}, None, (0.0, 0.0)
-    )
+    return RunSummary("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), None, {}, None, (0.0, 0.0))
 
 
 def test_the_bench_is_offered_the_first_number_that_has_not_passed() -> None:

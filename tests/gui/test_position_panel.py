@@ -27,9 +27,7 @@ SIXTY = float(np.deg2rad(60.0))
 
 @pytest.fixture(scope="module")
 def planned() -> RunSummary:
-    request = RunRequest(
-        "SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand")
-    )
+    request = RunRequest("SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand"))
     return run_summary(request)
 
 

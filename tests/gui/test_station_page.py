@@ -95,9 +95,9 @@ class Hands:
         self.type("new_name_edit", name)
         self.press("make_file_button")
 
-    def says(self, place: str) -> str:
+    def says(self, field: str) -> str:
         """The message beneath an input."""
-        label = self.find(QLabel, f"{place}_message")
+        label = self.find(QLabel, f"{field}_message")
         return str(label.text())
 
     def finished(self, device: str) -> list[str]:
@@ -117,9 +117,7 @@ def job_queue() -> Iterator[JobQueue]:
 
 
 @pytest.fixture
-def operator(
-    place: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Hands]:
+def operator(site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hands]:
     """An operator at the page, which stands alone below its header."""
     application = QApplication.instance()
     assert isinstance(application, QApplication)
@@ -128,7 +126,7 @@ def operator(
     language.use("en")
     theme.apply("light")
     monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda *_: job_queue)
-    app = AppContext(place.station)
+    app = AppContext(site_folder.station)
     page = StationPage(app)
     root = QWidget()
     column = QVBoxLayout(root)
@@ -215,16 +213,14 @@ def test_language_and_colours_need_no_engineer(whole: Hands, window: MainWindow,
 # Checked as typed, saved whole
 
 
-def test_a_wrong_value_is_told_beside_it_and_cannot_be_saved(hands: Hands, place: Any) -> None:
+def test_a_wrong_value_is_told_beside_it_and_cannot_be_saved(hands: Hands, site_folder: Any) -> None:
     hands.turn(SITE)
-    before = place.station.read_bytes()
+    before = site_folder.station.read_bytes()
     hands.type("site_latitude_deg_edit", "95")
     assert hands.says("site_latitude_deg") == "Out of range; it must be at most 90."
     save = hands.find(QPushButton, "save_station_button")
     assert not save.isEnabled()
-    assert (
-        save.toolTip() == "Correct first, in “test”: site.latitude_deg: Out of range; it must be at most 90."
-    )
+    assert save.toolTip() == "Correct first, in “test”: site.latitude_deg: Out of range; it must be at most 90."
     assert hands.find(QLabel, "unsaved_label").text() == "● Not saved: test"
     hands.type("site_latitude_deg_edit", "ten")
     assert hands.says("site_latitude_deg") == "Not a number; type one like 12.5."
@@ -233,21 +229,21 @@ def test_a_wrong_value_is_told_beside_it_and_cannot_be_saved(hands: Hands, place
     hands.press("discard_station_button")
     assert hands.find(QLineEdit, "site_latitude_deg_edit").text() == "34.25"
     assert not save.isVisible()
-    assert place.station.read_bytes() == before
+    assert site_folder.station.read_bytes() == before
 
 
-def test_a_right_value_is_saved_as_a_version_with_its_comments(hands: Hands, place: Any) -> None:
-    text = "# our line\n" + place.station.read_text(encoding="utf-8")
-    place.station.write_text(text, encoding="utf-8")
+def test_a_right_value_is_saved_as_a_version_with_its_comments(hands: Hands, site_folder: Any) -> None:
+    text = "# our line\n" + site_folder.station.read_text(encoding="utf-8")
+    site_folder.station.write_text(text, encoding="utf-8")
     hands.turn(SITE)
     hands.page.drafts.discard()
-    hands.page.drafts.station.open(place.station)
+    hands.page.drafts.station.open(site_folder.station)
     told: list[int] = []
     hands.app.station_changed.connect(lambda: told.append(1))
     hands.type("site_latitude_deg_edit", "39.9")
     hands.press("save_station_button")
-    assert saved(place.station)["site"]["latitude_deg"] == 39.9
-    assert place.station.read_text(encoding="utf-8").startswith("# our line\n")
+    assert saved(site_folder.station)["site"]["latitude_deg"] == 39.9
+    assert site_folder.station.read_text(encoding="utf-8").startswith("# our line\n")
     latest = versions.list_versions("stations", "test")[0]
     assert latest.author == hands.page.drafts.author
     assert told
@@ -256,26 +252,24 @@ def test_a_right_value_is_saved_as_a_version_with_its_comments(hands: Hands, pla
     assert "Not saved" in hands.find(QLabel, "unsaved_label").text()
 
 
-def test_the_station_at_hand_is_listed_once(hands: Hands, place: Any) -> None:
+def test_the_station_at_hand_is_listed_once(hands: Hands, site_folder: Any) -> None:
     box = hands.page.station_box
     listed = [box.itemText(i) for i in range(box.count())]
     assert len(listed) == len(set(listed))
     assert box.currentText() == "test (virtual bench)"
 
 
-def test_a_shipped_file_is_saved_as_the_sites_own(hands: Hands, place: Any) -> None:
+def test_a_shipped_file_is_saved_as_the_sites_own(hands: Hands, site_folder: Any) -> None:
     hands.turn(TABLE)
     hands.type("outer_high_deg_edit", "-2000")
-    assert (
-        hands.says("outer_high_deg") == "low_deg = -1080 must be below high_deg = -2000. Correct one of them."
-    )
+    assert hands.says("outer_high_deg") == "low_deg = -1080 must be below high_deg = -2000. Correct one of them."
     assert "no travel" in hands.page.table._picture.accessibleName()
     hands.type("outer_high_deg_edit", "400")
     assert hands.says("outer_high_deg") == ""
     assert "1480° in all" not in hands.page.table._picture.accessibleName()
     assert "4.11 turns in all" in hands.page.table._picture.accessibleName()
     hands.press("save_station_button")
-    own = place.home / "tables" / "bench.toml"
+    own = site_folder.home / "tables" / "bench.toml"
     assert saved(own)["outer"]["high_deg"] == 400
     assert "CiA 402" in own.read_text(encoding="utf-8")
     assert [v.number for v in versions.list_versions("tables", "bench")] == [2, 1]
@@ -324,9 +318,7 @@ def test_a_place_is_confirmed_at_this_computer_by_a_button(hands: Hands) -> None
     draft, told = hands.page.drafts.station, ("site", "confirmed_on")
     draft.set({told: ["plant-2: 34.25 108.9 400.0 normal", here]})
     hands.type("site_height_m_edit", "1200")
-    assert "not this one on this computer" in hands.says("site_confirmed_on"), (
-        "of another height nobody has said it"
-    )
+    assert "not this one on this computer" in hands.says("site_confirmed_on"), "of another height nobody has said it"
     hands.press("confirm_place_button")
     assert draft.value(told) == [
         "plant-2: 34.25 108.9 400.0 normal",
@@ -336,17 +328,17 @@ def test_a_place_is_confirmed_at_this_computer_by_a_button(hands: Hands) -> None
     assert not hands.find(QPushButton, "confirm_place_button").isVisible(), "nobody can be sure of that"
 
 
-def test_an_unknown_azimuth_is_left_out_of_the_file(hands: Hands, place: Any) -> None:
+def test_an_unknown_azimuth_is_left_out_of_the_file(hands: Hands, site_folder: Any) -> None:
     hands.turn(SITE)
     hands.choose("azimuth_way_combo", "found")
     hands.press("save_station_button")
-    assert "azimuth_deg" not in saved(place.station)["site"]
+    assert "azimuth_deg" not in saved(site_folder.station)["site"]
     hands.choose("azimuth_way_combo", "given")
     hands.type("site_azimuth_deg_edit", "")
     assert hands.find(QLineEdit, "site_azimuth_deg_edit").isVisible(), "stays while it is typed anew"
     hands.type("site_azimuth_deg_edit", "90.5")
     hands.press("save_station_button")
-    assert saved(place.station)["site"]["azimuth_deg"] == 90.5
+    assert saved(site_folder.station)["site"]["azimuth_deg"] == 90.5
 
 
 # Leaving
@@ -354,7 +346,7 @@ def test_an_unknown_azimuth_is_left_out_of_the_file(hands: Hands, place: Any) ->
 
 @pytest.mark.parametrize("answer", ["stay_button", "discard_and_go_button", "save_and_go_button"])
 def test_leaving_with_unsaved_changes_asks_inline(
-    whole: Hands, window: MainWindow, place: Any, answer: str
+    whole: Hands, window: MainWindow, site_folder: Any, answer: str
 ) -> None:
     hands, tabs = whole, window.page_tabs
     hands.type("name_edit", "line 7")
@@ -364,7 +356,7 @@ def test_leaving_with_unsaved_changes_asks_inline(
     hands.press(answer)
     assert not hands.page.notice.asking
     assert (tabs.currentWidget() is hands.page) == (answer == "stay_button")
-    assert saved(place.station)["name"] == ("line 7" if answer.startswith("save") else "test bench")
+    assert saved(site_folder.station)["name"] == ("line 7" if answer.startswith("save") else "test bench")
 
 
 def test_closing_the_window_with_unsaved_changes_asks_too(whole: Hands, window: MainWindow) -> None:
@@ -379,7 +371,7 @@ def test_closing_the_window_with_unsaved_changes_asks_too(whole: Hands, window: 
 # Stations
 
 
-def test_a_new_station_is_made_from_a_copy_and_stays_chosen(hands: Hands, place: Any) -> None:
+def test_a_new_station_is_made_from_a_copy_and_stays_chosen(hands: Hands, site_folder: Any) -> None:
     hands.press("new_station_button")
     make = hands.find(QPushButton, "make_file_button")
     for name, told in (("", "Type a name first."), ("line 3", "Only letters"), ("test", "taken")):
@@ -388,7 +380,7 @@ def test_a_new_station_is_made_from_a_copy_and_stays_chosen(hands: Hands, place:
         assert told in make.toolTip()
     hands.type("new_name_edit", "line_3")
     hands.press("make_file_button")
-    path = place.home / "stations" / "line_3.toml"
+    path = site_folder.home / "stations" / "line_3.toml"
     assert saved(path)["name"] == "line_3"
     assert hands.app.station_path == path
     assert hands.find(QComboBox, "station_combo").currentText() == "line_3"
@@ -422,9 +414,7 @@ def test_the_virtual_bench_is_tested_by_its_buttons(hands: Hands) -> None:
         assert hands.find(QWidget, f"{device}_test_badge").text() == "The link works"
 
 
-def test_a_wrong_port_is_told_with_its_mend_in_both_languages(
-    hands: Hands, chinese: Callable[[], None]
-) -> None:
+def test_a_wrong_port_is_told_with_its_mend_in_both_languages(hands: Hands, chinese: Callable[[], None]) -> None:
     hands.copy_station("line_3")
     hands.turn(TABLE_LINK)
     hands.choose("table_way_combo", "serial line")
@@ -445,7 +435,7 @@ def test_a_wrong_port_is_told_with_its_mend_in_both_languages(
 
 
 def test_an_operator_resets_what_the_table_has_latched(
-    operator: Hands, place: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
+    operator: Hands, site_folder: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
 ) -> None:
     with BenchHost.start({"speed": 0.0}) as host:
         where, _, port = host.endpoints["clock"].rpartition(":")
@@ -458,7 +448,7 @@ def test_an_operator_resets_what_the_table_has_latched(
             "table": link,
             "imu": {"port": "/dev/ttyNONE9"},
         }
-        place.station.write_text(tomli_w.dumps(real), encoding="utf-8")
+        site_folder.station.write_text(tomli_w.dumps(real), encoding="utf-8")
         operator.app.station_changed.emit()
         operator.turn(TABLE_LINK)
         reset = operator.find(QPushButton, "table_reset_button")
@@ -467,7 +457,7 @@ def test_an_operator_resets_what_the_table_has_latched(
         assert "The fault “drive” is latched." in operator.finished("table")
         assert reset.isVisible()
         assert not reset.hasFocus(), "a key meant for something else must not reset it"
-        operator.app.engine_link.request = RunRequest("SN-000042", place.station)
+        operator.app.engine_link.request = RunRequest("SN-000042", site_folder.station)
         with monkeypatch.context() as going:
             going.setattr(EngineLink, "running", property(lambda _: True))
             operator.app.engine_link.running_changed.emit(True)
@@ -538,9 +528,7 @@ def test_serial_settings_are_the_profiles_or_the_stations_own(hands: Hands) -> N
     assert hands.says("table_unit") == "Out of range; it must be at most 255."
 
 
-def test_no_test_and_no_change_in_force_while_a_run_is_going(
-    hands: Hands, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_test_and_no_change_in_force_while_a_run_is_going(hands: Hands, monkeypatch: pytest.MonkeyPatch) -> None:
     hands.turn(TABLE_LINK)
     hands.app.engine_link.request = RunRequest("SN-000042")
     monkeypatch.setattr(EngineLink, "running", property(lambda _: True))
@@ -592,9 +580,7 @@ def test_every_finding_and_reason_has_words() -> None:
 
 
 def test_a_rule_that_the_page_does_not_know_is_told_in_the_loaders_words() -> None:
-    (problem,) = check_data(
-        "products", {"name": "x", "imu": "bench_nav", "serial_pattern": "(", "limits": {}}
-    )
+    (problem,) = check_data("products", {"name": "x", "imu": "bench_nav", "serial_pattern": "(", "limits": {}})
     assert problem_text(problem).startswith("“(” is not a regular expression")
 
 
@@ -631,7 +617,7 @@ def test_a_wrong_text_is_marked_at_its_line(hands: Hands) -> None:
     assert not hands.find(QPushButton, "save_station_button").isEnabled()
 
 
-def test_versions_are_listed_compared_and_taken_back(hands: Hands, place: Any) -> None:
+def test_versions_are_listed_compared_and_taken_back(hands: Hands, site_folder: Any) -> None:
     hands.turn(PROFILES)
     profiles = hands.page.profiles
     profiles.open("products", "nav_a")
@@ -639,7 +625,7 @@ def test_versions_are_listed_compared_and_taken_back(hands: Hands, place: Any) -
         text = re.sub(r"turns = \d", f"turns = {turns}", profiles.editor.toPlainText())
         profiles.editor.setPlainText(text)
         hands.press("save_station_button")
-    own = place.home / "products" / "nav_a.toml"
+    own = site_folder.home / "products" / "nav_a.toml"
     assert saved(own)["schedule"]["rate"]["turns"] == 4
     listed = hands.find(QListWidget, "versions_list")
     assert [listed.item(i).text().split()[0] for i in range(listed.count())] == ["3", "2", "1"]

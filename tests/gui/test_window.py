@@ -15,14 +15,14 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.widgets import theme
 from calstation.records.log import open_log
 from calstation.runs.resume import resumable
-from tests.gui.conftest import Place
+from tests.gui.conftest import SiteFolder
 
 PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "station_page"]
 
 
-def opened(place: Place, qtbot: QtBot) -> MainWindow:
+def opened(site_folder: SiteFolder, qtbot: QtBot) -> MainWindow:
     """A window as it opens from the place's settings."""
-    window = create_window(place.station)
+    window = create_window(site_folder.station)
     assert isinstance(window, MainWindow)
     qtbot.addWidget(window)
     window.show()
@@ -53,12 +53,12 @@ def test_english_is_the_first_language(window: MainWindow) -> None:
     assert combo.itemText(0) == "English"
 
 
-def test_the_language_and_theme_chosen_are_there_again(place: Place, qtbot: QtBot) -> None:
-    first = opened(place, qtbot)
+def test_the_language_and_theme_chosen_are_there_again(site_folder: SiteFolder, qtbot: QtBot) -> None:
+    first = opened(site_folder, qtbot)
     first.language_combo.setCurrentIndex(1)
     first.app.set_theme("dark")
     first.close()
-    second = opened(place, qtbot)
+    second = opened(site_folder, qtbot)
     assert second.language_combo.currentText() == "中文"
     assert second.page_tabs.tabText(0) == "操作员"
     assert theme.current() == "dark"
@@ -115,9 +115,9 @@ def test_nothing_is_clipped_in_any_language_theme_or_size(window: MainWindow, qt
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 @pytest.mark.long
-def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(place: Place) -> None:
-    place.write({"stages": ["six_position", "rate"]})
-    script = place.folder / "at_the_window.py"
+def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(site_folder: SiteFolder) -> None:
+    site_folder.write({"stages": ["six_position", "rate"]})
+    script = site_folder.folder / "at_the_window.py"
     script.write_text(
         "from calstation.gui import create_window\n"
         "from calstation.config import library\n"
@@ -125,7 +125,7 @@ def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(pla
         "from PySide6.QtCore import QTimer\n"
         "if __name__ == '__main__':\n"
         "    from pathlib import Path\n"
-        f"    window = create_window(Path({str(place.station)!r}))\n"
+        f"    window = create_window(Path({str(site_folder.station)!r}))\n"
         "    window.app.set_product(library.find('products', 'short'))\n"
         "    window.show()\n"
         "    QTimer.singleShot(0, window.operator_page.header.start_button.click)\n"
@@ -144,17 +144,17 @@ def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(pla
     listener.wait()
     listener.stdout.close()
     deadline = time.monotonic() + 60.0
-    while not (results := [p for p in place.runs.glob("SN-*.json") if p.stat().st_size]):
+    while not (results := [p for p in site_folder.runs.glob("SN-*.json") if p.stat().st_size]):
         assert time.monotonic() < deadline
         time.sleep(0.1)
-    (log,) = place.runs.glob("SN-*.h5")
+    (log,) = site_folder.runs.glob("SN-*.h5")
     while open_log(log).outcome is None:
         assert time.monotonic() < deadline
         time.sleep(0.1)
     assert open_log(log).outcome == "stopped"
     result = json.loads(results[0].read_text(encoding="utf-8"))
     assert (result["outcome"], result["stop_reason"]) == ("stopped", "listener_lost")
-    (offered,) = resumable(place.runs)
+    (offered,) = resumable(site_folder.runs)
     assert offered.finished == ("six_position",)
 
 

@@ -140,9 +140,7 @@ def test_the_driver_speaks_to_libmodbus(server_program: Path, transport: str) ->
 
 
 @transports
-def test_exceptions_of_libmodbus_are_told_and_writes_are_made_once(
-    server_program: Path, transport: str
-) -> None:
+def test_exceptions_of_libmodbus_are_told_and_writes_are_made_once(server_program: Path, transport: str) -> None:
     with libmodbus(server_program, transport) as port:
         link = ModbusLink(port, 1, 2.0, SERIAL)
         try:
@@ -188,9 +186,9 @@ def polled(bench: Any, first: int, count: int, *options: str) -> list[int]:
 @transports
 def test_mbpoll_reads_and_writes_the_bench(start_bench: Any, transport: str) -> None:
     with start_bench(table_transport=transport, encoder_sigma_deg=0.0, table_serial="T-42") as bench:
-        assert bytes(
-            b for word in polled(bench, 0, 8) for b in word.to_bytes(2, "big")
-        ) == b"bench-table".ljust(16, b"\0")
+        assert bytes(b for word in polled(bench, 0, 8) for b in word.to_bytes(2, "big")) == b"bench-table".ljust(
+            16, b"\0"
+        )
         assert polled(bench, 16, 7) == [0, 0x0660, 0, 1, 2000, 0, 0]
         assert polled(bench, 40, 2, "-t", "4:int", "-B") == [-108_000_000, 108_000_000]
         assert mbpoll(bench, "-r", "22", "=1").returncode == 1, "not enabled: the write is refused"

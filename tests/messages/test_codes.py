@@ -210,9 +210,7 @@ def all_entries() -> list[Entry]:
 
 def test_no_message_is_made_outside_the_catalogue() -> None:
     outside = [site for site in sites() if not site.codes or not all(map(known, site.codes))]
-    assert not [
-        f"{site.where} {site.kind}" for site in outside if site.where.partition(":")[0] not in COMPUTED
-    ]
+    assert not [f"{site.where} {site.kind}" for site in outside if site.where.partition(":")[0] not in COMPUTED]
 
 
 def test_every_message_gets_the_values_that_its_texts_name() -> None:

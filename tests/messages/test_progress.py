@@ -19,9 +19,7 @@ def test_an_unknown_event_is_shown_with_its_values() -> None:
 
 def test_a_step_is_worded_by_its_label() -> None:
     assert sentence(step_text("move", ("turn_about", "x", 90.0))) == "Turning about x by 90°"
-    assert sentence(step_text("carry", ("carry", 90.0, 0.0, 10.0, 1.0, 8.0)), "zh_CN").startswith(
-        "外导轨转到 90°"
-    )
+    assert sentence(step_text("carry", ("carry", 90.0, 0.0, 10.0, 1.0, 8.0)), "zh_CN").startswith("外导轨转到 90°")
     assert sentence(step_text("dwell", ("position", 0.0, 90.0))) == "Resting"
     assert sentence(step_text("move", ())) == "Moving"
     assert sentence(step_text("move", ("third_turn", "x", 1.5))) == "third turn x 1.5"

@@ -43,9 +43,7 @@ def test_messages_stand_inside_messages_and_travel_as_json() -> None:
 
 
 def test_a_reason_that_the_catalogue_lacks_keeps_the_systems_words() -> None:
-    assert (
-        render("program.internal", {"detail": os_reason(OSError(9999, "odd"))}).text == "Internal error: odd."
-    )
+    assert render("program.internal", {"detail": os_reason(OSError(9999, "odd"))}).text == "Internal error: odd."
 
 
 def test_terms_are_translated_and_unknown_ones_are_readable() -> None:

@@ -54,9 +54,7 @@ def test_height_formula_is_the_contracts():
 
 @given(LATITUDES, st.floats(-500.0, 9000.0))
 def test_gravity_agrees_with_the_bench_everywhere(latitude, height):
-    assert normal_gravity(latitude, height) == pytest.approx(
-        earth_truth.normal_gravity(latitude, height), abs=1e-9
-    )
+    assert normal_gravity(latitude, height) == pytest.approx(earth_truth.normal_gravity(latitude, height), abs=1e-9)
     assert EQUATOR_GRAVITY - 0.03 < normal_gravity(latitude, height) < POLE_GRAVITY + 0.002
 
 

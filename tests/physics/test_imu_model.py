@@ -19,9 +19,7 @@ LARGEST = {
     "inner_lever": 0.1,
     "outer_lever": 0.5,
 }
-PARAMETER_VECTORS = st.tuples(*[st.floats(-LARGEST[p.group], LARGEST[p.group]) for p in PARAMETERS]).map(
-    np.array
-)
+PARAMETER_VECTORS = st.tuples(*[st.floats(-LARGEST[p.group], LARGEST[p.group]) for p in PARAMETERS]).map(np.array)
 
 
 def vectors(limit):
@@ -41,9 +39,7 @@ def forward(parameters, omega, force):
         ]
     )
     # displacement along its own axis: e_i · (ω × (ω × l e_i)) = −l (|ω|² − ω_i²), and none from ω̇ × l e_i
-    sensed = np.array(
-        [force[i] - p[f"inner_lever_{a}"] * (omega @ omega - omega[i] ** 2) for i, a in enumerate("xyz")]
-    )
+    sensed = np.array([force[i] - p[f"inner_lever_{a}"] * (omega @ omega - omega[i] ** 2) for i, a in enumerate("xyz")])
     accel = np.array(
         [
             sensed[i]

@@ -19,9 +19,7 @@ NO_EARTH = np.zeros(3)
 PERFECT = compensation(np.zeros(COUNT))
 
 
-def navigate(
-    constants, gyro, accel, dt, attitude, velocity=(0.0, 0.0, 0.0), earth=NO_EARTH, gravity=G, span=None
-):
+def navigate(constants, gyro, accel, dt, attitude, velocity=(0.0, 0.0, 0.0), earth=NO_EARTH, gravity=G, span=None):
     """Output of the kernel after one interval over `span` of the samples, by default all of them."""
     work = interval_work()
     work.attitude[:] = attitude
@@ -32,9 +30,7 @@ def navigate(
 
 
 def still(count, omega=(0.0, 0.0, 0.0), force=(0.0, 0.0, G)):
-    return np.tile(np.array(omega, dtype=float), (count, 1)), np.tile(
-        np.array(force, dtype=float), (count, 1)
-    )
+    return np.tile(np.array(omega, dtype=float), (count, 1)), np.tile(np.array(force, dtype=float), (count, 1))
 
 
 def test_a_body_at_rest_on_the_turning_earth_stays_where_it_is():
@@ -188,8 +184,7 @@ def test_transition_blocks_are_the_derivatives_of_the_navigation(motion, span, a
         small = np.zeros(6)
         small[i] = 1e-5
         plus, minus = (
-            run(point, rotation_matrix(s * small[:3]) @ attitude, START_VELOCITY + s * small[3:])
-            for s in (1.0, -1.0)
+            run(point, rotation_matrix(s * small[:3]) @ attitude, START_VELOCITY + s * small[3:]) for s in (1.0, -1.0)
         )
         numeric[:, i] = difference(minus, plus) / 2e-5
     for i, parameter in enumerate(PARAMETERS):
@@ -238,6 +233,4 @@ def test_rate_and_force_derivatives_at_an_instant_are_those_of_compensation(moti
         low = compensate(compensation(truth.parameters - step), gyro[600:601], accel[600:601])
         for found, a, b in ((rate_jacobian, high[0], low[0]), (force_jacobian, high[1], low[1])):
             exact = (a - b)[0] / (2.0 * step[i])
-            assert found[:, i] == pytest.approx(exact, abs=2e-4 * max(np.linalg.norm(exact), 1e-4)), (
-                parameter.name
-            )
+            assert found[:, i] == pytest.approx(exact, abs=2e-4 * max(np.linalg.norm(exact), 1e-4)), parameter.name

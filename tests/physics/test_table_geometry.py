@@ -90,9 +90,7 @@ def test_pose_up_points_up_or_is_refused(table, direction, near_outer, near_inne
 
 
 @given(DIRECTIONS, ANGLES, ANGLES)
-def test_an_orthogonal_table_with_a_level_outer_axis_points_everything_up_exactly(
-    direction, near_outer, near_inner
-):
+def test_an_orthogonal_table_with_a_level_outer_axis_points_everything_up_exactly(direction, near_outer, near_inner):
     table = TableGeometry()
     outer, inner = table.pose_up(direction, (near_outer, near_inner))
     off = angle_between(table.body_to_home(outer, inner) @ direction, UP)

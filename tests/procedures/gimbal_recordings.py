@@ -63,8 +63,7 @@ def recorded(
 def block_of(parts: list[GimbalSamples]) -> SampleBlock:
     """The samples as one block."""
     seq, time, counts, joints, step = (
-        np.concatenate([getattr(p, name) for p in parts])
-        for name in ("seq", "time", "counts", "joints", "step")
+        np.concatenate([getattr(p, name) for p in parts]) for name in ("seq", "time", "counts", "joints", "step")
     )
     n = len(seq)
     return SampleBlock(

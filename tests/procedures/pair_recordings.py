@@ -57,9 +57,7 @@ def pair(seed: int, grade: str = "mems", **options: object) -> tuple[ImuTruth, S
     random = np.random.default_rng([seed, 1])
     place = Place(rotation(random.standard_normal(3) * 0.03), random.uniform(-0.1, 0.1, 3))
     offset = float(random.uniform(-0.03, 0.03))
-    return unit(grade, 2 * seed, **options), SecondaryTruth(
-        unit(grade, 2 * seed + 1, **options), place, offset
-    )
+    return unit(grade, 2 * seed, **options), SecondaryTruth(unit(grade, 2 * seed + 1, **options), place, offset)
 
 
 def recording(

@@ -49,9 +49,7 @@ def test_errors_of_many_pairs_agree_with_their_sigmas():
     errors = []
     for seed in range(9):
         primary, secondary = pair(100 + seed)
-        found = solved(
-            recording(primary, [secondary], seed), context_of(primary, [secondary]), known(primary)
-        )
+        found = solved(recording(primary, [secondary], seed), context_of(primary, [secondary]), known(primary))
         errors.append((vector(found) - truth_of(primary, secondary)) / vector(found, "sigma"))
     for group in GROUPS:
         columns = [k for k, p in enumerate(PAIR_PARAMETERS) if p.group == group]
@@ -103,9 +101,7 @@ def test_several_secondaries_have_names_of_their_own():
     _, second = pair(7)
     block = recording(primary, [first, second], 6)
     found = solved(block, context_of(primary, [first, second]), known(primary))
-    assert {"secondary_gyro_bias_x", "clock_offset", "secondary3_gyro_bias_x", "clock_offset3"} < set(
-        found.found
-    )
+    assert {"secondary_gyro_bias_x", "clock_offset", "secondary3_gyro_bias_x", "clock_offset3"} < set(found.found)
     for number, secondary in ((2, first), (3, second)):
         truth = truth_of(primary, secondary)
         for k, p in enumerate(PAIR_PARAMETERS):
@@ -149,9 +145,7 @@ def watch_of(primary, secondaries, kept=None, stored=None, **schedule):
 
 
 def run(watch, block, size=100):
-    return [
-        e for k in range(0, len(block), size) for e in watch.feed(block.part(k, min(k + size, len(block))))
-    ]
+    return [e for k in range(0, len(block), size) for e in watch.feed(block.part(k, min(k + size, len(block))))]
 
 
 def test_secondary_out_of_tolerance_is_calibrated_from_the_next_motion(mems):
@@ -161,9 +155,7 @@ def test_secondary_out_of_tolerance_is_calibrated_from_the_next_motion(mems):
     events = run(watch, block)
     assert [e.kind for e in events] == ["triggered", "checked", "calibrating", "calibrated"]
     assert watch.state == "waiting"
-    error = (pair_vector(kept[2]) - truth_of(primary, secondary)) / np.sqrt(
-        np.diag(watch.calibrated[2].fit.covariance)
-    )
+    error = (pair_vector(kept[2]) - truth_of(primary, secondary)) / np.sqrt(np.diag(watch.calibrated[2].fit.covariance))
     assert np.abs(error).max() < 5.0
     # checked again, with what is stored now, it is as good as the primary: nothing more is done
     again = watch_of(primary, [secondary], kept, stored=kept)

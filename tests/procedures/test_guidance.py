@@ -71,9 +71,7 @@ def test_neither_a_knock_nor_a_gap_counts_as_a_position(mems):
     guide, _ = followed(block.part(0, 800), imu)
     (first,) = guide.now.positions
     knocked = block.part(800, 900)
-    noisy = replace(
-        knocked, counts=knocked.counts + np.r_[2e4, 0, 0, 0, 0, 0] * np.sin(np.arange(100.0))[:, None]
-    )
+    noisy = replace(knocked, counts=knocked.counts + np.r_[2e4, 0, 0, 0, 0, 0] * np.sin(np.arange(100.0))[:, None])
     guide.feed(noisy)
     assert guide.now.state == "moving"
     later = block.part(100, 800)

@@ -82,9 +82,7 @@ def test_noise_beyond_the_profile_enlarges_the_sigmas(mems):
     context = context_of(imu)
     quiet = replace(
         context,
-        imu=replace(
-            context.imu, gyro_arw=0.2 * imu.gyro_arw, gyro_bias_instability=0.0, accel_bias_instability=0.0
-        ),
+        imu=replace(context.imu, gyro_arw=0.2 * imu.gyro_arw, gyro_bias_instability=0.0, accel_bias_instability=0.0),
     )
     found = solved(recording(imu, 6, rough), quiet, prior_of("mems"))
     assert np.abs((found.belief.mean - imu.parameters) / found.belief.sigma)[MASK].max() < 5.0
@@ -96,9 +94,7 @@ def test_noise_beyond_the_profile_enlarges_the_sigmas(mems):
 def test_the_plan_runs_on_a_motorised_table_too():
     truth = BenchTruth.draw("tactical", 8, sample_rate=100.0, instability=False)
     chosen = method("multi_position")
-    schedule = chosen.schedule(
-        step_deg=90.0, rest_s=4.0, initial_rest_s=5.0, rate_dps=60.0, acceleration_dps2=60.0
-    )
+    schedule = chosen.schedule(step_deg=90.0, rest_s=4.0, initial_rest_s=5.0, rate_dps=60.0, acceleration_dps2=60.0)
     samples = Simulator(truth, 8).run(chosen.plan(geometry_of(truth), schedule), "multi_position")
     solver = chosen.solver(table_context(truth), table_prior(truth), schedule)
     solver.feed(block_of(samples))

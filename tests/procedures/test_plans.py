@@ -201,9 +201,7 @@ def test_azimuth_flips_are_half_turns_about_the_vertical_plus_minus_minus_plus(t
         assert axis_n * way[joint] == pytest.approx([0.0, 0.0, after.label[1] * np.pi / 180.0], abs=1e-9)
         ways.append(after.label[1])
     assert ways == [180.0, -180.0, -180.0, 180.0] * 2
-    assert (found[-1].outer, found[-1].inner) == pytest.approx(
-        (moves_of(steps)[0].outer, moves_of(steps)[0].inner)
-    )
+    assert (found[-1].outer, found[-1].inner) == pytest.approx((moves_of(steps)[0].outer, moves_of(steps)[0].inner))
 
 
 def test_azimuth_flips_need_half_a_turn_either_way():

@@ -53,10 +53,7 @@ def test_all_other_parameters_are_consider_parameters(chain):
     assert np.array_equal(found.belief.mean[others], chain.prior.mean[others])
     assert np.array_equal(found.belief.sigma[others], chain.prior.sigma[others])
     assert found.estimated == tuple(NAMES[i] for i in SCALE)
-    assert (
-        np.linalg.eigvalsh(found.belief.covariance / np.outer(found.belief.sigma, found.belief.sigma)).min()
-        > -1e-9
-    )
+    assert np.linalg.eigvalsh(found.belief.covariance / np.outer(found.belief.sigma, found.belief.sigma)).min() > -1e-9
 
 
 def test_six_turns_are_found_each_with_its_joint_and_angle(nav_chain):
@@ -71,9 +68,7 @@ def test_without_encoders_turns_are_assumed_whole_and_reported(nav_chain):
     found = solved(nav_chain.truth, nav_chain.prior, [blind])
     assert [key for key, _ in found.messages] == ["turns_assumed_whole"]
     assert np.abs(errors_in_sigma(found.belief, nav_chain.truth)).max() < 4.0
-    assert found.belief.sigma[SCALE] == pytest.approx(
-        nav_chain.solutions["rate"].belief.sigma[SCALE], rel=0.2
-    )
+    assert found.belief.sigma[SCALE] == pytest.approx(nav_chain.solutions["rate"].belief.sigma[SCALE], rel=0.2)
 
 
 @pytest.mark.parametrize(("lost", "missing"), [((1,), ["+x", "-x"]), ((5,), ["-y"]), ((7, 8), ["+z", "-z"])])

@@ -46,9 +46,7 @@ def test_bias_keeps_the_uncertainty_of_the_second_order_term(nav_chain):
     assert found.sigma[BIAS] == pytest.approx(np.hypot(doubt, 5e-5), rel=0.05)
     known = prior.covariance.copy()
     known[QUADRATIC, :] = known[:, QUADRATIC] = 0.0
-    sharper = Belief(
-        np.where(np.isin(np.arange(30), QUADRATIC), nav_chain.truth.parameters, prior.mean), known
-    )
+    sharper = Belief(np.where(np.isin(np.arange(30), QUADRATIC), nav_chain.truth.parameters, prior.mean), known)
     certain = solved(nav_chain.truth, sharper, [block_of(nav_chain.samples["six_position"])])
     assert np.all(certain.belief.sigma[BIAS] < 0.3 * found.sigma[BIAS])
     assert np.abs(errors_in_sigma(certain.belief, nav_chain.truth)[BIAS]).max() < 4.0
@@ -74,9 +72,7 @@ def test_wrong_gravity_enters_the_scale_one_to_one(nav_chain):
     context, block = context_of(nav_chain.truth), block_of(nav_chain.samples["six_position"])
     heavy = replace(context, site=replace(context.site, gravity=9.8))
     light = replace(context, site=replace(context.site, gravity=9.8 * (1.0 - 1e-4)))
-    a, b = (
-        solved(nav_chain.truth, nav_chain.priors["six_position"], [block], c).belief for c in (heavy, light)
-    )
+    a, b = (solved(nav_chain.truth, nav_chain.priors["six_position"], [block], c).belief for c in (heavy, light))
     assert (b.mean - a.mean)[SCALE] == pytest.approx(1e-4, rel=0.02)
 
 
@@ -88,9 +84,7 @@ def test_all_other_parameters_are_consider_parameters(chain):
     assert set(found.estimated) == {NAMES[i] for i in SCALE + BIAS}
 
 
-@pytest.mark.parametrize(
-    ("place", "face"), [(0, "+z"), (1, "-z"), (2, "+y"), (3, "-y"), (4, "+x"), (5, "-x")]
-)
+@pytest.mark.parametrize(("place", "face"), [(0, "+z"), (1, "-z"), (2, "+y"), (3, "-y"), (4, "+x"), (5, "-x")])
 def test_a_missing_face_is_named(nav_chain, place, face):
     with raises_code(InsufficientDataError, "solve.missing_faces") as caught:
         solved(nav_chain.truth, nav_chain.prior, [without_face(nav_chain, place)])

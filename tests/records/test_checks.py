@@ -42,9 +42,7 @@ def solution(evidence: Evidence | None = None, estimated=NAMES, **values: float)
     for name, value in values.items():
         mean[INDEX[name]] = value
     belief = Belief(mean, np.diag(np.full(COUNT, 1e-4) ** 2))
-    return Solution(
-        "multi_position", belief, tuple(estimated), Consistency(1.0, 0.9, 1.1, 9), evidence=evidence
-    )
+    return Solution("multi_position", belief, tuple(estimated), Consistency(1.0, 0.9, 1.1, 9), evidence=evidence)
 
 
 def prior() -> Belief:
@@ -91,20 +89,14 @@ def test_improvement_is_proven_at_the_positions_chosen():
     told = checked(rule, better)["improvement_at_rest"]
     assert not told.passed
     assert told.where == Where(stage="multi_position", rest=2)
-    chosen = checked({"improvement_at_rest": {"below": 0.5, "positions": [0, 1]}}, better)[
-        "improvement_at_rest"
-    ]
+    chosen = checked({"improvement_at_rest": {"below": 0.5, "positions": [0, 1]}}, better)["improvement_at_rest"]
     assert chosen.passed
     assert chosen.value == pytest.approx(0.010, abs=1e-9)
     assert chosen.limit == pytest.approx(0.015, abs=1e-9)
-    spared = checked({"improvement_at_rest": {"below": 0.5, "or_within": 1e-4}}, better)[
-        "improvement_at_rest"
-    ]
+    spared = checked({"improvement_at_rest": {"below": 0.5, "or_within": 1e-4}}, better)["improvement_at_rest"]
     assert spared.passed
     worse = solution(evidence, accel_bias_z=-0.02)
-    assert not checked({"improvement_at_rest": {"below": 0.5, "positions": [0]}}, worse)[
-        "improvement_at_rest"
-    ].passed
+    assert not checked({"improvement_at_rest": {"below": 0.5, "positions": [0]}}, worse)["improvement_at_rest"].passed
 
 
 def test_level_components_are_told_apart():
@@ -138,9 +130,7 @@ def test_motions_are_compared_with_the_encoder_where_there_is_one():
 
 def test_motions_by_hand_are_compared_with_gravity():
     turn = np.pi / 2.0
-    evidence = Evidence(
-        "multi_position", (rest([0.0, 0.0, G]), rest([0.0, G, 0.0])), (motion(turn, scale=2e-3),)
-    )
+    evidence = Evidence("multi_position", (rest([0.0, 0.0, G]), rest([0.0, G, 0.0])), (motion(turn, scale=2e-3),))
     rule = {"motion_angle": {"within": 1e-3, "below": 0.5}}
     told = checked(rule, solution(evidence, gyro_scale_x=2e-3))
     assert told["motion_angle"].value < 1e-5

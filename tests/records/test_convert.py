@@ -58,9 +58,7 @@ def test_further_imus_and_a_gimbals_joints_travel_too(tmp_path: Path) -> None:
         "gyro_lsb": 1e-6,
         "stored": {"values": {"secondary_gyro_bias_x": 0.1 + 0.2}, "gyro_static": 1e-3},
     }
-    meta = LogMeta.model_validate(
-        {**META, "imu2": {"serial": "B", **further}, "imu3": {"serial": "C", **imu}}
-    )
+    meta = LogMeta.model_validate({**META, "imu2": {"serial": "B", **further}, "imu3": {"serial": "C", **imu}})
     random = np.random.default_rng(1)
     blocks = []
     for k, plain in enumerate([make_block("", 0, 30), make_block("cross_calibration", 30, 500)]):

@@ -16,9 +16,7 @@ PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"
 
 
 def test_columns_may_come_in_any_order_and_optional_ones_may_be_there(tmp_path: Path) -> None:
-    header = (
-        "valid,step,stage,temp_c,inner_deg,outer_deg,accel_z,accel_y,accel_x,gyro_z,gyro_y,gyro_x,time_s,seq"
-    )
+    header = "valid,step,stage,temp_c,inner_deg,outer_deg,accel_z,accel_y,accel_x,gyro_z,gyro_y,gyro_x,time_s,seq"
     rows = ["1,4,rate,25.5,90,,6,5,4,3,2,1,0.01,0", "0,4,,,,45,6,5,4,3,2,1.5,0.02,1"]
     columns = joined(list(open_log(write_csv_log(tmp_path, rows, header)).blocks()))
     np.testing.assert_array_equal(columns["counts"], [[1, 2, 3, 4, 5, 6], [1.5, 2, 3, 4, 5, 6]])

@@ -69,9 +69,7 @@ def read(path: Path) -> tuple[list[int], tuple[DamagedRows, ...]]:
 
 @pytest.mark.parametrize("name", ["closed", "left open"])
 @pytest.mark.parametrize("row", [0, 1, 5000, CHUNK_ROWS * 16, CHANGE - 20, ROWS - 60])
-def test_a_page_of_zeros_costs_the_rows_on_it(
-    tmp_path: Path, logs: dict[str, bytes], name: str, row: int
-) -> None:
+def test_a_page_of_zeros_costs_the_rows_on_it(tmp_path: Path, logs: dict[str, bytes], name: str, row: int) -> None:
     data = bytearray(logs[name])
     at = place_of(logs[name], row) + 20
     data[at : at + 4096] = bytes(4096)
@@ -109,9 +107,7 @@ def test_the_rows_behind_a_torn_end_were_never_there(tmp_path: Path, logs: dict[
 
 
 @pytest.mark.parametrize("share", [0.1, 0.37, 0.5, 0.83, 0.99])
-def test_of_a_log_cut_short_all_is_read_that_is_there(
-    tmp_path: Path, logs: dict[str, bytes], share: float
-) -> None:
+def test_of_a_log_cut_short_all_is_read_that_is_there(tmp_path: Path, logs: dict[str, bytes], share: float) -> None:
     length = int(share * len(logs["closed"]))
     (tmp_path / "run.h5").write_bytes(logs["closed"][:length])
     seq, (hole,) = read(tmp_path / "run.h5")

@@ -49,9 +49,7 @@ def test_value_and_sigma_are_compared_and_a_parameter_goes_before_its_group() ->
 
 
 def test_a_parameter_that_kept_its_prior_sigma_is_named_and_fails() -> None:
-    found = solution(
-        "rate", ("gyro_bias_x", "gyro_scale_x"), {"gyro_scale_x": (0.0, 1e-3), "gyro_bias_x": (0.0, 0.95)}
-    )
+    found = solution("rate", ("gyro_bias_x", "gyro_scale_x"), {"gyro_scale_x": (0.0, 1e-3), "gyro_bias_x": (0.0, 0.95)})
     assert unobservable(PRIOR, [found]) == ["gyro_bias_x"]
     assert not check_limits({"gyro_bias": limit(within=1.0)}, PRIOR, [found])[-1].passed
 
@@ -71,9 +69,7 @@ def test_the_last_stage_that_estimated_a_parameter_owns_it() -> None:
     assert check_limits({}, PRIOR, []) == []
 
 
-@pytest.mark.parametrize(
-    "fields", [{"within": -1.0}, {"within": [1.0, 0.0]}, {"sigma_below": 0.0}, {"whithin": 1.0}]
-)
+@pytest.mark.parametrize("fields", [{"within": -1.0}, {"within": [1.0, 0.0]}, {"sigma_below": 0.0}, {"whithin": 1.0}])
 def test_limits_that_make_no_sense_are_refused(fields: dict[str, object]) -> None:
     with pytest.raises(ConfigurationError, match="product: "):
         limit(**fields)

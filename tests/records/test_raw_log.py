@@ -65,9 +65,7 @@ def test_a_log_is_being_written_from_its_first_byte_until_it_is_closed(tmp_path:
         os.utime(path, (touched, touched))
         assert being_written(path)
     read = "import h5py, sys; print(h5py.File(sys.argv[1], 'r', libver='latest', swmr=True)['samples'].shape)"
-    other = subprocess.run(
-        [sys.executable, "-c", read, str(path)], capture_output=True, text=True, check=True
-    )
+    other = subprocess.run([sys.executable, "-c", read, str(path)], capture_output=True, text=True, check=True)
     assert other.stdout == "(0,)\n", "other programs may read it all the same"
     writer.close("stopped")
     assert not being_written(path)
@@ -250,12 +248,8 @@ def test_rows_that_never_reached_the_disk_are_left_off(tmp_path: Path, meta: Log
     writer.append(block)
     writer.flush()
     copy = bytearray(path.read_bytes())
-    row = (
-        copy.find(block.counts[60].astype("<f8").tobytes()) - raw_log.row_dtype(0, False).fields["counts"][1]
-    )
-    copy[row : row + 40 * raw_log.row_dtype(0, False).itemsize] = bytes(
-        40 * raw_log.row_dtype(0, False).itemsize
-    )
+    row = copy.find(block.counts[60].astype("<f8").tobytes()) - raw_log.row_dtype(0, False).fields["counts"][1]
+    copy[row : row + 40 * raw_log.row_dtype(0, False).itemsize] = bytes(40 * raw_log.row_dtype(0, False).itemsize)
     (tmp_path / "copy.h5").write_bytes(copy)
     assert joined(list(open_log(tmp_path / "copy.h5").blocks()))["seq"].tolist() == list(range(5, 65))
     writer.close("passed")
@@ -384,9 +378,7 @@ print(kept, flush=True)
 """
 
 
-def test_a_log_whose_disk_was_filled_by_others_is_told_and_can_be_read(
-    tiny_disk: Path, meta: LogMeta
-) -> None:
+def test_a_log_whose_disk_was_filled_by_others_is_told_and_can_be_read(tiny_disk: Path, meta: LogMeta) -> None:
     path = tiny_disk / "a.h5"
     command = [sys.executable, "-c", _FILLS_ITS_DISK, str(path), str(Path(__file__).parent)]
     told = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False).stdout

@@ -18,9 +18,7 @@ PERIOD = 0.01
     steps=st.lists(st.integers(1, 20), min_size=1, max_size=150),
     cut=st.integers(0, 150),
 )
-def test_wraps_and_lost_samples_leave_the_count_true(
-    bits: int, before: int, steps: list[int], cut: int
-) -> None:
+def test_wraps_and_lost_samples_leave_the_count_true(bits: int, before: int, steps: list[int], cut: int) -> None:
     true = (1 << bits) - 1 - before + np.concatenate(([0], np.cumsum(steps)))
     time = (true + 1) * PERIOD
     unwrapper = SequenceUnwrapper(PERIOD)

@@ -98,8 +98,7 @@ class FakeTable:
         """Joint angles at a station time, rad."""
         way = max(0.0, time - self.begun) * self.rate
         return tuple(  # type: ignore[return-value]
-            a + math.copysign(min(way, abs(b - a)), b - a)
-            for a, b in zip(self.origin, self.target, strict=True)
+            a + math.copysign(min(way, abs(b - a)), b - a) for a, b in zip(self.origin, self.target, strict=True)
         )
 
     def _answer(self) -> None:
@@ -320,9 +319,7 @@ def endless() -> Iterator[Step]:
 class Scene:
     """A sequencer among fakes."""
 
-    def __init__(
-        self, *stages: StagePlan, serial: str = "SN-1", by_hand: bool = False, **preflight: Any
-    ) -> None:
+    def __init__(self, *stages: StagePlan, serial: str = "SN-1", by_hand: bool = False, **preflight: Any) -> None:
         self.clock = FakeClock()
         self.table = FakeTable(self.clock)
         self.imu = FakeImu(self.clock, self.table)

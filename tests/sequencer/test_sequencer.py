@@ -355,9 +355,7 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unverified()
     scene = Scene()
     transferred: list[bool] = []
 
-    def finalize(
-        solutions: object, run_in_background: RunInBackground, capture_reference: object
-    ) -> Finalized:
+    def finalize(solutions: object, run_in_background: RunInBackground, capture_reference: object) -> Finalized:
         def transfer() -> None:
             scene.control.send(Command.STOP)
             while not scene.control.stopping:
@@ -380,9 +378,7 @@ def test_the_restarted_unit_is_captured_in_data_that_no_log_holds() -> None:
     assert scene.run().state is State.PASSED
     (fresh,) = scene.proved
     ups = np.array(fresh.rests)[:, 3:] / GRAVITY
-    assert np.allclose(
-        np.abs(ups @ ups.T), [[1, 0, 1, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 0, 0, 1]], atol=1e-3
-    )
+    assert np.allclose(np.abs(ups @ ups.T), [[1, 0, 1, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 0, 0, 1]], atol=1e-3)
     assert np.allclose(np.array(fresh.rests)[:, :3], 0.0, atol=1e-4)
     axes = np.array([turned.angle for turned in fresh.turns]) / (2.0 * np.pi)
     assert np.allclose(np.abs(axes), [[1, 0, 0], [0, 1, 0], [0, 0, 1]], atol=2e-3)
@@ -436,9 +432,7 @@ def test_a_turn_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
 def test_a_stop_while_the_restarted_unit_is_captured_reports_an_unverified_transfer() -> None:
     scene = Scene()
 
-    def finalize(
-        solutions: object, run_in_background: RunInBackground, capture_reference: object
-    ) -> Finalized:
+    def finalize(solutions: object, run_in_background: RunInBackground, capture_reference: object) -> Finalized:
         scene.clock.scripts.append((scene.clock.time + 3.0, lambda: scene.control.send(Command.STOP)))
         return Finalized(passed=True, written=True)
 
@@ -462,9 +456,7 @@ def test_a_stop_without_the_operator_gives_its_reason() -> None:
     scene = Scene()
     scene.clock.at(4.0, lambda: scene.control.send(Command.STOP, "listener_lost"))
     assert scene.run().state is State.STOPPED
-    assert [m.values for m in scene.told(Message) if m.id == "stopped_because"] == [
-        {"reason": "listener_lost"}
-    ]
+    assert [m.values for m in scene.told(Message) if m.id == "stopped_because"] == [{"reason": "listener_lost"}]
 
 
 def test_non_numeric_output_is_spoilt_and_its_step_repeated() -> None:

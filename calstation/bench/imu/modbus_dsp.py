@@ -168,9 +168,7 @@ class DspUnit(ImuUnit):
         gyros, accels = self._words[1], self._words[2]
         columns = [_float(gyros[2 * k + 1], gyros[2 * k]) for k in range(9)]
         error = np.array([[columns[3 * column + row] for column in range(3)] for row in range(3)])
-        offset = [
-            struct.unpack(">d", struct.pack(">4H", *gyros[18 + 4 * k : 22 + 4 * k]))[0] for k in range(3)
-        ]
+        offset = [struct.unpack(">d", struct.pack(">4H", *gyros[18 + 4 * k : 22 + 4 * k]))[0] for k in range(3)]
         lower = [_signed(accels[2 * k] << 16 | accels[2 * k + 1], 32) / 2.0**30 for k in range(6)]
         less = np.zeros((3, 3))
         less[np.tril_indices(3)] = lower

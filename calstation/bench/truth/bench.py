@@ -109,7 +109,5 @@ class BenchTruth:
             velocity_sigma=velocity_sigma,
             gravity=gravity,
         )
-        encoder = EncoderTruth(
-            encoder_sigma, encoder_periodic, (float(phases[2]), float(phases[3])), encoder_noise
-        )
+        encoder = EncoderTruth(encoder_sigma, encoder_periodic, (float(phases[2]), float(phases[3])), encoder_noise)
         return cls(imu, table, encoder, grade, azimuth, outer_lever)

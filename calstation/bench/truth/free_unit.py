@@ -36,9 +36,7 @@ class Field:
     velocity_sigma: float = 0.0
 
 
-def ideal_increments(
-    imu: ImuTruth, motion: FreeMotion, place: Place, field: Field, borders: FloatArray
-) -> FloatArray:
+def ideal_increments(imu: ImuTruth, motion: FreeMotion, place: Place, field: Field, borders: FloatArray) -> FloatArray:
     """Increments of the six channels between `borders` (s, shape (n + 1,)) without noise, rad and m/s, shape (n, 6)."""
     model = imu.error_model()
     result = np.empty((len(borders) - 1, 6))

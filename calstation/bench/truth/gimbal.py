@@ -113,9 +113,7 @@ class GimbalBench:
         self, count: int, correction: FloatArray, demanded: FloatArray | None, target: FloatArray
     ) -> GimbalSamples:
         locked = demanded is None
-        course = (
-            self.joints + (target - self.joints) * _smooth(count)[:, None] if locked else np.zeros((1, 3))
-        )
+        course = self.joints + (target - self.joints) * _smooth(count)[:, None] if locked else np.zeros((1, 3))
         stabilised = np.zeros((count, 3)) if demanded is None else demanded
         noise = self._random.standard_normal((count, 3)) * (self._imu.gyro_arw * np.sqrt(self.interval))
         driven = self._random.standard_normal((count, 6 * len(INSTABILITY_TIMES)))
@@ -167,9 +165,7 @@ def _smooth(count: int) -> FloatArray:
 
 
 @compiled
-def _drift(
-    bank: FloatArray, decay: FloatArray, driven: FloatArray, normals: FloatArray, out: FloatArray
-) -> None:
+def _drift(bank: FloatArray, decay: FloatArray, driven: FloatArray, normals: FloatArray, out: FloatArray) -> None:
     """Bias instability of the six channels at every sample; `bank`, shape (6, m), moves along."""
     m = decay.shape[0]
     for n in range(out.shape[0]):

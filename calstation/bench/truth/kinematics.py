@@ -145,9 +145,7 @@ class JointProfile:
         peak = min(rate, np.sqrt(distance * acceleration))
         ramp = peak / acceleration
         cruise = max(distance / peak - ramp, 0.0)
-        return self._continue(
-            time, [(ramp, sign * acceleration), (cruise, 0.0), (ramp, -sign * acceleration)], target
-        )
+        return self._continue(time, [(ramp, sign * acceleration), (cruise, 0.0), (ramp, -sign * acceleration)], target)
 
     def stop(self, time: float, deceleration: float) -> "JointProfile":
         """Decelerate to rest from whatever the command does at `time`; `deceleration` in rad/s²."""
@@ -156,9 +154,7 @@ class JointProfile:
             return self
         return self._continue(time, [(abs(speed) / deceleration, -np.sign(speed) * deceleration)], None)
 
-    def _continue(
-        self, time: float, pieces: list[tuple[float, float]], target: float | None
-    ) -> "JointProfile":
+    def _continue(self, time: float, pieces: list[tuple[float, float]], target: float | None) -> "JointProfile":
         """From `time` on pieces of (duration s, acceleration rad/s²), then rest at `target` or their end.
 
         The segment that was running is kept before them, for times a little earlier.

@@ -139,9 +139,7 @@ class Hands:
         lean = rig.play * random.uniform(-1.0, 1.0)
         stays = 0.3 * lean - self._leaning
         self._rails[2].append(Pulse(time, 0.5 * duration, lean, tremor(random, 0.05 * rig.play)))
-        self._rails[2].append(
-            Pulse(time + 0.5 * duration, 0.5 * duration + 0.5, stays - lean, np.empty((0, 3)))
-        )
+        self._rails[2].append(Pulse(time + 0.5 * duration, 0.5 * duration + 0.5, stays - lean, np.empty((0, 3))))
         self._leaning += stays
         for axis in range(3):
             sines = tremor(random, rig.shake)

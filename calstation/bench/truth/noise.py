@@ -64,9 +64,7 @@ def vibration_steps(velocity_sigma: float, interval: float) -> tuple[FloatArray,
     stationary : standard deviations of displacement (m) and velocity (m/s), shape (2,)
     """
     frequency = vibration_frequency()
-    transition = expm(
-        np.array([[0.0, 1.0], [-(frequency**2), -2.0 * VIBRATION_DAMPING * frequency]]) * interval
-    )
+    transition = expm(np.array([[0.0, 1.0], [-(frequency**2), -2.0 * VIBRATION_DAMPING * frequency]]) * interval)
     stationary = velocity_sigma * np.array([1.0 / frequency, 1.0])
     covariance = np.diag(stationary**2)
     driven = covariance - transition @ covariance @ transition.T
@@ -107,8 +105,6 @@ def _shake(state: FloatArray, transition: FloatArray, root: FloatArray, normals:
             x, v = state[0, i], state[1, i]
             first, second = normals[n, 2 * i], normals[n, 2 * i + 1]
             state[0, i] = transition[0, 0] * x + transition[0, 1] * v + root[0, 0] * first
-            state[1, i] = (
-                transition[1, 0] * x + transition[1, 1] * v + root[1, 0] * first + root[1, 1] * second
-            )
+            state[1, i] = transition[1, 0] * x + transition[1, 1] * v + root[1, 0] * first + root[1, 1] * second
             velocity[n + 1, i] = state[1, i]
     return velocity

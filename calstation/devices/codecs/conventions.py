@@ -61,9 +61,7 @@ def offset_slots(sensor: str) -> tuple[str, ...]:
 
 
 #: Names that registers may have besides the parameters themselves.
-SLOTS: tuple[str, ...] = tuple(
-    name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor))
-)
+SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor)))
 
 
 def parameter_of(slot: str) -> str | None:
@@ -110,9 +108,7 @@ def to_registers(
     return {slot: every[slot] for slot in present}
 
 
-def from_registers(
-    sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention
-) -> dict[str, float]:
+def from_registers(sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention) -> dict[str, float]:
     """Parameters from the values of a sensor's slots, SI; NaN if their matrix cannot be inverted.
 
     Parameters

@@ -89,9 +89,7 @@ class Number:
         column = np.frombuffer(wire, np.uint8, self.width)[None, :]
         return float(self.column(column, byte_order, word_order)[0])
 
-    def native(
-        self, byte_order: ByteOrder, word_order: WordOrder | None = None
-    ) -> np.dtype[np.generic] | None:
+    def native(self, byte_order: ByteOrder, word_order: WordOrder | None = None) -> np.dtype[np.generic] | None:
         """The numpy type that reads its bytes on the wire; None if there is none."""
         if self.fraction or self.width not in (1, 2, 4, 8) or word_order not in (None, byte_order):
             return None

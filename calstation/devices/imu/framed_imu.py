@@ -100,8 +100,7 @@ class FramedImu(RegisteredImu):
                 )
             body = answer[len(head) :]
             numbers += [
-                kind.unpack(body[k : k + kind.width], order, entry.word_order)
-                for k in range(0, len(body), kind.width)
+                kind.unpack(body[k : k + kind.width], order, entry.word_order) for k in range(0, len(body), kind.width)
             ]
         return numbers
 

@@ -86,9 +86,7 @@ class FrameDecoder:
     """
 
     def __init__(self, frame: FrameSection, commands: "CommandSection | ReplyKind | None" = None) -> None:
-        self._frame: BinaryFrame | TextFrame = (
-            TextFrame(frame) if frame.format == "text" else BinaryFrame(frame)
-        )
+        self._frame: BinaryFrame | TextFrame = TextFrame(frame) if frame.format == "text" else BinaryFrame(frame)
         self._replies = CommandReply(commands, frame) if isinstance(commands, CommandSection) else commands
         kinds: list[PacketKind] = [self._frame, *([self._replies] if self._replies else [])]
         # If one sync begins another, the longer one is tried first.

@@ -89,10 +89,7 @@ class ModbusImu(RegisteredImu):
         for begin in range(0, total, _MOST):
             words += self._read(entry.address + begin, min(_MOST, total - begin))
         data = struct.pack(f">{len(words)}H", *words)
-        return [
-            kind.unpack(data[k : k + kind.width], *self._orders(entry))
-            for k in range(0, len(data), kind.width)
-        ]
+        return [kind.unpack(data[k : k + kind.width], *self._orders(entry)) for k in range(0, len(data), kind.width)]
 
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
         self._turn_to(entry.page)
@@ -164,9 +161,7 @@ class ModbusImu(RegisteredImu):
         data = self._ask(RtuRequest.read(self._section.unit, address, count), attempts)
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
-    def _write(
-        self, address: int, values: list[int], attempts: int = _ATTEMPTS, timeout: float | None = None
-    ) -> None:
+    def _write(self, address: int, values: list[int], attempts: int = _ATTEMPTS, timeout: float | None = None) -> None:
         self._ask(RtuRequest.write(self._section.unit, address, values), attempts, timeout)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:

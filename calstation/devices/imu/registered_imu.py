@@ -245,9 +245,7 @@ def marked(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
     for i in free:
         low, high = (edge / entry.scale for edge in entry.range)
         held = before[i] if before[i] == before[i] else low
-        numbers[i] = kind.nearest(
-            max((low + p * (high - low) for p in _FRACTIONS), key=lambda v: abs(v - held))
-        )
+        numbers[i] = kind.nearest(max((low + p * (high - low) for p in _FRACTIONS), key=lambda v: abs(v - held)))
     return numbers
 
 

@@ -118,9 +118,7 @@ class RegisterMap:
             for i, (name, held) in enumerate(zip(entry.names, self.encode(complete)[entry.key], strict=True)):
                 parameter = parameter_of(name) if name in SLOTS else name
                 if parameter and parameter in values:
-                    rows.append(
-                        (entry.address_of(i), parameter, number(entry.type).pack(held, "big").hex().upper())
-                    )
+                    rows.append((entry.address_of(i), parameter, number(entry.type).pack(held, "big").hex().upper()))
         return rows
 
     def _held(self, values: Mapping[str, float]) -> dict[str, float]:

@@ -81,9 +81,7 @@ class StreamedImu(ABC):
     replies : packets that answer commands
     """
 
-    def __init__(
-        self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind | None
-    ) -> None:
+    def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind | None) -> None:
         self._link = link
         self._profile = profile
         self._kind, self._decoder_frame = replies, profile.frame

@@ -129,9 +129,7 @@ class VectorNavImu(RegisteredImu):
 
     def _ask(self, words: str, *, timeout: float | None = None, attempts: int = _ATTEMPTS) -> list[str]:
         """Send a line and wait for the one that repeats its command and register; its further fields."""
-        return self.exchange(
-            self._question(words), timeout=timeout or self._section.timeout_s, attempts=attempts
-        )
+        return self.exchange(self._question(words), timeout=timeout or self._section.timeout_s, attempts=attempts)
 
     def _other_questions(self) -> Iterator[Question[list[str]]]:
         """Questions for the content of its registers."""

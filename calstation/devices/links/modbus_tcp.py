@@ -35,9 +35,7 @@ class TcpConnection:
         self.heard = b""
         self.open = False
         self._port = port
-        self._client = ModbusTcpClient(
-            address[0], port=address[1], timeout=timeout, retries=0, trace_packet=self._hear
-        )
+        self._client = ModbusTcpClient(address[0], port=address[1], timeout=timeout, retries=0, trace_packet=self._hear)
 
     def connect(self) -> None:
         """Connect. Raises DeviceFaultError."""

@@ -44,9 +44,7 @@ def found_ports() -> tuple[FoundPort, ...]:
         description = "" if p.description in (None, "n/a", p.name) else p.description
         usb = next(iter(_names(p, listed)), None)
         ports.append(
-            FoundPort(
-                p.device, description, p.manufacturer or "", p.serial_number or None, p.location or "", usb
-            )
+            FoundPort(p.device, description, p.manufacturer or "", p.serial_number or None, p.location or "", usb)
         )
     return tuple(sorted(ports, key=lambda port: (port.usb is None, _natural(port.device))))
 
@@ -68,9 +66,7 @@ def resolve(port: str, device: str) -> str:
     if alike:
         choice = [f"{p.usb} ({p.device})" if p.usb else p.device for p in alike]
         if len(alike) > 1 and "@" not in port:
-            raise DeviceFaultError(
-                "link.ambiguous", device=device, port=port, count=len(alike), choice=choice
-            )
+            raise DeviceFaultError("link.ambiguous", device=device, port=port, count=len(alike), choice=choice)
         raise DeviceFaultError("link.not_plugged_in", device=device, port=port, choice=choice)
     found = [f"{f.usb} ({f.device})" for f in ports if f.usb]
     raise DeviceFaultError("link.no_adapter", device=device, port=port, found=found)

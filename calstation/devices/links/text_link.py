@@ -81,9 +81,7 @@ class Checked:
     def request(self, line: str) -> bytes:
         """See `Framing`."""
         body = self._lines.head + line
-        return f"{body}{self._lines.mark}{self._check(body, self._lines.head):02X}{self._end}".encode(
-            "latin-1"
-        )
+        return f"{body}{self._lines.mark}{self._check(body, self._lines.head):02X}{self._end}".encode("latin-1")
 
     def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
         """See `Framing`; lines with a wrong sum or to another command are dropped."""
@@ -288,9 +286,7 @@ class TextLink:
                 self._drop()
 
     def _not_answered(self, line: str) -> DeviceFaultError:
-        return DeviceFaultError(
-            "table.line_unanswered", line=line, port=self._port, seconds=self._section.timeout_s
-        )
+        return DeviceFaultError("table.line_unanswered", line=line, port=self._port, seconds=self._section.timeout_s)
 
     def _drop(self) -> None:
         if self._link is not None:

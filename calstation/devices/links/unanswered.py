@@ -33,9 +33,7 @@ class Unanswered:
 
     def answered(self, signature: Hashable) -> None:
         """Record an answer with the last request's signature; it may belong to an older request with the same one."""
-        self._signatures = (
-            [*self._after(signature.__eq__), signature] if signature in self._signatures else []
-        )
+        self._signatures = [*self._after(signature.__eq__), signature] if signature in self._signatures else []
 
     def late(self, like: Callable[[Hashable], bool]) -> None:
         """Record an answer to an older request: to the oldest that it can belong to."""

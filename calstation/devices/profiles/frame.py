@@ -151,9 +151,7 @@ class CrcSection(StrictModel):
         return lambda data: function(data + padding)
 
     def _parametric(self, width: int) -> CheckFunction:
-        return parametric_crc(
-            width, self.polynomial, self.initial, self.reflect_in, self.reflect_out, self.final_xor
-        )
+        return parametric_crc(width, self.polynomial, self.initial, self.reflect_in, self.reflect_out, self.final_xor)
 
 
 class LengthSection(StrictModel):
@@ -285,9 +283,7 @@ class FrameSection(StrictModel):
         """Smallest size in bytes of a frame with the fields of these names, or with all fields."""
         wanted = {f.name for f in self.fields if f.name in names or not names}
         trailer = self.crc.size + len(self.tail_bytes)
-        if (
-            self.format == "text"
-        ):  # a digit and a separator each, the mark, two digits for a byte of the check
+        if self.format == "text":  # a digit and a separator each, the mark, two digits for a byte of the check
             return len(self.sync_bytes) + 2 * len(self.fields) + 1 + self.crc.size + trailer
         if self.items is None:
             ends = [end for f, _, end in self.positions() if f.name in wanted or self.length is None]
@@ -354,9 +350,7 @@ class FrameSection(StrictModel):
             longest = (1 << 8 * number(self.length.extended or self.length.type).width) - 1 + self.length.adds
             longest = min(longest, self.max_size)
             if longest < self.min_size():
-                raise EntryError(
-                    "profile.length_too_short", "length", longest=longest, needed=self.min_size()
-                )
+                raise EntryError("profile.length_too_short", "length", longest=longest, needed=self.min_size())
 
     def _check_items(self, items: ItemSection) -> None:
         if self.length is None:

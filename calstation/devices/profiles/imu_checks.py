@@ -74,9 +74,7 @@ def check_sync(frame: FrameSection, reply_sync: bytes) -> None:
         raise EntryError("profile.sync_of_replies", "sync")
 
 
-def check_corrected(
-    section: CorrectedSection, protocol: str, order: str, raw: tuple[int, ...] | None
-) -> None:
+def check_corrected(section: CorrectedSection, protocol: str, order: str, raw: tuple[int, ...] | None) -> None:
     """Check that `[corrected]` fits the rest of its profile.
 
     Parameters

@@ -207,9 +207,7 @@ def _check_entry(register: RegisterEntry, sigmas: Mapping[str, float], pages: bo
     if register.convention is not None and not slots:
         raise EntryError("profile.convention_without_matrix", "convention")
     if register.end - 1 > _LARGEST_ADDRESS:
-        raise EntryError(
-            "profile.past_last_address", "address", address=register.address, last=register.end - 1
-        )
+        raise EntryError("profile.past_last_address", "address", address=register.address, last=register.end - 1)
     if register.tolerance > _COARSEST * (high - low):
         raise EntryError("profile.tolerance_too_large", "tolerance", value=register.tolerance)
     legal = {name: _LEGAL * sigma for name, sigma in sigmas.items()}
@@ -291,9 +289,7 @@ def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
             )
             if name in stated and mine != its:
                 place = ("registers", register.row, "convention", name)
-                raise EntryError(
-                    "profile.convention_contradicts", *place, value=mine, other=other.label, its=its
-                )
+                raise EntryError("profile.convention_contradicts", *place, value=mine, other=other.label, its=its)
 
 
 def _check_missing(seen: set[str], without: Sequence[str]) -> None:

@@ -40,9 +40,7 @@ def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
         return _words(register, value / register.scale)
     except ValueError:
         low, high = register.bounds
-        raise ConfigurationError(
-            "table.value_beyond_register", name=name, value=value, low=low, high=high
-        ) from None
+        raise ConfigurationError("table.value_beyond_register", name=name, value=value, low=low, high=high) from None
 
 
 def decode(register: ModbusRegister, words: list[int]) -> float:
@@ -69,9 +67,7 @@ class RegisterTable:
     inner : carries the registers of the inner axis's own drive, if it has one
     """
 
-    def __init__(
-        self, link: RegisterLink, profile: TableProfile, gap: int, inner: RegisterLink | None = None
-    ) -> None:
+    def __init__(self, link: RegisterLink, profile: TableProfile, gap: int, inner: RegisterLink | None = None) -> None:
         section = profile.modbus or profile.imu_link
         assert section is not None
         self._link, self._inner = link, inner
@@ -100,9 +96,7 @@ class RegisterTable:
         """Poll the table, in one transfer for each drive if the profile's layout allows."""
         words = [(drive, start, drive.read(start, end - start)) for drive, start, end in self._spans]
         value = {name: self._pick(words, name) for name in self._polled}
-        position, rate = (
-            np.array([value[f"{joint}_{name}"] for joint in JOINTS]) for name in ("position", "rate")
-        )
+        position, rate = (np.array([value[f"{joint}_{name}"] for joint in JOINTS]) for name in ("position", "rate"))
         at_rest = bool(np.all(np.abs(rate) < self._rest_rate))
         return TableStatus(
             angles=snap_angles(np.deg2rad(position)),
@@ -248,9 +242,7 @@ class RegisterTable:
         for name, raw in self._writes(command):
             self._put(name, raw, repeat)
 
-    def _ends(
-        self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]
-    ) -> tuple[float, float]:
+    def _ends(self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]) -> tuple[float, float]:
         """An end of both joints' travel set in the table, rad; the profile's if the table does not report it."""
         reported = [value.get(f"{joint}_{end}") for joint in JOINTS]
         outer, inner = (

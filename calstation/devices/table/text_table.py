@@ -192,18 +192,13 @@ class TextTable:
         if "limits" not in answers:
             return self._limits
         low, high = (
-            [float(np.deg2rad(_number(groups[end]))) for groups in answers["limits"]]
-            for end in ("low", "high")
+            [float(np.deg2rad(_number(groups[end]))) for groups in answers["limits"]] for end in ("low", "high")
         )
-        return JointLimits(
-            (low[0], low[-1]), (high[0], high[-1]), self._limits.rate, self._limits.acceleration
-        )
+        return JointLimits((low[0], low[-1]), (high[0], high[-1]), self._limits.rate, self._limits.acceleration)
 
     def _come_to_rest(self, angles: FloatArray, moving: bool) -> bool:
         """Whether the angles have been constant for long enough."""
-        near = self._angles is not None and bool(
-            np.all(np.abs(angles - self._angles) <= self._text.settled_deg)
-        )
+        near = self._angles is not None and bool(np.all(np.abs(angles - self._angles) <= self._text.settled_deg))
         self._still = self._still + 1 if near and not moving else 0
         self._angles = angles
         return self._still >= self._text.settled_polls

@@ -72,9 +72,7 @@ def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start
         sigma = float(belief.sigma[bias].max())
         for a, b in find_rests(data, segment, context.imu, belief.mean[bias], sigma):
             if (b - a) * data.dt >= SHORTEST_REST:
-                found.append(
-                    _align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, belief)
-                )
+                found.append(_align(data, a, min(b, a + int(LONGEST_REST / data.dt)), segment[1], context, belief))
                 break
     return found
 
@@ -87,9 +85,7 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, bel
     tilt = table.tilt_sigma
     if angles is None:
         attitude, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
-        return Start(
-            a, end, attitude, np.array([FREE_TILT_SIGMA] * 2 + [FREE_AZIMUTH_SIGMA]), attitude, sigma
-        )
+        return Start(a, end, attitude, np.array([FREE_TILT_SIGMA] * 2 + [FREE_AZIMUTH_SIGMA]), attitude, sigma)
     geometry = table.geometry
     if site.azimuth is None:
         _, sigma = gyrocompass(rate_b, up_b, site.latitude, belief)
@@ -117,9 +113,7 @@ def _heading_offset(rate_level: FloatArray) -> float:
     return float(np.arctan2(rate_level[0], rate_level[1]))
 
 
-def gyrocompass(
-    rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief
-) -> tuple[FloatArray, float]:
+def gyrocompass(rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief) -> tuple[FloatArray, float]:
     """Level by the accelerometers and find north by the gyros.
 
     The azimuth's sigma is that of the gyro bias over Ω cos φ (IEEE Std 1780).

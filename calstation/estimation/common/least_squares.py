@@ -113,9 +113,7 @@ def gauss_newton(
     normalised = solve_triangular(np.linalg.cholesky(S), innovation, lower=True)
     belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
     residual = observed - model(posterior[:COUNT], posterior[COUNT:])
-    return MapResult(
-        belief, posterior[COUNT:], chi2, residual, normalised, () if moved < CONVERGED else (not_settled,)
-    )
+    return MapResult(belief, posterior[COUNT:], chi2, residual, normalised, () if moved < CONVERGED else (not_settled,))
 
 
 def _jacobian(

@@ -51,9 +51,7 @@ def filter_noise(context: SolveContext) -> FilterNoise:
     instability = [imu.gyro_bias_instability] * 3 + [imu.accel_bias_instability] * 3
     bias_drift = BIAS_DRIFT_PER_INSTABILITY * np.array(instability)
     end_rate = 0.5 * (imu.gyro_arw**2 * imu.sample_rate + (gyro_count * imu.sample_rate) ** 2 / 12.0)
-    return FilterNoise(
-        rate, force, table.velocity_sigma**2, max(interval, 1.0 / imu.sample_rate), end_rate, bias_drift
-    )
+    return FilterNoise(rate, force, table.velocity_sigma**2, max(interval, 1.0 / imu.sample_rate), end_rate, bias_drift)
 
 
 def rest_mean_variance(context: SolveContext, duration: float) -> float:

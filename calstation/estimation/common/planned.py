@@ -98,9 +98,7 @@ class PlannedSamples:
             if isinstance(step, Move):
                 halves = 0.5 * self._dt * np.arange(2 * a, 2 * b + 1, dtype=np.float64) - begin
                 for joint in range(2):
-                    joints[:, joint] = profile(
-                        halves, start[joint], target[joint], step.rate, step.acceleration
-                    )
+                    joints[:, joint] = profile(halves, start[joint], target[joint], step.rate, step.acceleration)
             yield self._block(stage, a, joints)
             self._produced = b
         self._joints = target

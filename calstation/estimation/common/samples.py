@@ -81,9 +81,7 @@ _COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
 
 def joined(blocks: list[SampleBlock]) -> SampleBlock:
     """Join consecutive blocks into one, of the first one's stage."""
-    return SampleBlock(
-        blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in _COLUMNS)
-    )
+    return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in _COLUMNS))
 
 
 def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:

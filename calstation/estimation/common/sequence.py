@@ -74,9 +74,7 @@ class SequenceUnwrapper:
         restarts = []
         for place in odd:
             k = int(place)
-            jump, shift = self._step(
-                k, int(previous_seq[k]), int(seq[k]), float(previous_time[k]), float(time[k])
-            )
+            jump, shift = self._step(k, int(previous_seq[k]), int(seq[k]), float(previous_time[k]), float(time[k]))
             offsets[k:] += jump
             shifts[k:] += shift
             if shift:
@@ -105,9 +103,7 @@ class SequenceUnwrapper:
         raise SequenceError("recording.seq_falls", place=place, before=last, seq=now)
 
 
-def unwrap_counter(
-    raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None
-) -> IntArray:
+def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None) -> IntArray:
     """Continue a live counter of known width.
 
     Parameters

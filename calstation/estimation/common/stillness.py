@@ -101,9 +101,7 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
     return Stillness(tuple(found), tuple(links), noise, accel_noise, resting, cuts)
 
 
-def _find_cuts(
-    data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray
-) -> tuple[int, ...]:
+def _find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray) -> tuple[int, ...]:
     """Samples at which the force jumps between two stretches of rest without a turn.
 
     Parameters

@@ -90,9 +90,7 @@ def fit_gimbal(
             break
     rest = left / sigma - columns @ x
     spare = len(rest) - float(np.einsum("ij,jk,ik->", columns, covariance, columns))
-    return GimbalFit(
-        Belief(point, 0.5 * (spread + spread.T)), float(rest @ rest), spare, (rest * sigma).reshape(-1, 3)
-    )
+    return GimbalFit(Belief(point, 0.5 * (spread + spread.T)), float(rest @ rest), spare, (rest * sigma).reshape(-1, 3))
 
 
 def _rows(

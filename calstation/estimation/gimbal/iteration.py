@@ -143,9 +143,7 @@ class GimbalIteration:
     correction : K, shape (3, 3); courses : of the axes so far, x, y, z
     """
 
-    def __init__(
-        self, gain: float, angle: float, count: int, threshold: float, alternate: bool = True
-    ) -> None:
+    def __init__(self, gain: float, angle: float, count: int, threshold: float, alternate: bool = True) -> None:
         self._gain, self._angle, self._count = gain, angle, count
         self._threshold, self._alternate = threshold, alternate
         self.correction = np.zeros((3, 3))

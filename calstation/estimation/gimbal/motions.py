@@ -78,9 +78,7 @@ def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
             rest = min((first[1] - first[0]) * data.dt, RATE_FIT)
             duration = (link.stop - link.start) * data.dt
             between = (link.first, link.second)
-            found.append(
-                Motion(link.start, link.stop, before[0], after[0], before[1], rest, duration, between)
-            )
+            found.append(Motion(link.start, link.stop, before[0], after[0], before[1], rest, duration, between))
     if not any(m.axis is not None for m in found):
         raise InsufficientDataError("recording.no_joint_turn", seconds=SHORTEST_REST, motions=len(found))
     return found

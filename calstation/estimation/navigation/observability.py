@@ -29,11 +29,7 @@ from calstation.physics import (
 )
 
 STATE_NAMES = (
-    *(
-        f"{s}_{a}"
-        for s in ("attitude_error", "velocity_error", "position_error")
-        for a in ("east", "north", "up")
-    ),
+    *(f"{s}_{a}" for s in ("attitude_error", "velocity_error", "position_error") for a in ("east", "north", "up")),
     *NAMES,
 )
 #: Largest rotation of a piece, rad.

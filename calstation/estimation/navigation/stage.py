@@ -99,9 +99,7 @@ class NavigationStage:
             estimated=self.estimated,
             consistency=nis_consistency(float(np.sum(nis)), len(nis), 3),
             gaps=data.gaps,
-            observability=observability_analysis(
-                data, result.history, self.context, self.prior, result.point
-            ),
+            observability=observability_analysis(data, result.history, self.context, self.prior, result.point),
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),

@@ -193,9 +193,7 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
 
 
 @nb.njit(cache=True)
-def observation(
-    work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray
-) -> FloatArray:
+def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray) -> FloatArray:
     """Write the velocity observation z = u − v and its Jacobian, and return the arm velocity u = C(ω_nb × r).
 
     H of φ: [u×], δv: I, gyro parameters: C [r×] ∂ω, outer lever: −C [ω_nb×].
@@ -240,9 +238,7 @@ def observation(
 
 
 @nb.njit(cache=True)
-def _carried_noise(
-    N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray
-) -> None:
+def _carried_noise(N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray) -> None:
     """W += N Q Nᵀ: the noise of one interval at the group's end."""
     _process_noise(force, s.rate_noise, s.force_noise, T, Q)
     row = np.empty(NAVIGATION)

@@ -36,9 +36,7 @@ def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
     """
     paired = sum(stop - start for start, stop in data.segments) * data.dt
     if paired < LEAST_PAIRS:
-        raise InsufficientDataError(
-            "recording.too_few_pairs", number=number, seconds=paired, least=LEAST_PAIRS
-        )
+        raise InsufficientDataError("recording.too_few_pairs", number=number, seconds=paired, least=LEAST_PAIRS)
     rows = np.concatenate([np.arange(start, stop) for start, stop in data.segments])
     columns: dict[str, FloatArray] = {
         "gyro": data.gyro[rows],

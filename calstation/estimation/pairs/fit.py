@@ -64,9 +64,7 @@ class PairChoice:
         ):
             if model is not None:
                 chosen[bias] = True
-                chosen[matrix] = {"bias": np.zeros(9), "scale": np.eye(3).ravel(), "full": np.ones(9)}[
-                    model
-                ] > 0
+                chosen[matrix] = {"bias": np.zeros(9), "scale": np.eye(3).ravel(), "full": np.ones(9)}[model] > 0
         chosen[LEVER] = self.lever and self.accel is not None
         chosen[OFFSET] = self.offset
         return chosen
@@ -162,9 +160,7 @@ class _System:
     rms, expected : see `PairFit`
     """
 
-    def __init__(
-        self, rows: Signals, value: FloatArray, noise: FloatArray, data: PairData, fitted: BoolArray
-    ) -> None:
+    def __init__(self, rows: Signals, value: FloatArray, noise: FloatArray, data: PairData, fitted: BoolArray) -> None:
         self._fitted = fitted
         C, A = value[GYRO_MATRIX].reshape(3, 3), value[ACCEL_MATRIX].reshape(3, 3)
         base = rows.accel + rows.lever @ value[LEVER]

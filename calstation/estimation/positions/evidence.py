@@ -83,9 +83,7 @@ class Evidence:
     motions: tuple[MotionEvidence, ...]
 
 
-def gather(
-    stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray
-) -> Evidence:
+def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray) -> Evidence:
     """Evidence of a stage.
 
     Parameters

@@ -136,9 +136,7 @@ def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
         _, force = compensate(c, rest.rate[None], rest.force[None])
         if k in into:
             link = into[k]
-            B, _, _ = integrate_rotation(
-                c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop
-            )
+            B, _, _ = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop)
             attitudes[k] = levelled(attitudes[link.first] @ B, force[0])
         else:
             attitudes[k] = level_attitude(force[0])

@@ -193,13 +193,9 @@ def _turns(data: StageData, still: Stillness, prior: Belief) -> tuple[list[_Turn
     return found, up
 
 
-def _stray(
-    data: StageData, turns: list[_Turn], prior: Belief, gravity: float, gyro_inverse: FloatArray
-) -> BoolArray:
+def _stray(data: StageData, turns: list[_Turn], prior: Belief, gravity: float, gyro_inverse: FloatArray) -> BoolArray:
     """Whether each motion contradicts gravity by more than the prior allows, shape (n,)."""
-    matrix = 3.0 * float(
-        np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign")))
-    )
+    matrix = 3.0 * float(np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign"))))
     lean = 3.0 * float(prior.sigma[group_indices("accel_bias")].max()) / gravity
     allowed = np.array([np.deg2rad(3.0) + lean + min(matrix, 0.15) * max(t.path, t.tilt) for t in turns])
     return np.asarray(_gravity_error(data, turns, gyro_inverse) > allowed)

@@ -89,9 +89,7 @@ class PositionRows:
         self.rate_variance = self.rate_noise + scatter.rate**2
         self.turn_variance = self.turn_noise + scatter.turn**2
 
-    def rows(
-        self, point: FloatArray, attitudes: FloatArray, north: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def rows(self, point: FloatArray, attitudes: FloatArray, north: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point.
 
         Parameters
@@ -113,9 +111,7 @@ class PositionRows:
         extra = self._prior_rows()
         return np.vstack([H, extra]), np.concatenate([residual, np.zeros(len(extra))])
 
-    def _rest(
-        self, k: int, point: FloatArray, C: FloatArray, earth: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _rest(self, k: int, point: FloatArray, C: FloatArray, earth: FloatArray) -> tuple[FloatArray, FloatArray]:
         rest = self.rests[k]
         M_a = np.eye(3) + group_matrix(point, "accel_scale", "accel_misalign")
         M_g = np.eye(3) + group_matrix(point, "gyro_scale", "gyro_misalign")
@@ -150,14 +146,10 @@ class PositionRows:
         start = self.north + 2 * int(self.chain[rest])
         return slice(start, start + 2)
 
-    def _link(
-        self, k: int, c: Compensation, attitudes: FloatArray, earth: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _link(self, k: int, c: Compensation, attitudes: FloatArray, earth: FloatArray) -> tuple[FloatArray, FloatArray]:
         link, data = self.links[k], self.data
         duration = (link.stop - link.start) * data.dt
-        B, time, rate = integrate_rotation(
-            c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop
-        )
+        B, time, rate = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, link.start, link.stop)
         E = rotation_matrix(-earth[link.first] * duration)
         start = E @ attitudes[link.first]
         H = np.zeros((3, self.columns))

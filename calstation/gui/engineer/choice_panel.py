@@ -36,9 +36,7 @@ class ChoicePanel(QFrame):
         self._heading, self._lock_label = label(kind="section"), label(kind="muted", wrap=True)
         self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_wanted)
         self._reset_button = button("reset_schedule_button", lambda: self.tr("Reset"), self._reset)
-        self._save_button = button(
-            "save_product_button", lambda: self.tr("Save to product"), self.save_wanted
-        )
+        self._save_button = button("save_product_button", lambda: self.tr("Save to product"), self.save_wanted)
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
         content = QWidget()
         self._form_box = column(on=content, spacing=0, margins=(0, 0, theme.GRID // 2, 0))

@@ -88,9 +88,7 @@ class InnovationsView(StackedPlots):
         self.plots[0].setXRange(0.0, max(float(minutes.max(initial=0.0)), 1e-3), padding=0.02)
         share = 100.0 * float(np.mean(np.abs(innovations.normalised) > _BOUND))
         self._beyond.setText(
-            self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(
-                len(innovations.seq), share
-            )
+            self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(len(innovations.seq), share)
         )
 
     def _stage(self) -> StageDiagnostics | None:

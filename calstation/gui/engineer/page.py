@@ -176,9 +176,7 @@ class EngineerPage(Page):
         stage, changes = form.stage, form.departures
         self.notice.ask(
             "caution",
-            lambda: self.tr("Save the schedule of {0} to the product {1}?").format(
-                term("stage", stage), product
-            ),
+            lambda: self.tr("Save the schedule of {0} to the product {1}?").format(term("stage", stage), product),
             lambda: self.tr(
                 "Every later run of this product uses it. The present version is kept; this one is saved under the "
                 "name {0}."
@@ -214,9 +212,7 @@ class EngineerPage(Page):
             self.app.set_product(path)
 
     def _not_saved(self, error: CalstationError) -> None:
-        self.notice.ask(
-            "bad", lambda: self.tr("The product was not saved"), lambda: error_text(error).sentences
-        )
+        self.notice.ask("bad", lambda: self.tr("The product was not saved"), lambda: error_text(error).sentences)
         self._update()
 
     # ---- START
@@ -264,9 +260,7 @@ class EngineerPage(Page):
 
     def _ask_file(self) -> None:
         dialog = QFileDialog(self, self.tr("Open a result or a log"), str(self.app.runs_folder))
-        dialog.setNameFilters(
-            [self.tr("Results and logs (*.json *.h5 *.csv *.csv.gz)"), self.tr("All files (*)")]
-        )
+        dialog.setNameFilters([self.tr("Results and logs (*.json *.h5 *.csv *.csv.gz)"), self.tr("All files (*)")])
         dialog.fileSelected.connect(lambda name: self.analysis.open(Path(name)))
         dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
         dialog.open()
@@ -279,9 +273,7 @@ class EngineerPage(Page):
         self._update()
 
     def _not_loaded(self, path: Path | None, error: CalstationError) -> None:
-        self.notice.ask(
-            "bad", lambda: self.tr("This file cannot be opened"), lambda: error_text(error).sentences
-        )
+        self.notice.ask("bad", lambda: self.tr("This file cannot be opened"), lambda: error_text(error).sentences)
 
     def _show_view(self, index: int) -> None:
         self._views.setCurrentIndex(index)

@@ -238,16 +238,12 @@ class _Columns:
         ]
         self.all = [
             Column(lambda: self.tr("Unit"), lambda name: display(name, 0.0)[1], number=False),
-            Column(
-                lambda: self.tr("σ before"), lambda name: _shown(name, float(preview.before[INDEX[name]]))
-            ),
+            Column(lambda: self.tr("σ before"), lambda name: _shown(name, float(preview.before[INDEX[name]]))),
             *stages,
             Column(lambda: self.tr("σ limit"), lambda name: _bound(name, preview.limits.get(name))),
         ]
         if preview.targets:
-            self.all.append(
-                Column(lambda: self.tr("σ target"), lambda name: _bound(name, preview.targets.get(name)))
-            )
+            self.all.append(Column(lambda: self.tr("σ target"), lambda name: _bound(name, preview.targets.get(name))))
         self.all.append(Column(lambda: self.tr("Expected"), self._verdict, number=False, state=self._state))
 
     def tr(self, text: str) -> str:

@@ -99,9 +99,7 @@ class RegisterController(QObject):
     def _write(self, values: Mapping[str, float], at_rest: bool) -> None:
         assert self._run is not None
         if self._app.job_queue.at_device:
-            self.view.show_error(
-                lambda: self.tr("Another page is using a device; try again in a few seconds.")
-            )
+            self.view.show_error(lambda: self.tr("Another page is using a device; try again in a few seconds."))
             return
         result = self._run.result
         self._operation = RegisterOperation(

@@ -65,9 +65,7 @@ class RegistersView(QWidget):
         self._empty, self._badge, self._about = EmptyState(), StateBadge(), label(wrap=True)
         self._reason = label(kind="muted", name="write_reason_label")
         self._reason.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self._read_button = button(
-            "read_registers_button", lambda: self.tr("Read the unit"), self.read_wanted
-        )
+        self._read_button = button("read_registers_button", lambda: self.tr("Read the unit"), self.read_wanted)
         self._write_button = button("write_registers_button", lambda: self.tr("Write to the unit"), self._ask)
         self._model = ParameterModel(
             (
@@ -225,9 +223,7 @@ class RegistersView(QWidget):
             choices.append(choice(at_rest, lambda: self.tr("Write, table at rest"), at_rest=True))
             choices.append(choice(confirm, lambda: self.tr("Write and turn the table"), at_rest=False))
         else:
-            choices.append(
-                choice(confirm, lambda: self.tr("Write {0} registers").format(count), at_rest=True)
-            )
+            choices.append(choice(confirm, lambda: self.tr("Write {0} registers").format(count), at_rest=True))
         self._notice.ask(
             "caution",
             lambda: self.tr("Write {0} registers of unit {1}?").format(count, unit.serial),

@@ -92,9 +92,7 @@ class ResidualsView(StackedPlots):
     def _explain(self) -> None:
         theme.set_kind(self._rest_label, "muted")
         self._rest_label.setText(
-            self.tr(
-                "Measured minus expected at every rest, with ±1 σ of the rest's own noise; point at a rest."
-            )
+            self.tr("Measured minus expected at every rest, with ±1 σ of the rest's own noise; point at a rest.")
         )
 
     def _describe_rest(self, plot: ThemedPlot, at: QPointF) -> None:

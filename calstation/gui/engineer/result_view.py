@@ -107,22 +107,17 @@ class ResultView(QWidget):
         for check in result.checks:
             if of_parameter(check) and check.subject in checks:
                 checks[check.subject][check.kind] = check
-        self._cells = {
-            name: _cells(name, parameters[name], previous.get(name), checks[name]) for name in names
-        }
+        self._cells = {name: _cells(name, parameters[name], previous.get(name), checks[name]) for name in names}
         for key in _NUMBERS:
             present = [name for name in names if key in self._cells[name]]
             texts = aligned([self._cells[name][key] for name in present])
             for name, text in zip(present, texts, strict=True):
                 self._cells[name][key] = text
-        self._verdicts = {
-            name: "lost" if name in result.unobservable else _verdict(checks[name]) for name in names
-        }
+        self._verdicts = {name: "lost" if name in result.unobservable else _verdict(checks[name]) for name in names}
         self._changed = frozenset(
             name
             for name in names
-            if name in previous
-            and abs(parameters[name].value - previous[name]) > _NOTABLE * parameters[name].sigma
+            if name in previous and abs(parameters[name].value - previous[name]) > _NOTABLE * parameters[name].sigma
         )
         self._model.set_names(names)
         general = [check for check in result.checks if not of_parameter(check)]
@@ -213,9 +208,7 @@ def _verdict(checks: dict[str, Check]) -> str:
     return "good" if checks else "none"
 
 
-def _cells(
-    name: str, parameter: Parameter, previous: float | None, checks: dict[str, Check]
-) -> dict[str, str]:
+def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict[str, Check]) -> dict[str, str]:
     """The texts of a row, numbers in the unit shown and rounded to the sigma."""
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)

@@ -37,9 +37,7 @@ class HistoryPage(Page):
         self.notice = NoticeBar()
         self.notice.setObjectName("history_notice")
         self._nothing = EmptyState()
-        self._clear_button = button(
-            "history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear
-        )
+        self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear)
         self._nothing.add(self._clear_button)
         self._split = QSplitter(Qt.Orientation.Horizontal)
         self._split.setChildrenCollapsible(False)

@@ -90,9 +90,7 @@ class RunModel(QAbstractTableModel):
                 return state_colour(kind)
         return None
 
-    def headerData(
-        self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole
-    ) -> Any:
+    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Headings along the top."""
         if orientation == Qt.Orientation.Vertical:
             return None

@@ -42,9 +42,7 @@ class Trend(QWidget):
         bind(self._plot.setAccessibleName, lambda: self.tr("The parameter over the unit's runs"))
         column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
 
-    def show_runs(
-        self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]
-    ) -> None:
+    def show_runs(self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]) -> None:
         """Show the solved runs of a unit.
 
         Parameters

@@ -56,14 +56,10 @@ class Comparison(QWidget):
                 Column(lambda: self.tr("unit"), lambda n: self._cell(n, "unit"), number=False),
                 Column(lambda: self.tr("run"), lambda n: self._cell(n, "online")),
                 Column(lambda: "±σ", lambda n: self._cell(n, "online_sigma")),
-                Column(
-                    lambda: self.tr("offline"), lambda n: self._cell(n, "offline"), state=self._limit_state
-                ),
+                Column(lambda: self.tr("offline"), lambda n: self._cell(n, "offline"), state=self._limit_state),
                 Column(lambda: "±σ", lambda n: self._cell(n, "offline_sigma"), state=self._sigma_state),
                 Column(lambda: self.tr("diff."), lambda n: self._cell(n, "difference")),
-                Column(
-                    lambda: self.tr("in σ"), lambda n: self._cell(n, "in_sigma"), state=self._difference_state
-                ),
+                Column(lambda: self.tr("in σ"), lambda n: self._cell(n, "in_sigma"), state=self._difference_state),
             )
         )
         self.table = ParameterTable(self.model)
@@ -202,9 +198,7 @@ class Comparison(QWidget):
         notes = []
         log = result["log"]
         if (log["first_seq"], log["last_seq"]) != (facts.first_seq, facts.last_seq):
-            notes.append(
-                self.tr("From samples {0} to {1}, part of the log.").format(log["first_seq"], log["last_seq"])
-            )
+            notes.append(self.tr("From samples {0} to {1}, part of the log.").format(log["first_seq"], log["last_seq"]))
         run = None if self._log_index.stored is None else self._log_index.stored["stages"]
         if run and run != result["stages"]:
             stages = self.tr(", ").join(term("stage", stage) for stage in result["stages"])

@@ -74,9 +74,7 @@ class LogHead(QWidget):
         facts = log.facts
         parts = [log.meta.imu.serial]
         parts.append(duration_text(facts.samples / log.rate))
-        parts.append(
-            self.tr("{0} samples, {1} Hz").format(f"{facts.samples:,}".replace(",", " "), f"{log.rate:g}")
-        )
+        parts.append(self.tr("{0} samples, {1} Hz").format(f"{facts.samples:,}".replace(",", " "), f"{log.rate:g}"))
         if log.meta.product is not None:  # last, because what does not fit is cut
             parts.append(log.meta.product.name)
         self._facts.setText("  ·  ".join(parts))

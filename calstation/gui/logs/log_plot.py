@@ -96,9 +96,7 @@ class LogPlot(QWidget):
         pad = _MARGIN * self._length
         closest = min(_CLOSEST / log_index.rate, self._length)
         for plot in self._all:
-            plot.setLimits(
-                xMin=-pad, xMax=self._length + pad, minXRange=closest, maxXRange=self._length + 2 * pad
-            )
+            plot.setLimits(xMin=-pad, xMax=self._length + pad, minXRange=closest, maxXRange=self._length + 2 * pad)
         marked = Marked(log_index)
         for layer in self._layers:
             layer.marked = marked
@@ -293,9 +291,7 @@ class LogPlot(QWidget):
     def _seq(self, seconds: float) -> int:
         assert self._log_index is not None
         facts = self._log_index.facts
-        return min(
-            max(facts.first_seq + round(seconds * self._log_index.rate), facts.first_seq), facts.last_seq
-        )
+        return min(max(facts.first_seq + round(seconds * self._log_index.rate), facts.first_seq), facts.last_seq)
 
     def _changed(self) -> None:
         if self._log_index is not None and not self._redraw.isActive():

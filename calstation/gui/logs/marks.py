@@ -30,8 +30,7 @@ class Marked:
         if log_index is not None:
             first, rate = log_index.facts.first_seq, log_index.rate
             self.stages = [
-                (s.stage, (s.first_seq - first) / rate, (s.last_seq + 1 - first) / rate)
-                for s in log_index.spans
+                (s.stage, (s.first_seq - first) / rate, (s.last_seq + 1 - first) / rate) for s in log_index.spans
             ]
             self.steps = (log_index.steps.places[:, 0] - first) / rate
             self.gaps = (log_index.gaps.places - first) / rate
@@ -144,9 +143,7 @@ def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
     painter.setPen(Qt.PenStyle.NoPen)
     if kind == "gap":
         painter.setBrush(QColor(c.caution))
-        painter.drawPolygon(
-            QPolygonF([box.topLeft(), box.topRight(), QPointF(box.center().x(), box.bottom())])
-        )
+        painter.drawPolygon(QPolygonF([box.topLeft(), box.topRight(), QPointF(box.center().x(), box.bottom())]))
     else:
         painter.setBrush(QColor(c.bad))
         painter.drawRect(box.adjusted(1, 1, -1, -1))

@@ -313,9 +313,7 @@ class OfflinePage(Page):
 
     def _unsolved(self, error: CalstationError) -> None:
         self._allow()
-        self._complain(
-            lambda: self.tr("This range cannot be solved"), error, self.log.path if self.log else None
-        )
+        self._complain(lambda: self.tr("This range cannot be solved"), error, self.log.path if self.log else None)
 
     def _export_log(self) -> None:
         assert self.log is not None

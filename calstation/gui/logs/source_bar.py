@@ -99,9 +99,7 @@ class SourceBar(QWidget):
     def retranslate(self) -> None:
         """Say everything again in the language in force."""
         self._label.setText(self.tr("Log"))
-        self.log_edit.setPlaceholderText(
-            self.tr("Path of a raw log (.h5) or of a CSV with its TOML beside it")
-        )
+        self.log_edit.setPlaceholderText(self.tr("Path of a raw log (.h5) or of a CSV with its TOML beside it"))
         self.open_button.setText(self.tr("Open…"))
         self.recent_button.setText(self.tr("Recent"))
         self._say_recent()

@@ -34,9 +34,7 @@ class RunHeader(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.operator_edit, self.serial_edit, self.product_combo = QLineEdit(), QLineEdit(), QComboBox()
-        self.start_button = button(
-            "start_button", lambda: self.tr("START"), self.start_pressed, kind="primary"
-        )
+        self.start_button = button("start_button", lambda: self.tr("START"), self.start_pressed, kind="primary")
         self.pause_button = button("pause_button", pressed=self.pause_pressed)
         self._captions = [
             label(lambda: self.tr("Operator")),

@@ -87,9 +87,7 @@ class Preparation(QFrame):
         mounting = self.tr("Gravity and two small turns show whether the unit is mounted correctly.")
         if by_hand:
             identify = self.tr("The unit is identified.")
-            mounting = self.tr(
-                "The magnitude of gravity shows whether the unit measures correctly. Leave it alone."
-            )
+            mounting = self.tr("The magnitude of gravity shows whether the unit measures correctly. Leave it alone.")
         return (
             (self.tr("Connecting"), identify),
             (self.tr("Unit ready"), self.tr("The unit starts and tests itself.")),

@@ -42,9 +42,7 @@ class Loading(QFrame):
         column(
             label(lambda: self.tr("Load the unit"), "section"),
             (
-                row(
-                    (column(None, grid, None), 3), (self.picture, 2), (self.rails, 2), spacing=4 * theme.GRID
-                ),
+                row((column(None, grid, None), 3), (self.picture, 2), (self.rails, 2), spacing=4 * theme.GRID),
                 1,
             ),
             on=self,
@@ -73,9 +71,7 @@ class Loading(QFrame):
         planned = self._run_summary
         virtual, by_hand = planned is not None and planned.virtual, planned is not None and planned.by_hand
         another = self.tr("Any other number of the product's pattern is another unit.")
-        scan = self.tr(
-            "The scanner's Enter checks the number and moves on to START; a click or Space starts."
-        )
+        scan = self.tr("The scanner's Enter checks the number and moves on to START; a click or Space starts.")
         mounting = self.tr("x to the right, y to the front, z up, as in the picture; screws tight.")
         stop = self.tr("STOP works at any time, and so does the Esc key.")
         if by_hand and virtual:
@@ -101,18 +97,14 @@ class Loading(QFrame):
                 (self.tr("Scan its serial number"), scan),
                 (
                     self.tr("Press START and let go"),
-                    self.tr(
-                        "The screen then asks for one position after another; STOP or Esc end it at any time."
-                    ),
+                    self.tr("The screen then asks for one position after another; STOP or Esc end it at any time."),
                 ),
             )
         if virtual:
             return (
                 (
                     self.tr("The unit is in its fixture"),
-                    self.tr(
-                        "This station is the virtual bench: table and unit are simulated, nothing moves."
-                    ),
+                    self.tr("This station is the virtual bench: table and unit are simulated, nothing moves."),
                 ),
                 (self.tr("A serial number is filled in"), another),
                 (self.tr("Press START"), self.tr("The whole calibration takes about a minute here.")),

@@ -194,9 +194,7 @@ class OperatorPage(Page):
                 self._problem,
                 [
                     *choices,
-                    Choice(
-                        "station_choice", lambda: self.tr("Open the station page"), self.station_wanted.emit
-                    ),
+                    Choice("station_choice", lambda: self.tr("Open the station page"), self.station_wanted.emit),
                 ],
             )
         else:
@@ -262,11 +260,7 @@ class OperatorPage(Page):
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
             return
-        if (
-            run.state == "passed"
-            and self._starting.run_summary is not None
-            and self._starting.run_summary.virtual
-        ):
+        if run.state == "passed" and self._starting.run_summary is not None and self._starting.run_summary.virtual:
             self.header.set_serial("")
             self._starting.suggest()
         self.header.focus_serial()

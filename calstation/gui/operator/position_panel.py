@@ -277,9 +277,7 @@ class PositionPanel(QFrame):
         now = self._guided
         if self._over:
             self.badge.show_state("good", self.tr("All positions done"))
-            self.task_label.setText(
-                self.tr("Leave the unit alone while the results are computed and checked.")
-            )
+            self.task_label.setText(self.tr("Leave the unit alone while the results are computed and checked."))
         elif now is None:
             self.badge.show_state("none", self.tr("Wait"))
             self.task_label.setText(self.tr("Leave the unit alone until the first position is asked for."))
@@ -315,9 +313,7 @@ class PositionPanel(QFrame):
     def _task(self, now: PositionGuided) -> str:
         """What to do now."""
         if now.state == "still":
-            return self.tr("Hands off. {seconds:.0f} s left.").format(
-                seconds=max(np.ceil(now.wanted - now.rest), 0.0)
-            )
+            return self.tr("Hands off. {seconds:.0f} s left.").format(seconds=max(np.ceil(now.wanted - now.rest), 0.0))
         if now.state == "repeat":
             return self.tr("It was moved too soon. Let go, and leave it for {seconds:.0f} s.").format(
                 seconds=now.wanted
@@ -328,17 +324,13 @@ class PositionPanel(QFrame):
             abs(now.inner - now.inner_before) > _LEAST_TURN,
         )
         if turns == (True, True):
-            words = self.tr(
-                "Turn the outer rail to about {outer} and the inner rail to about {inner}, then let go."
-            )
+            words = self.tr("Turn the outer rail to about {outer} and the inner rail to about {inner}, then let go.")
         elif turns == (True, False):
             words = self.tr("Turn the outer rail to about {outer}, then let go.")
         elif turns == (False, True):
             words = self.tr("Turn the inner rail to about {inner}, then let go.")
         else:
-            words = self.tr(
-                "Leave it with the outer rail at {outer} and the inner rail at {inner}, hands off."
-            )
+            words = self.tr("Leave it with the outer rail at {outer} and the inner rail at {inner}, hands off.")
         return words.format(outer=outer, inner=inner).replace("-", "−")
 
     def _count(self, now: PositionGuided) -> str:

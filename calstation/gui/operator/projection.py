@@ -66,9 +66,7 @@ def pen(colour: str, width: float) -> QPen:
 def box(painter: QPainter, corners: FloatArray) -> None:
     """Draw a box by its corners in the level frame, shape (8, 3), last axis fastest."""
     c = theme.colours()
-    faces = [
-        (float(np.mean(corners[list(face)] @ -VIEWER)), axis, corners[list(face)]) for axis, face in _FACES
-    ]
+    faces = [(float(np.mean(corners[list(face)] @ -VIEWER)), axis, corners[list(face)]) for axis, face in _FACES]
     painter.setPen(pen(c.muted, 0.015))
     dark = theme.current() == "dark"
     shade = {0: 120, 1: 150, 2: 200} if dark else {0: 112, 1: 124, 2: 100}

@@ -30,9 +30,7 @@ class Resuming(QObject):
     def start(self) -> None:
         """When the window opens: close runs that died, hand over waiting results, then offer what can be resumed."""
         if self._app.runs_folder.is_dir():
-            recovery = self._app.job_queue.submit(
-                recover_startup, self._app.runs_folder, self._app.station_path
-            )
+            recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
             self._recovery.watch(recovery)
         self.offer()
 
@@ -60,9 +58,7 @@ class Resuming(QObject):
                 self._notice.dismiss()
                 self._ask(chosen)  # chosen on another page: hands may be on the fixture
             else:
-                self._show_error(
-                    self.tr("This run has no completed stage to resume after, or has ended since.")
-                )
+                self._show_error(self.tr("This run has no completed stage to resume after, or has ended since."))
         else:
             self._ask([run for run in found if self._serial in (None, run.serial)])
 
@@ -78,9 +74,7 @@ class Resuming(QObject):
             lambda: self.tr("{serial} was interrupted in stage {number}, {stage}").format(
                 serial=run.serial, number=number, stage=term("stage", stage)
             ),
-            lambda: self.tr("Started {when} UTC. Is this unit still in the fixture, untouched?").format(
-                when=when
-            ),
+            lambda: self.tr("Started {when} UTC. Is this unit still in the fixture, untouched?").format(when=when),
             [
                 Choice(
                     "resume_choice",

@@ -108,9 +108,7 @@ class Starting(QObject):
         """Ask which registers the unit shall have after an interrupted transfer, then run."""
         self._notice.ask(
             "caution",
-            lambda: self.tr("Writing the registers of {serial} was interrupted").format(
-                serial=request.serial
-            ),
+            lambda: self.tr("Writing the registers of {serial} was interrupted").format(serial=request.serial),
             lambda: (
                 self.tr(
                     "Which registers shall the unit have before it is calibrated? New ones are verified first with a "
@@ -240,9 +238,7 @@ class CompatibilityNotice:
     def words(self) -> str:
         """What is incompatible, and what is compatible."""
         why = say(
-            "window.manual_station"
-            if self._error.code != "product.needs_manual_table"
-            else "window.driven_station"
+            "window.manual_station" if self._error.code != "product.needs_manual_table" else "window.driven_station"
         )
         if not self._found:
             return f"{why} {say('window.no_compatible_product')}"

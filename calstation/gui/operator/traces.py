@@ -105,9 +105,7 @@ class _Plot(QWidget):
         box = self.plot.getViewBox()
         self._labels.show_labels(
             [
-                LineLabel(
-                    box.mapViewToScene(pg.Point(0.0, float(value))).y(), name, QColor(colour), bold=True
-                )
+                LineLabel(box.mapViewToScene(pg.Point(0.0, float(value))).y(), name, QColor(colour), bold=True)
                 for (name, colour), value in zip(theme.AXIS_COLOURS.items(), ends, strict=True)
             ]
         )
@@ -158,9 +156,7 @@ class Traces(QFrame):
         self._timer = QTimer(self)
         self._timer.setInterval(_EVERY)
         self._timer.timeout.connect(self._draw)
-        on_language_change(
-            self, lambda: self._accel.plot.setLabel("bottom", self.tr("device time before now, s"))
-        )
+        on_language_change(self, lambda: self._accel.plot.setLabel("bottom", self.tr("device time before now, s")))
         self._show()
 
     @property

@@ -243,9 +243,7 @@ class VerdictPanel(QFrame):
                 self._cell(number, at, text, bold=at == decisive)
         self._figures_box.setMaximumHeight(_ROW * (len(figures) + 1))
 
-    def _cell(
-        self, row_number: int, column_number: int, text: str, *, muted: bool = False, bold: bool = False
-    ) -> None:
+    def _cell(self, row_number: int, column_number: int, text: str, *, muted: bool = False, bold: bool = False) -> None:
         cell = label(kind="muted" if muted else "")
         cell.setText(text)
         if not muted:

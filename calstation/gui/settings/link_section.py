@@ -38,9 +38,7 @@ class LinkSection(QWidget):
         self.way_box = ChoiceBox(self._ways, f"{device}_way_combo")
         self.own_box = ChoiceBox(self._own_choices, f"{device}_own_serial_combo")
         self.port_box = PortBox()
-        self.search_button = button(
-            f"{device}_search_button", lambda: self.tr("Look for ports again"), self.search
-        )
+        self.search_button = button(f"{device}_search_button", lambda: self.tr("Look for ports again"), self.search)
         self.searching = JobWatch(self)
         self.searching.done.connect(self._found)
         self.searching.failed.connect(self._not_found)
@@ -57,9 +55,7 @@ class LinkSection(QWidget):
             self._own_row,
             *self._line_fields,
         )
-        heading = label(
-            lambda: self.tr("Link to the table") if self._table else self.tr("Link to the IMU"), "section"
-        )
+        heading = label(lambda: self.tr("Link to the table") if self._table else self.tr("Link to the IMU"), "section")
         row(column(heading, self._note, self._form, None), (self.test, 1), on=self, spacing=3 * theme.GRID)
         set_tab_order(
             (
@@ -83,9 +79,7 @@ class LinkSection(QWidget):
         draft, device = self._draft, self._device
         port = (device, "port")
         addresses = {_TCP: _MODBUS_PORT, _SERVER: _SERVER_PORT} if self._table else {_SERVER: _SERVER_PORT}
-        self._port_fields = {
-            _SERIAL: Field(draft, port, self.port_box, lambda: self.tr("Port"), hint=self._port_hint)
-        }
+        self._port_fields = {_SERIAL: Field(draft, port, self.port_box, lambda: self.tr("Port"), hint=self._port_hint)}
         for scheme, number in addresses.items():
             edit = AddressEdit(scheme, number)
             self._port_fields[scheme] = Field(draft, port, edit, lambda: self.tr("Address and port number"))
@@ -113,9 +107,7 @@ class LinkSection(QWidget):
         self._line_fields = [
             Field(draft, (*serial, "baud"), NumberBox(_BAUDS), lambda: self.tr("Baud"), default=115200),
             Field(draft, (*serial, "data_bits"), bits, lambda: self.tr("Data bits"), default=8),
-            Field(
-                draft, (*serial, "parity"), ChoiceBox(self._parities), lambda: self.tr("Parity"), default="N"
-            ),
+            Field(draft, (*serial, "parity"), ChoiceBox(self._parities), lambda: self.tr("Parity"), default="N"),
             Field(draft, (*serial, "stop_bits"), stops, lambda: self.tr("Stop bits"), default=1),
         ]
 

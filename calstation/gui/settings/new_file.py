@@ -28,9 +28,7 @@ class NewFileBar(QFrame):
         self._name.setFixedWidth(26 * theme.GRID)
         self._name.textEdited.connect(lambda _: self._check())
         self._name.returnPressed.connect(self._make)
-        self._source = ChoiceBox(
-            lambda: [(name, name) for name in library.names(self._kind)], "new_source_combo"
-        )
+        self._source = ChoiceBox(lambda: [(name, name) for name in library.names(self._kind)], "new_source_combo")
         self._source.setMinimumWidth(26 * theme.GRID)
         self._make_button = button("make_file_button", lambda: self.tr("Create"), self._make, kind="primary")
         inputs = row(

@@ -93,9 +93,7 @@ class StationPage(Page):
         caption.setBuddy(self.station_box)
         self._new_button = button("new_station_button", lambda: self.tr("New from copy"), self._ask_new)
         self._save_button = button("save_station_button", lambda: self.tr("Save"), self.save, kind="primary")
-        self._discard_button = button(
-            "discard_station_button", lambda: self.tr("Discard"), self.drafts.discard
-        )
+        self._discard_button = button("discard_station_button", lambda: self.tr("Discard"), self.drafts.discard)
         self._unsaved_label = label(name="unsaved_label", wrap=True)
         self._unsaved_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         header = QWidget()
@@ -280,9 +278,7 @@ class StationPage(Page):
                 paths.append(current)
             for path in paths:
                 self.station_box.addItem(self._station_name(path), _key(path))
-            self.station_box.setCurrentIndex(
-                -1 if current is None else self.station_box.findData(_key(current))
-            )
+            self.station_box.setCurrentIndex(-1 if current is None else self.station_box.findData(_key(current)))
 
     def _station_name(self, path: Path) -> str:
         return self.tr("{0} (virtual bench)").format(path.stem) if editing.is_bench(path) else path.stem

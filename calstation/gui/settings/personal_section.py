@@ -23,9 +23,7 @@ class PersonalSection(QWidget):
         self._app = app
         self._language = ChoiceBox(lambda: list(language.LANGUAGES), "station_language_combo")
         self._language.typed.connect(lambda: app.set_language(self._language.value()))
-        self._theme = ChoiceBox(
-            lambda: [("light", self.tr("light")), ("dark", self.tr("dark"))], "theme_combo"
-        )
+        self._theme = ChoiceBox(lambda: [("light", self.tr("light")), ("dark", self.tr("dark"))], "theme_combo")
         self._theme.typed.connect(lambda: app.set_theme(self._theme.value()))
         self._author = QLineEdit()
         self._author.setObjectName("author_edit")
@@ -59,9 +57,7 @@ class PersonalSection(QWidget):
         self.pin_message = QLabel()
         self.pin_message.setWordWrap(True)
         self._pins = self._old, self._new, self._again = QLineEdit(), QLineEdit(), QLineEdit()
-        for edit, name in zip(
-            self._pins, ("old_pin_edit", "new_pin_edit", "new_pin_again_edit"), strict=True
-        ):
+        for edit, name in zip(self._pins, ("old_pin_edit", "new_pin_edit", "new_pin_again_edit"), strict=True):
             edit.setObjectName(name)
             edit.setEchoMode(QLineEdit.EchoMode.Password)
             edit.textEdited.connect(self._clear_message)

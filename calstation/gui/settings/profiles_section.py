@@ -113,9 +113,7 @@ class ProfilesSection(QWidget):
         count = len(draft.problems)
         line = self.tr("Line {0}: {1}")
         self._problems.clear()
-        self._problems.addItems(
-            [line.format(problem.line, show(problem.as_text)) for problem in draft.problems]
-        )
+        self._problems.addItems([line.format(problem.line, show(problem.as_text)) for problem in draft.problems])
         self._problems.setVisible(count > 0)
         self._problems.setFixedHeight((min(count, 3) * 3 + 1) * theme.GRID)
         self._show_origin(draft)
@@ -211,9 +209,7 @@ class ProfilesSection(QWidget):
     def _show_origin(self, draft: Draft) -> None:
         shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
         self._about.setText(
-            self.tr("came with the program; saving makes this site's copy")
-            if shipped
-            else self.tr("this site's own")
+            self.tr("came with the program; saving makes this site's copy") if shipped else self.tr("this site's own")
         )
         self._about.setToolTip(str(draft.path))
 

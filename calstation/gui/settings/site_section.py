@@ -47,9 +47,7 @@ class SiteSection(QWidget):
             "°",
             lambda: self.tr("North positive. Wrong by 1°: up to 0.19 °/h of gyro bias, 92 ppm of gravity."),
         )
-        longitude = self._field(
-            "longitude_deg", lambda: self.tr("Longitude"), "°", lambda: self.tr("East positive.")
-        )
+        longitude = self._field("longitude_deg", lambda: self.tr("Longitude"), "°", lambda: self.tr("East positive."))
         height = self._field(
             "height_m",
             lambda: self.tr("Height above the ellipsoid"),
@@ -132,9 +130,7 @@ class SiteSection(QWidget):
         self._compass_note.setText(
             self.tr("Body +y at home, seen from above.")
             if azimuth is not None
-            else self.tr(
-                "The azimuth is found from the data: levelling and gyrocompassing at the first rest."
-            )
+            else self.tr("The azimuth is found from the data: levelling and gyrocompassing at the first rest.")
         )
         latitude, height = (self._draft.value(("site", name)) for name in ("latitude_deg", "height_m"))
         normal = normal_gravity_at(latitude, height)

@@ -32,9 +32,7 @@ class StationSection(QWidget):
             ("handover", "folder"),
             WordEdit(),
             lambda: self.tr("Hand-over folder"),
-            hint=lambda: self.tr(
-                "The factory's system collects results here; empty: a folder beside the runs."
-            ),
+            hint=lambda: self.tr("The factory's system collects results here; empty: a folder beside the runs."),
         )
         seed = Field(
             draft,
@@ -54,9 +52,7 @@ class StationSection(QWidget):
             hint=lambda: self.tr("Multiple of real time; 0 is as fast as this computer can."),
         )
         self._bench_fields = (seed, speed)
-        self._browse = button(
-            "handover_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder
-        )
+        self._browse = button("handover_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder)
         self._form = Form(name, profile, folder, Row(self._browse), seed, speed)
         set_tab_order((name.editor, profile.editor, folder.editor, self._browse, seed.editor, speed.editor))
         left = column(label(lambda: self.tr("Station"), "section"), (self._form, 1))
@@ -103,9 +99,7 @@ class StationSection(QWidget):
                 "“example_hardware”."
             )
         if self._by_hand:
-            return self.tr(
-                "Nothing moves by itself: the operator is guided. Test the IMU before the first run."
-            )
+            return self.tr("Nothing moves by itself: the operator is guided. Test the IMU before the first run.")
         return self.tr("A run moves the table. Test both links before the first one.")
 
     @property
@@ -122,9 +116,7 @@ class StationSection(QWidget):
 
         own = self.tr("opened by the bench")
         table = self.tr("turned by hand") if self._by_hand else own if bench else get("table", "port")
-        position = (
-            f"{get('site', 'latitude_deg')}°, {get('site', 'longitude_deg')}°, {get('site', 'height_m')} m"
-        )
+        position = f"{get('site', 'latitude_deg')}°, {get('site', 'longitude_deg')}°, {get('site', 'height_m')} m"
         if self._draft.value(("site", "azimuth_deg")) is None:
             azimuth = self.tr("azimuth from the data")
         else:

@@ -80,13 +80,9 @@ class TableSection(QWidget):
         return made
 
     def _axes(self) -> QWidget:
-        outer = Field(
-            self._draft, ("outer_axis",), VectorEdit(), lambda: self.tr("Outer axis in the body, at home")
-        )
+        outer = Field(self._draft, ("outer_axis",), VectorEdit(), lambda: self.tr("Outer axis in the body, at home"))
         outer.places += ((),)
-        inner = Field(
-            self._draft, ("inner_axis",), VectorEdit(), lambda: self.tr("Inner axis in the body, at home")
-        )
+        inner = Field(self._draft, ("inner_axis",), VectorEdit(), lambda: self.tr("Inner axis in the body, at home"))
         self._fields += [outer, inner]
         return Form(outer, inner)
 

@@ -49,9 +49,7 @@ class TestPanel(QFrame):
         self._tested: tuple[object, ...] = ()
         self._error: CalstationError | None = None
         self.setProperty("kind", "panel")
-        self.product_box = ChoiceBox(
-            lambda: [(name, name) for name in library.names("products")], "imu_test_product"
-        )
+        self.product_box = ChoiceBox(lambda: [(name, name) for name in library.names("products")], "imu_test_product")
         self.product_box.typed.connect(self.refresh)
         self._product_label = label(lambda: self.tr("Expected: the IMU of product"))
         self._product_label.setBuddy(self.product_box)

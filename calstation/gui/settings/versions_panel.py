@@ -35,12 +35,8 @@ class VersionsPanel(QWidget):
         self._list.setSpacing(theme.GRID // 2)
         self._list.currentRowChanged.connect(lambda _: self._enable())
         self._list.itemActivated.connect(lambda _: self._emit(self.compared))
-        self._compare = button(
-            "compare_button", lambda: self.tr("Compare"), lambda: self._emit(self.compared)
-        )
-        self._restore = button(
-            "take_back_button", lambda: self.tr("Restore"), lambda: self._emit(self.restored)
-        )
+        self._compare = button("compare_button", lambda: self.tr("Compare"), lambda: self._emit(self.compared))
+        self._restore = button("take_back_button", lambda: self.tr("Restore"), lambda: self._emit(self.restored))
         column(title, self._empty, (self._list, 100), None, row(self._compare, self._restore), on=self)
         on_language_change(self, self._show)
 

@@ -65,9 +65,7 @@ class AppContext(QObject):
             self.product_path = path
             self.product_changed.emit()
 
-    def choose(
-        self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None
-    ) -> None:
+    def choose(self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None) -> None:
         """Run these stages with these changes to the product's schedule from now on; None for the product's."""
         if (stages, schedule) != (self.stages, self.schedule):
             self.stages, self.schedule = stages, schedule

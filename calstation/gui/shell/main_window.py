@@ -133,9 +133,7 @@ class MainWindow(QMainWindow):
         engineer = self.app.role.engineer
         self._role_button.setText(self.tr("Engineer") if engineer else self.tr("Operator"))
         self._role_button.setToolTip(
-            self.tr("Lock: back to the operator's role")
-            if engineer
-            else self.tr("Unlock with the engineer's PIN")
+            self.tr("Lock: back to the operator's role") if engineer else self.tr("Unlock with the engineer's PIN")
         )
         self._set_icons()
 

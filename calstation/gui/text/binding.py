@@ -29,9 +29,7 @@ class _Binding(QObject):
         self._show()
 
 
-def bind(
-    target: QLabel | QAbstractButton | QGroupBox | Callable[[str], Any], text: Callable[[], str]
-) -> None:
+def bind(target: QLabel | QAbstractButton | QGroupBox | Callable[[str], Any], text: Callable[[], str]) -> None:
     """Show a text on a widget in the current language, and again after each change of language.
 
     Parameters

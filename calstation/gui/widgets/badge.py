@@ -20,9 +20,7 @@ def state_colour(kind: str) -> QColor:
     """The colour of a kind of state in the current theme."""
     c = theme.colours()
     return QColor(
-        {"good": c.good, "bad": c.bad, "caution": c.caution, "active": c.accent, "paused": c.caution}.get(
-            kind, c.muted
-        )
+        {"good": c.good, "bad": c.bad, "caution": c.caution, "active": c.accent, "paused": c.caution}.get(kind, c.muted)
     )
 
 

@@ -60,9 +60,7 @@ class Applied:
     named: bool = True
 
 
-def apply_to_recording(
-    tell: Callable[..., None], path: Path, before: FloatArray, found: FloatArray
-) -> Applied:
+def apply_to_recording(tell: Callable[..., None], path: Path, before: FloatArray, found: FloatArray) -> Applied:
     """Job: apply parameters to all valid samples of a recording.
 
     Parameters
@@ -110,9 +108,7 @@ def applied(
     whole = joined(blocks)
     rests = find_stillness(data, context.imu, _SHORTEST_REST).rests
     if not rests:
-        error = InsufficientDataError(
-            "solution.never_at_rest", shortest=_SHORTEST_REST, seconds=len(data) * data.dt
-        )
+        error = InsufficientDataError("solution.never_at_rest", shortest=_SHORTEST_REST, seconds=len(data) * data.dt)
         if path is None:
             raise error
         raise InsufficientDataError("solution.in_log", file=path, what=error.as_text)
@@ -124,9 +120,7 @@ def applied(
     lengths, rates = [], []
     for a, b in rests:
         first, last = int(whole.seq.searchsorted(data.seq[a])), int(whole.seq.searchsorted(data.seq[b - 1]))
-        rest = before_after(
-            whole.part(first, last + 1), context.imu, before, found, gravity, last + 1 - first
-        )
+        rest = before_after(whole.part(first, last + 1), context.imu, before, found, gravity, last + 1 - first)
         lengths.append([float(rest.length_before[0]), float(rest.length_after[0])])
         rates.append([float(np.linalg.norm(r[0])) for r in (rest.rate_before, rest.rate_after)])
     length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))

@@ -86,7 +86,5 @@ def _best_gain(order: str, axis: int, angle: float, largest: float) -> float:
         return 0.0
     from scipy.optimize import minimize_scalar  # slow to import and rarely needed
 
-    found = minimize_scalar(
-        lambda gain: contraction(order, axis, angle, gain), bounds=(0.0, largest), method="bounded"
-    )
+    found = minimize_scalar(lambda gain: contraction(order, axis, angle, gain), bounds=(0.0, largest), method="bounded")
     return float(found.x)

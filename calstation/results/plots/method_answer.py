@@ -92,9 +92,7 @@ def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAns
 
     resolved = resolve(path, (stage,), progress=watch)
     tell(_SOLVED, note="drawing")
-    schedule = validate(
-        method(stage).schedule, log.meta.schedule.get(stage, {}), f"schedule of {stage}", InputError
-    )
+    schedule = validate(method(stage).schedule, log.meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
     in_force = schedule.model_dump(mode="json")
     return MethodAnswer(
         _recording(log, resolved),

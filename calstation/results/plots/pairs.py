@@ -113,9 +113,7 @@ class PairPlotData:
     duration: float
 
 
-def pair_plot_data(
-    data: StageData, context: SolveContext, prior: Belief, details: Mapping[str, Any]
-) -> PairPlotData:
+def pair_plot_data(data: StageData, context: SolveContext, prior: Belief, details: Mapping[str, Any]) -> PairPlotData:
     """Compute the plot data from the stage's samples and the details of its result."""
     c = compensation(prior.mean)
     shown = []
@@ -157,11 +155,7 @@ def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, .
         file = pair_path(folder, context.imu.serial, s.imu.serial)
         stored = load_pair(folder, context.imu.serial, s.imu.serial)
         static = {"gyro": stored.gyro_static, "accel": stored.accel_static}
-        utc = (
-            datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds")
-            if stored.values
-            else ""
-        )
+        utc = datetime.fromtimestamp(file.stat().st_mtime, UTC).isoformat(timespec="seconds") if stored.values else ""
         kept.append(StoredPairFile(s.number, s.imu.serial, file, utc, len(stored.values), static))
     return tuple(kept)
 

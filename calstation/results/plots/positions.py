@@ -56,8 +56,7 @@ def position_plot_data(
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
     evidence = gather("multi_position", data, context, before, found)
     lengths = [
-        [float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in evidence.rests]
-        for p in (before, found)
+        [float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in evidence.rests] for p in (before, found)
     ]
     misses = [gravity_misses(evidence, motion, found) for motion in evidence.motions]
     angles = np.array(misses).reshape(-1, 2)

@@ -100,9 +100,7 @@ class AppliedView(QWidget):
         self._draw()
 
     def _allow(self) -> None:
-        self._working.say(
-            self.tr("Listening to the unit") if self._at_device else self.tr("Applying the answer"), ""
-        )
+        self._working.say(self.tr("Listening to the unit") if self._at_device else self.tr("Applying the answer"), "")
         if self._running:
             why_not = self.tr("A calibration is going on; press STOP first.")
         elif self._at_device:
@@ -184,9 +182,7 @@ class AppliedView(QWidget):
         if a is None:
             return ""
         if a.serial != self._serial:
-            return self.tr("This recording is of {0}; the answer was found for {1}.").format(
-                a.serial, self._serial
-            )
+            return self.tr("This recording is of {0}; the answer was found for {1}.").format(a.serial, self._serial)
         said = []
         if a.corrected:
             said.append(
@@ -197,9 +193,7 @@ class AppliedView(QWidget):
             )
         if not a.named:
             said.append(
-                self.tr("This unit cannot say its serial number; the answer was found for {0}.").format(
-                    self._serial
-                )
+                self.tr("This unit cannot say its serial number; the answer was found for {0}.").format(self._serial)
             )
         return " ".join(said)
 

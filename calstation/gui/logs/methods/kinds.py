@@ -71,9 +71,7 @@ def _gimbal() -> MethodWords:
         QCoreApplication.translate("methods", "Gimbal"),
         QCoreApplication.translate("methods", "Gyro misalignment from the gimbal's own joints"),
         (
-            QCoreApplication.translate(
-                "methods", "Hold all joints at zero: what the gyros show there is their bias."
-            ),
+            QCoreApplication.translate("methods", "Hold all joints at zero: what the gyros show there is their bias."),
             QCoreApplication.translate(
                 "methods",
                 "Turn one axis by a set angle, while the gimbal stabilises the other two on the unit's "
@@ -107,9 +105,7 @@ def _pair() -> MethodWords:
         QCoreApplication.translate("methods", "Cross-calibration"),
         QCoreApplication.translate("methods", "A secondary IMU against the primary on the same body"),
         (
-            QCoreApplication.translate(
-                "methods", "Fix all IMUs to one body and record them in the same rows."
-            ),
+            QCoreApplication.translate("methods", "Fix all IMUs to one body and record them in the same rows."),
             QCoreApplication.translate(
                 "methods",
                 "Let the body rest. Every sensor is checked there against its threshold: the secondary's and "

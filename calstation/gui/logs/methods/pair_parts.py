@@ -205,9 +205,7 @@ class CheckBars(QWidget):
             left = right + values + limits + theme.GRID
             draw_state(painter, bar.state, QRectF(left, middle - 8, 16, 16))
             painter.setPen(colour)
-            painter.drawText(
-                QRectF(left + 22, row.top(), verdicts, _ROW), Qt.AlignmentFlag.AlignVCenter, bar.verdict
-            )
+            painter.drawText(QRectF(left + 22, row.top(), verdicts, _ROW), Qt.AlignmentFlag.AlignVCenter, bar.verdict)
 
     def _open_end(self, painter: QPainter, right: float, middle: float) -> None:
         """The bar goes on: two slanted cuts near its end."""

@@ -167,19 +167,13 @@ class PairCheckView(QWidget):
                     calibrated = self._checked.kept[place].static
             name = self.tr("IMU {0}").format(secondary.number)
             for sensor in SENSORS:
-                bars.append(
-                    self._bar(name, sensor, check and check["secondary"][sensor], calibrated.get(sensor))
-                )
+                bars.append(self._bar(name, sensor, check and check["secondary"][sensor], calibrated.get(sensor)))
             if place == len(picture.secondaries) - 1:
                 for sensor in SENSORS:
-                    bars.append(
-                        self._bar(self.tr("primary"), sensor, check and check["primary"][sensor], None)
-                    )
+                    bars.append(self._bar(self.tr("primary"), sensor, check and check["primary"][sensor], None))
         return bars
 
-    def _bar(
-        self, unit: str, sensor: str, told: Mapping[str, Any] | None, calibrated: float | None
-    ) -> CheckBar:
+    def _bar(self, unit: str, sensor: str, told: Mapping[str, Any] | None, calibrated: float | None) -> CheckBar:
         name = f"{unit}  {word_sensor(sensor)}"
         if told is None:
             return CheckBar(name, 0.0, "–", "", self.tr("no rest to check at"), "none")
@@ -188,9 +182,7 @@ class PairCheckView(QWidget):
         if not within and calibrated is not None:
             now = shown(sensor, calibrated)
             good = calibrated <= told["limit"]
-            verdict = (self.tr("calibrated: now {0}") if good else self.tr("calibrated, still {0}")).format(
-                now
-            )
+            verdict = (self.tr("calibrated: now {0}") if good else self.tr("calibrated, still {0}")).format(now)
             state = "good" if good else "caution"
         return CheckBar(
             name,
@@ -265,9 +257,7 @@ class PairLeftView(QWidget):
             self.gyro_plot.say([(self.tr("Nothing was calibrated in this recording"), theme.colours().muted)])
             return
         name = self.tr("IMU {0}").format(of.number)
-        self._draw(
-            self.gyro_plot, of.left["gyro"], self.tr("{0} gyro against the primary, °/s").format(name), _RATE
-        )
+        self._draw(self.gyro_plot, of.left["gyro"], self.tr("{0} gyro against the primary, °/s").format(name), _RATE)
         self._draw(
             self.accel_plot,
             of.left["accel"],

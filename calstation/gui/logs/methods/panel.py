@@ -81,9 +81,7 @@ class MethodPanel(QWidget):
             return
         self._forget()
         path = recordings_folder() / f"{self.stage}-{grade}-{seed}.h5"
-        self.maker.watch(
-            self.app.job_queue.submit(record_on_bench, RECORDED_AS[self.stage], path, grade, seed)
-        )
+        self.maker.watch(self.app.job_queue.submit(record_on_bench, RECORDED_AS[self.stage], path, grade, seed))
         self._allow()
 
     def solve(self) -> None:
@@ -135,9 +133,7 @@ class MethodPanel(QWidget):
         row.addWidget(self.solve_button)
         self._work_label = QLabel()
         self._work_label.setMinimumWidth(22 * theme.GRID)
-        self._rows = {
-            watch: JobRow(watch) for watch in (self.maker, self.solver, self.checker, self.exports.watch)
-        }
+        self._rows = {watch: JobRow(watch) for watch in (self.maker, self.solver, self.checker, self.exports.watch)}
         self._rows_stack = QStackedWidget()
         for job_row in self._rows.values():
             self._rows_stack.addWidget(job_row)
@@ -185,9 +181,7 @@ class MethodPanel(QWidget):
         self.export_button.clicked.connect(self._export)
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
         self.maker.done.connect(self._made)
-        self.maker.failed.connect(
-            lambda error: self._complain(lambda: self.tr("No recording was made"), error, None)
-        )
+        self.maker.failed.connect(lambda error: self._complain(lambda: self.tr("No recording was made"), error, None))
         self.solver.progress.connect(self._say_work)
         self.solver.done.connect(self._solved)
         self.solver.failed.connect(
@@ -255,9 +249,7 @@ class MethodPanel(QWidget):
 
     def _export(self) -> None:
         if self.answer is not None:
-            self.exports.ask_result(
-                self.answer.recording.path, self.answer.resolved.result_json, None, self.stage
-            )
+            self.exports.ask_result(self.answer.recording.path, self.answer.resolved.result_json, None, self.stage)
 
     def _exported(self, target: Path) -> None:
         self._allow()
@@ -288,9 +280,7 @@ class MethodPanel(QWidget):
             self.answers.check.check_button.setEnabled(not busy)
         why_not = self._not_live()
         self.live_button.setEnabled(not why_not)
-        self.live_button.setToolTip(
-            why_not or self.tr("To the operator page, which guides from position to position")
-        )
+        self.live_button.setToolTip(why_not or self.tr("To the operator page, which guides from position to position"))
         self._say_work()
 
     def _not_live(self) -> str:

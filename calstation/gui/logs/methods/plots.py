@@ -77,17 +77,13 @@ class MethodPlot(ThemedPlot):
         self.getPlotItem().clear()
         self._values = []
 
-    def line(
-        self, x: FloatArray, y: FloatArray, colour: str, *, pale: bool = False, bold: bool = False
-    ) -> None:
+    def line(self, x: FloatArray, y: FloatArray, colour: str, *, pale: bool = False, bold: bool = False) -> None:
         """A thin line, interrupted where `y` is NaN; a `pale` one stays behind what matters, a `bold` one matters."""
         shade = QColor(colour)
         shade.setAlpha(_PALE if pale else 255)
         self._add(x, y, pen=pg.mkPen(shade, width=2.5 if bold else 1), connect="finite")
 
-    def dots(
-        self, x: FloatArray, y: FloatArray, colour: str, *, hollow: bool = False, joined: bool = False
-    ) -> None:
+    def dots(self, x: FloatArray, y: FloatArray, colour: str, *, hollow: bool = False, joined: bool = False) -> None:
         """Dots; hollow ones are what was before."""
         brush = QColor(theme.colours().panel) if hollow else QColor(colour)
         self._add(

@@ -68,9 +68,7 @@ class PositionsView(QWidget):
         p = self._picture
         if p is None:
             return
-        self._caption.setText(
-            self.tr("Where gravity lay in the unit at {0} rests. Drag to turn.").format(len(p.up))
-        )
+        self._caption.setText(self.tr("Where gravity lay in the unit at {0} rests. Drag to turn.").format(len(p.up)))
         self.force_figure.show_change(
             self.tr("| f | − g at rest, rms"),
             _rms(p.force_before) / MICRO_G,
@@ -181,9 +179,7 @@ class PositionSphere(QWidget):
         scale = min(self.width(), self.height()) / (2.0 * _EXTENT)
         centre = QPointF(self.width() / 2.0, self.height() / 2.0)
         azimuth, elevation = self._view
-        eye = np.array(
-            [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-        )
+        eye = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
         right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         upward = np.cross(eye, right)
 

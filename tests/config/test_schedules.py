@@ -1,0 +1,89 @@
+"""What a form is built from: fields with their ranges, a product's values, and what is wrong with a value."""
+
+from dataclasses import replace
+
+import pytest
+
+from calstation.config.resolved import prepare_run
+from calstation.config.schedules import ScheduleProblem, schedule_fields, schedule_options, schedule_problems
+from calstation.errors import ConfigurationError
+from tests.site_folder import PRODUCT, SiteFolder
+
+
+def test_fields_tell_kind_unit_range_and_words() -> None:
+    turns, rate, _, dwell = schedule_fields("rate")
+    assert (turns.name, turns.kind, turns.low, turns.high, turns.optional) == (
+        "turns",
+        "count",
+        1.0,
+        50.0,
+        False,
+    )
+    assert (rate.unit, rate.low, rate.above, rate.high) == ("°/s", 0.0, True, 360.0)
+    assert (dwell.unit, dwell.low, dwell.above) == ("s", 2.0, False)
+    by_name = {field.name: field for field in schedule_fields("excitation")}
+    assert by_name["rounds"].optional
+    assert by_name["duration_s"].optional
+    assert by_name["targets"].kind == "targets"
+    assert all(field.description for field in by_name.values())
+
+
+def test_an_offer_holds_whole_schedules_with_the_product_before_the_method(site_folder: SiteFolder) -> None:
+    site_folder.write({"stages": ["six_position", "rate"]})
+    offered = schedule_options(site_folder.station, site_folder.product)
+    assert offered.stages == ("six_position", "rate")
+    assert offered.offered == ("six_position", "rate", "excitation", "azimuth_flip")
+    assert offered.schedules["six_position"] == PRODUCT["schedule"]["six_position"]
+    assert offered.schedules["azimuth_flip"]["targets"] == {}
+    assert offered.rate == pytest.approx(120.0)
+    assert offered.virtual
+
+
+@pytest.mark.parametrize(
+    ("stage", "change", "field", "problem"),
+    [
+        ("rate", {"turns": 0}, "turns", ScheduleProblem("low", 1.0)),
+        ("rate", {"turns": 51}, "turns", ScheduleProblem("high", 50.0)),
+        ("rate", {"turns": 1.5}, "turns", ScheduleProblem("whole")),
+        ("rate", {"dwell_s": "abc"}, "dwell_s", ScheduleProblem("number")),
+        ("rate", {"dwell_s": None}, "dwell_s", ScheduleProblem("number")),
+        ("rate", {"rate_dps": 0.0}, "rate_dps", ScheduleProblem("low", 0.0)),
+        ("rate", {"rate_dps": 130.0}, "rate_dps", ScheduleProblem("table", 120.0)),
+        ("excitation", {"targets": {"gyro_bias": -1.0}}, "targets", ScheduleProblem("low", 0.0, "gyro_bias")),
+        ("excitation", {"targets": {"gyro_bais": 1.0}}, "targets", ScheduleProblem("name", 0.0, "gyro_bais")),
+        ("excitation", {"rounds": None}, "", None),
+    ],
+)
+def test_a_wrong_value_is_told_by_its_field(
+    site_folder: SiteFolder, stage: str, change: dict[str, object], field: str, problem: ScheduleProblem | None
+) -> None:
+    offered = schedule_options(site_folder.station, site_folder.product)
+    found = schedule_problems(stage, {**offered.schedules[stage], **change}, offered)
+    if problem is None:
+        assert found == {}
+        return
+    assert list(found) == [field]
+    assert (found[field].kind, found[field].subject) == (problem.kind, problem.subject)
+    assert found[field].bound == pytest.approx(problem.bound)
+
+
+def test_a_request_goes_before_the_product_and_stands_in_the_logs_meta_and_hash(site_folder: SiteFolder) -> None:
+    asked = site_folder.request("rate")
+    changed = prepare_run(replace(asked, schedule={"rate": {"turns": 2}, "excitation": {"rounds": 3}}))
+    assert list(changed.schedules) == ["rate"]
+    plain, other = (setup.log_meta() for setup in (prepare_run(asked), changed))
+    assert plain.schedule["rate"] == PRODUCT["schedule"]["rate"]
+    assert other.schedule["rate"] == {**PRODUCT["schedule"]["rate"], "turns": 2}
+    assert other.sha256() != plain.sha256()
+    with pytest.raises(ConfigurationError, match=r"schedule\.rate: turns: 0 is out of range"):
+        prepare_run(replace(asked, schedule={"rate": {"turns": 0}}))
+
+
+def test_other_kinds_of_fields_are_told_apart() -> None:
+    kinds = {field.name: field.kind for field in schedule_fields("multi_position")}
+    assert kinds["manual"] == "flag"
+    assert kinds["step_deg"] == "number"
+    by_name = {field.name: field for field in schedule_fields("cross_calibration")}
+    assert by_name["trigger"].kind == "choice"
+    assert by_name["trigger"].choices == ("command", "start_up", "period")
+    assert by_name["primary_gyro"].kind == "other"

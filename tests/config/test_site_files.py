@@ -1,0 +1,277 @@
+"""A site's files are checked by the loaders' own rules, with lines, and changed without losing a comment."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from calstation.config import library
+from calstation.config.editing import (
+    MODELS,
+    Problem,
+    check,
+    edit_toml,
+    line_of,
+    list_files,
+    new_name,
+    read_text,
+)
+from calstation.config.site_check import normal_gravity_at, site_advice
+from calstation.errors import ConfigurationError
+from calstation.schema import load
+
+THERE, HEADER = "the changed line", "its table's header"
+SHIPPED = [(kind, path) for kind in MODELS for path in (library.shipped_folder() / kind).glob("*.toml")]
+
+
+def shipped(kind: str, name: str) -> str:
+    return read_text(library.shipped_folder() / kind / f"{name}.toml")
+
+
+def spoilt(kind: str, name: str, old: str, new: str) -> list[Problem]:
+    """What is found after one change of a shipped file."""
+    text = shipped(kind, name)
+    assert old in text
+    return check(kind, text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(("kind", "path"), SHIPPED, ids=lambda value: getattr(value, "stem", value))
+def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
+    assert check(kind, read_text(path)) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "old", "new", "where", "told"),
+    [
+        ("products", "nav_a", "turns = 2", "turns = 0", THERE, "schedule.rate.turns: 0 is out of range"),
+        ("products", "nav_a", "rounds = 1", "round = 1", THERE, "Did you mean 'rounds'?"),
+        ("products", "nav_a", '"rate"', '"rat"', THERE, "There is no stage 'rat'"),
+        (
+            "products",
+            "nav_a",
+            'imu = "bench_nav"',
+            'imu = "x"',
+            THERE,
+            "imu: There is no IMU profile “x”. Choose from",
+        ),
+        ("products", "nav_a", "name =", "name", THERE, "not valid TOML: Expected '='"),
+        (
+            "imus",
+            "bench_nav",
+            '"gyro_z", type = "i32"',
+            '"gyro_z", type = "i33"',
+            THERE,
+            "frame.fields[3].type",
+        ),
+        ("imus", "bench_nav", "sigma = 2.5e-05", "sigma = -1.0", THERE, "prior.gyro_bias.sigma: -1.0"),
+        ("imus", "bench_nav", "address = 12", "address = 11", THERE, "overlap"),
+        (
+            "imus",
+            "bench_nav",
+            '"gyro_scale_x", ',
+            '"gyro_scal_x", ',
+            THERE,
+            "'gyro_scal_x' is not a parameter",
+        ),
+        ("imus", "bench_nav", "range = [-2.0, 2.0]", "range = [-0.001, 2.0]", THERE, "Widen the range"),
+        ("imus", "bench_nav", 'name = "gyro_x"', 'name = "gyrox"', THERE, "'gyrox' is unknown"),
+        (
+            "imus",
+            "bench_nav",
+            'crc16_ccitt_false", start = 2',
+            'crc16_ccitt_false", start = 99',
+            THERE,
+            "crc.start: Byte 99",
+        ),
+        (
+            "imus",
+            "vectornav_vn100",
+            "reach = 156.9 }, # ±16 g",
+            "per_sample = 2.0 },",
+            THERE,
+            "Only the counter has a per_sample",
+        ),
+        (
+            "imus",
+            "vectornav_vn100",
+            '"accel_quadratic", "inner',
+            '"accel_quadratc", "inner',
+            THERE,
+            "Did you mean",
+        ),
+        (
+            "tables",
+            "mn_ascii",
+            'stop = ["STP,{axis}"]',
+            'stop = ["STP,{angle}"]',
+            THERE,
+            "'{angle}' is unknown here",
+        ),
+        ("tables", "mn_ascii", "rate = { send", "rat = { send", HEADER, "queries.rate: The entry is missing"),
+        (
+            "tables",
+            "mn_ascii",
+            "moving = { query",
+            "movin = { query",
+            THERE,
+            "flags.movin: The entry is unknown",
+        ),
+        (
+            "tables",
+            "bench",
+            'outer_target = { address = 34, type = "i32"',
+            'outer_target = { address = 34, type = "i16"',
+            THERE,
+            "registers.outer_target: Type i16",
+        ),
+        ("tables", "bench", "stop = 2", "stop = 70000", THERE, "commands.stop: 70000 does not fit"),
+        ("tables", "bench", "homed = 12", "homed = 16", THERE, "status_bits.homed: 16 is out of range"),
+        ("stations", "virtual_bench", "seed = 1", "seed = -1", THERE, "bench.seed: -1 is out of range"),
+        (
+            "stations",
+            "virtual_bench",
+            'profile = "bench"',
+            'profile = "x"',
+            THERE,
+            "table.profile: There is no table profile “x”",
+        ),
+        ("stations", "example_hardware", "timeout_s = 1.0", "timeout_s = 'long'", THERE, "imu.timeout_s"),
+        ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', THERE, "Did you mean 'port'?"),
+    ],
+)
+def test_a_wrong_entry_is_told_with_its_line(kind: str, name: str, old: str, new: str, where: str, told: str) -> None:
+    problem = spoilt(kind, name, old, new)[0]
+    assert told in problem.text
+    lines = (shipped(kind, name).split(old)[0] + old).splitlines()
+    header = max((i for i, text in enumerate(lines, 1) if text.startswith("[")), default=0)
+    assert problem.line == (header if where == HEADER else len(lines))
+
+
+def test_all_problems_are_told_not_only_the_first() -> None:
+    text = shipped("stations", "example_hardware").replace("34.25", '"x"').replace("400.0", "1e9")
+    assert [p.place for p in check("stations", text)] == [("site", "latitude_deg"), ("site", "height_m")]
+
+
+def test_the_check_and_the_loader_say_the_same(tmp_path: Path) -> None:
+    text = shipped("tables", "bench").replace("low_deg = -1080.0", "low_deg = 2000.0", 1)
+    path = tmp_path / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        load(MODELS["tables"], path)
+    assert str(caught.value) == f"{path}: {check('tables', text)[0].text}"
+
+
+def test_comments_and_order_outlive_a_change() -> None:
+    before = shipped("stations", "example_hardware")
+    after = edit_toml(
+        before,
+        {
+            ("site", "latitude_deg"): 12.5,
+            ("site", "gravity_mps2"): 9.8,
+            ("table", "serial", "baud"): 19200,
+            ("imu", "timeout_s"): None,
+            ("imu", "serial"): None,
+        },
+    )
+    assert check("stations", after) == []
+    for comment in ("copy this file", "or a serial port for Modbus RTU", "leave out where it is not known"):
+        assert comment in after
+    data = tomllib.loads(after)
+    assert data["site"]["latitude_deg"] == 12.5
+    assert data["site"]["gravity_mps2"] == 9.8
+    assert data["table"]["serial"] == {"baud": 19200}
+    assert data["imu"] == {"port": "/dev/ttyUSB0"}
+
+
+def test_a_table_that_becomes_empty_goes_with_its_last_value() -> None:
+    text = '[imu]\nport = "x" # here\n\n[imu.serial]\nbaud = 1\n'
+    assert tomllib.loads(edit_toml(text, {("imu", "serial", "baud"): None})) == {"imu": {"port": "x"}}
+    assert edit_toml(text, {("imu", "other"): None}) == text
+
+
+KEYS = st.text(alphabet="abc", min_size=1, max_size=3)
+VALUES = st.one_of(st.integers(-9, 9), st.booleans(), st.text(alphabet='a"# ]\\', max_size=4))
+DATA = st.recursive(
+    st.dictionaries(KEYS, VALUES, min_size=1, max_size=3),
+    lambda inner: st.dictionaries(
+        KEYS, st.one_of(VALUES, inner, st.lists(VALUES, max_size=3), st.lists(inner, min_size=1, max_size=2)),
+        min_size=1, max_size=3,
+    ),
+    max_leaves=12,
+)  # fmt: skip
+
+
+@hypothesis_settings(deadline=None)
+@given(DATA)
+def test_every_value_of_a_text_has_a_line_that_holds_it(data: dict[str, object]) -> None:
+    import tomli_w
+
+    text = tomli_w.dumps(data, multiline_strings=False)
+    lines = text.splitlines()
+
+    def walk(value: object, site_folder: tuple[str | int, ...]) -> None:
+        if isinstance(value, dict):
+            for key, inner in value.items():
+                walk(inner, (*site_folder, key))
+        elif isinstance(value, list):
+            for i, inner in enumerate(value):
+                walk(inner, (*site_folder, i))
+        else:
+            line = lines[line_of(text, site_folder) - 1]
+            assert repr(value).lower() in line.lower() or isinstance(value, str)
+            assert isinstance(site_folder[-1], int) or site_folder[-1] in line
+
+    walk(data, ())
+
+
+def test_a_sites_file_hides_the_shipped_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    assert all(entry.shipped for entry in list_files("tables"))
+    (tmp_path / "tables").mkdir()
+    (tmp_path / "tables" / "bench.toml").write_text("", encoding="utf-8")
+    (entry,) = [entry for entry in list_files("tables") if entry.name == "bench"]
+    assert (entry.shipped, entry.path) == (False, tmp_path / "tables" / "bench.toml")
+    assert new_name("tables", "mine-2") == "mine-2"
+    for bad in ("", "../x", "a b", "-x", "bench"):
+        with pytest.raises(ConfigurationError):
+            new_name("tables", bad)
+
+
+def test_normal_gravity_is_shown_for_a_place_and_only_for_one() -> None:
+    assert normal_gravity_at(45.0, 0.0) == pytest.approx(9.80620, abs=1e-5)
+    assert normal_gravity_at(None, 0.0) is None
+    assert normal_gravity_at(91, 0) is None
+
+
+def test_gravity_that_no_place_has_is_told_with_its_cost() -> None:
+    right = normal_gravity_at(34.25, 400.0)
+    assert right is not None
+    assert site_advice(34.25, 108.9, 400.0, 0.0, right * (1 + 2.9e-4)) == ()
+    (found,) = site_advice(34.25, 108.9, 400.0, 0.0, right * (1 + 1.2e-3))
+    assert found.id == "gravity_off"
+    assert found.values["ppm"] == pytest.approx(1200.0)
+    assert site_advice("x", 1.0, None, 0.0, 9.8) == ()  # type: ignore[arg-type]
+
+
+def test_a_place_that_is_hardly_meant_is_told() -> None:
+    assert [f.id for f in site_advice(0.0, 0.0, 0.0, 0.0, None)] == ["null_island"]
+    assert [f.id for f in site_advice(-85.0, 10.0, 0.0, None, None)] == ["azimuth_hopeless"]
+    assert site_advice(-85.0, 10.0, 0.0, 12.0, None) == ()
+
+
+def test_the_station_in_the_guide_is_right() -> None:
+    guide = (Path(__file__).parents[2] / "docs" / "how-to" / "connect.md").read_text(encoding="utf-8")
+    (station,) = [t for t in re.findall(r"```toml\n(.*?)```", guide, re.DOTALL) if "[site]" in t]
+    assert check("stations", station) == []
+    named = {
+        "tables": ("bench", "aerosmith_atl", "acutronic_acl", "mn_ascii"),
+        "imus": ("bench_nav", "stim300", "vectornav_vn100", "dsp_modbus"),
+    }
+    for kind, names in named.items():
+        for name in names:
+            assert f"`{name}`" in guide
+            assert name in library.names(kind)

@@ -1,0 +1,295 @@
+"""Nothing is told to a device that has not said it is the station's; who else is on its port is found out."""
+
+import struct
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from serial.tools import list_ports
+
+from calstation.config.request import RunRequest
+from calstation.connection import table_reset
+from calstation.connection.link_test import check_imu_link, check_table_link
+from calstation.connection.table_reset import read_table, reset_table
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.runs.run import execute
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Fault, Verdict
+from tests.connection.fake_links import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, terminal
+from tests.helpers import raises_code
+from tests.site_folder import PRODUCT, STATION
+
+needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+READ = 3
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+class Bus:
+    """Modbus units on a serial line: answers to reads as a `FakeTable` has them, and what was asked for.
+
+    Attributes
+    ----------
+    functions : Modbus functions that came, to whatever unit
+    """
+
+    def __init__(self, unit: int = 1, model: bytes = b"bench-table") -> None:
+        self.unit = unit
+        self.functions: list[int] = []
+        self._table = FakeTable({})
+        self._table.words[0:8] = struct.unpack(">8H", model.ljust(16, b"\0"))
+
+    def answer(self, heard: bytes) -> bytes:
+        """The answer to the first request heard; nothing to another unit."""
+        if len(heard) < 8 or rtu(heard[:6]) != heard[:8]:
+            return b""
+        self.functions.append(heard[1])
+        if heard[0] != self.unit:
+            return b""
+        start, count = struct.unpack(">HH", heard[2:6])
+        values = struct.pack(f">{count}H", *self._table.words[start : start + count])
+        return rtu(bytes([self.unit, READ, len(values)]) + values)
+
+
+def asked(folder: Path, table: str, imu: str, **section: Any) -> RunRequest:
+    """A run on hardware at these ports."""
+    product, station = folder / "product.toml", folder / "station.toml"
+    product.write_text(tomli_w.dumps(PRODUCT), encoding="utf-8")
+    links = {
+        "table": {"profile": "bench", "port": table, "timeout_s": 0.1, **section},
+        "imu": {"port": imu, "timeout_s": 0.2},
+    }
+    station.write_text(tomli_w.dumps({**STATION, **links}), encoding="utf-8")
+    return RunRequest("SN-000042", station, product, ("rate",), folder / "runs", "tester")
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[..., Fault]:
+    """Run on hardware at these ports; the fault that came of it."""
+
+    def fault(table: str, imu: str, **section: Any) -> Fault:
+        events: list[Event] = []
+        execute(asked(tmp_path, table, imu, **section), events.append, Control())
+        verdict = events[-1]
+        assert isinstance(verdict, Verdict)
+        assert verdict.outcome == "fault"
+        (found,) = [event for event in events if isinstance(event, Fault)]
+        return found
+
+    return fault
+
+
+@pytest.fixture
+def imu() -> Iterator[str]:
+    """The port of a sound unit."""
+    unit = FakeImu()
+    with terminal(unit.answer, unit.sends) as port:
+        yield port
+
+
+# Nothing is told to what is no table
+
+
+@needs_terminals
+def test_a_run_tells_nothing_to_another_model(run: Callable[..., Fault], imu: str) -> None:
+    plc = FakeTable({})
+    plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
+    with server(plc.answer) as address:
+        fault = run(f"tcp://{address}", imu)
+    assert "Model 'WRONGPLC' answers, but the profile is for 'bench-table'" in fault.text
+    assert set(plc.functions) == {READ}
+
+
+@needs_terminals
+@pytest.mark.parametrize("code", [2, 4])
+def test_a_run_tells_nothing_to_what_refuses_to_say_its_model(run: Callable[..., Fault], imu: str, code: int) -> None:
+    functions: list[int] = []
+
+    def refuse(heard: bytes) -> bytes:
+        functions.append(heard[7])
+        return tcp_pdu(heard, bytes([heard[7] | 0x80, code]))
+
+    with server(refuse) as address:
+        fault = run(f"tcp://{address}", imu, unit=7)
+    if code == 4:
+        assert fault.code == "connection.refused"
+        assert (fault.values["unit"], fault.values["exception"]) == (7, 4)
+    else:
+        assert f"(Modbus exception {code})" in fault.text
+    assert set(functions) == {READ}
+
+
+@needs_terminals
+def test_an_imu_that_does_not_say_who_it_is_leaves_the_table_alone(run: Callable[..., Fault]) -> None:
+    table, unit = FakeTable({}), FakeImu(mute=True)
+    with server(table.answer) as address, terminal(unit.answer, unit.sends) as port:
+        assert run(f"tcp://{address}", port).code == "imu.streams_without_answer"
+    assert set(table.functions) == {READ}
+
+
+@needs_terminals
+def test_stop_is_heard_while_it_is_found_out_who_answers(tmp_path: Path, imu: str) -> None:
+    others: list[int] = []
+    control = Control()
+
+    def nobody(heard: bytes) -> bytes:
+        if len(heard) == 8 and heard[0] != 7:
+            others.append(heard[0])
+            control.send(Command.STOP)
+        return b""
+
+    events: list[Event] = []
+    with terminal(nobody) as line:
+        execute(asked(tmp_path, line, imu, unit=7), events.append, control)
+    verdict = events[-1]
+    assert isinstance(verdict, Verdict)
+    assert verdict.outcome == "stopped"
+    assert set(others) == {1}, "further numbers were asked behind Stop"
+
+
+@pytest.mark.parametrize("work", [reset_table, read_table])
+def test_the_reset_tells_nothing_to_another_model(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.1)
+    plc = FakeTable({})
+    plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
+    plc.words[17] |= 1 << 3
+    with (
+        server(plc.answer) as address,
+        raises_code(DeviceFaultError, "table.other_model"),
+    ):
+        work(tell, order(table={"port": f"tcp://{address}"}))
+    assert set(plc.functions) == {READ}
+
+
+# Who it is instead
+
+
+@needs_terminals
+def test_exchanged_ports_are_told(run: Callable[..., Fault], imu: str) -> None:
+    bus = Bus()
+    with terminal(bus.answer) as line:
+        assert run(imu, line).code == "connection.swapped"
+    assert set(bus.functions) <= {READ}
+
+
+@needs_terminals
+def test_exchanged_ports_are_told_of_a_unit_that_does_not_stream_by_itself(
+    run: Callable[..., Fault],
+) -> None:
+    bus, unit = Bus(), FakeImu(rate=0.0)
+    with terminal(bus.answer) as line, terminal(unit.answer, unit.sends) as port:
+        assert run(port, line).code == "connection.swapped"
+
+
+@needs_terminals
+def test_the_number_of_the_unit_that_answers_is_told(run: Callable[..., Fault], imu: str) -> None:
+    bus = Bus(unit=3)
+    with terminal(bus.answer) as line:
+        fault = run(line, imu, unit=7)
+    assert fault.code == "connection.other_unit"
+    assert fault.values["model"] == "bench-table"
+    assert (fault.values["found"], fault.values["unit"]) == (3, 7)
+    assert set(bus.functions) == {READ}
+
+
+@needs_terminals
+def test_nobody_is_told_with_the_number_that_was_asked(run: Callable[..., Fault], imu: str) -> None:
+    other = Bus(unit=3, model=b"pump")  # another device on the line is not what the profile is for
+    with terminal(other.answer) as line:
+        fault = run(line, imu, unit=7)
+    assert fault.code == "connection.silent_line"
+    assert fault.values["unit"] == 7
+
+
+@needs_terminals
+def test_the_tests_of_exchanged_links_say_so(imu: str) -> None:
+    bus = Bus()
+    with terminal(bus.answer) as line:
+        crossed = {
+            "table": {"port": imu},
+            "imu": {"port": line},
+        }
+        table = check_table_link(tell, order(**crossed))
+        assert (table.state, table.findings[-1].id) == ("wrong", "imus_line")
+        found = check_imu_link(tell, order(**crossed))
+    assert (found.state, found.findings[-1].id) == ("wrong", "tables_line")
+
+
+@needs_terminals
+def test_the_test_of_a_table_tells_the_number_that_answers() -> None:
+    bus = Bus(unit=3)
+    with terminal(bus.answer) as line:
+        report = check_table_link(tell, order(table={"port": line, "unit": 7}))
+    assert [f.id for f in report.findings] == ["opened", "silent_rtu", "unit_heard"]
+    assert report.findings[-1].values == {"found": 3, "model": "bench-table", "unit": 7}
+    with server(lambda heard: tcp_pdu(heard, bytes([0x83, 4]))) as address:
+        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
+    assert [f.id for f in report.findings] == ["connected", "exception"]
+
+
+def test_a_table_of_another_profile_is_named_with_it() -> None:
+    bench = FakeTable({})
+
+    def answer(heard: bytes) -> bytes:
+        return bench.answer(heard) if heard[6] == 1 else tcp_pdu(heard, bytes([0x83, 4]))
+
+    with server(answer) as address:
+        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"}))
+        assert [f.id for f in report.findings] == ["connected", "exception", "profile_heard"]
+        assert report.findings[-1].values == {"found": 1, "model": "bench-table", "profile": "bench"}
+        bench.words[0:8] = [0x4C41, 0x5448, 0x4500] + [0] * 5
+        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
+    assert report.findings[-1].values == {"units": "1 (“LATHE”)"}
+
+
+@needs_terminals
+def test_the_reset_of_exchanged_links_says_so(imu: str) -> None:
+    bus = Bus()
+    with (
+        terminal(bus.answer) as line,
+        raises_code(DeviceFaultError, "connection.swapped"),
+    ):
+        reset_table(tell, order(table={"port": imu}, imu={"port": line}))
+    with (
+        terminal(Bus(unit=3).answer) as line,
+        raises_code(DeviceFaultError, "connection.other_unit"),
+    ):
+        read_table(tell, order(table={"port": line, "unit": 7}))
+
+
+# Why a connection does not come about
+
+
+@pytest.mark.parametrize("work", [read_table, reset_table])
+def test_why_there_is_no_connection_is_told(work: Any) -> None:
+    with server(silent) as address:
+        pass
+    with raises_code(DeviceFaultError, "link.refused"):
+        work(tell, order(table={"port": f"tcp://{address}"}))
+    with raises_code(DeviceFaultError, "link.unknown_host"):
+        work(tell, order(table={"port": "tcp://no-such-host.invalid:502"}))
+
+
+@needs_terminals
+@pytest.mark.parametrize("work", [read_table, reset_table])
+def test_why_a_serial_port_does_not_open_is_told(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(list_ports, "comports", lambda: [])
+    with terminal(silent) as port:
+        other = SerialLink(port, SerialSettings(), "imu")
+        with raises_code(DeviceFaultError, "link.in_use"):
+            work(tell, order(table={"port": port}))
+        other.close()
+    with raises_code(DeviceFaultError, "link.no_such_port"):
+        work(tell, order(table={"port": "/dev/ttyNONE7"}))
+
+
+def test_an_imus_address_of_the_wrong_kind_is_told_with_the_right_one() -> None:
+    with pytest.raises(ConfigurationError, match=r"Write socket://10\.0\.0\.7:4001 for a serial server"):
+        order(imu={"port": "tcp://10.0.0.7:4001"})

@@ -1,0 +1,437 @@
+"""A connection test names what is wrong with a link, on every kind of wrong link, and passes a right one."""
+
+import socket
+import struct
+import sys
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+from serial.tools import list_ports
+
+from calstation.config.library import find
+from calstation.config.site_check import confirmation_key
+from calstation.connection import identify as who_answers
+from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link, discover_ports
+from calstation.devices.links.serial_link import SerialLink
+from calstation.devices.profiles.serial_settings import SerialSettings
+from calstation.errors import ConfigurationError
+from calstation.messages.finding import Finding, Report
+from tests.connection import fake_links as wires
+from tests.connection.fake_links import FakeImu, FakeTable, order, rtu, server, silent, terminal, word_finding
+
+needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+
+
+@pytest.fixture(autouse=True)
+def three_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who else answers is looked for under three numbers: every silent one costs its time."""
+    monkeypatch.setattr(who_answers, "NUMBERS", range(1, 4))
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+    assert 0.0 <= fraction <= 1.0
+
+
+def table(**section: Any) -> Report:
+    """Test a table with these link settings."""
+    return check_table_link(tell, order(table=section))
+
+
+def imu(**section: Any) -> Report:
+    """Test an IMU with these link settings."""
+    return check_imu_link(tell, order(imu=section))
+
+
+def wrong(report: Report) -> Finding:
+    """The one thing that is wrong."""
+    (finding,) = [f for f in report.findings if f.state == "wrong"]
+    assert report.state == "wrong"
+    return finding
+
+
+# A right link
+
+
+def test_the_virtual_benchs_table_is_right() -> None:
+    report = check_table_link(tell, order(bench={"seed": 1}))
+    assert report.state == "ok"
+    identified = report.find("identified")
+    assert identified is not None
+    assert identified.values == {"model": "bench-table", "serial": "T-0001"}
+    watchdog, angles, travel = (report.find(name) for name in ("watchdog", "angles", "travel"))
+    assert watchdog is not None
+    assert watchdog.values["seconds"] == 2.0
+    assert angles is not None
+    assert travel is not None
+    assert (travel.values["low"], travel.values["high"]) == (-1080.0, 1080.0)
+
+
+@pytest.mark.parametrize(
+    ("code", "told"),
+    [
+        (4, ("The fault “drive” is latched.", "Remove its cause, then press “Reset the fault”.")),
+        (
+            0,
+            (
+                "A fault is latched, and the table does not report its cause.",
+                "Read the table's display, remove the cause, then press “Reset the fault”.",
+            ),
+        ),
+    ],
+)
+def test_a_latched_fault_is_told_with_its_cause_where_the_table_tells_one(code: int, told: tuple[str, str]) -> None:
+    fake = FakeTable({})
+    fake.words[17], fake.words[18] = 1 << 9 | 1 << 3, code
+    with server(fake.answer) as address:
+        report = table(port=f"tcp://{address}", timeout_s=5.0)
+    assert report.state == "look"
+    assert told in [word_finding(finding) for finding in report.findings]
+
+
+def test_the_virtual_benchs_imu_is_right() -> None:
+    report = check_imu_link(tell, order(bench={"seed": 1}))
+    assert report.state == "ok"
+    rate, gravity, registers = (report.find(name) for name in ("rate", "gravity", "registers"))
+    assert rate is not None
+    assert rate.values["measured"] == pytest.approx(200.0, abs=2.0)
+    assert gravity is not None
+    assert gravity.values["measured"] == pytest.approx(9.795, abs=0.1)
+    assert registers is not None
+    assert registers.values["count"] == 27
+
+
+@needs_terminals
+def test_serial_links_are_right_too_and_the_machines_state_is_told() -> None:
+    bench = {
+        "table_transport": "rtu",
+        "imu_transport": "pty",
+        "watchdog_ms": 0,
+        "interlock_closed": False,
+        "low_deg": [-90.0, -1080.0],
+    }
+    report = check_table_link(tell, order(bench=bench))
+    assert wrong(report).id == "watchdog_off"
+    assert [f.id for f in report.findings if f.state == "look"] == ["interlock_open", "travel_narrower"]
+    narrower = report.find("travel_narrower")
+    assert narrower is not None
+    assert narrower.values["joint"] == "outer"
+    assert narrower.values["low"] == pytest.approx(-90.0)
+
+
+def test_an_angle_outside_the_profiles_travel_is_wrong_once_the_table_is_homed() -> None:
+    fake = FakeTable({30: 2000.0 / 1e-5})
+    with server(fake.answer) as address:
+        assert table(port=f"tcp://{address}").find("outside_travel") is None
+        fake.words[17] |= 1 << 12
+        found = wrong(table(port=f"tcp://{address}"))
+    assert (found.id, found.values["joint"]) == ("outside_travel", "outer")
+    assert found.values["angle"] == pytest.approx(2000.0)
+    assert set(fake.functions) == {3}, "something was written to the table"
+
+
+# A port that does not open
+
+
+@pytest.mark.parametrize("test", [table, imu])
+def test_a_port_that_does_not_exist(test: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(list_ports, "comports", lambda: [])
+    found = wrong(test(port="/dev/ttyNONE7"))
+    assert (found.id, found.values["port"], found.values["found"]) == ("no_port", "/dev/ttyNONE7", "")
+    assert wrong(test(port="usb:A9")).id == "no_adapter"
+
+
+@needs_terminals
+@pytest.mark.parametrize("test", [table, imu])
+def test_a_port_in_use(test: Any) -> None:
+    with terminal(silent) as port:
+        other = SerialLink(port, SerialSettings(), "imu")
+        assert wrong(test(port=port)).id == "busy"
+        other.close()
+
+
+def test_a_host_that_serves_nothing() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        address = f"127.0.0.1:{closed.getsockname()[1]}"
+    found = wrong(table(port=f"tcp://{address}"))
+    assert (found.id, f"{found.values['host']}:{found.values['number']}") == ("refused", address)
+    assert wrong(imu(port=f"socket://{address}")).id == "refused"
+    with pytest.raises(ConfigurationError, match=r"table.port: “tcp://plc” is not an address. Write tcp://host:port"):
+        table(port="tcp://plc")
+
+
+# A table that does not answer, or not as it should
+
+
+def test_a_table_that_says_nothing_over_tcp() -> None:
+    with server(silent) as address:
+        found = wrong(table(port=f"tcp://{address}", unit=7))
+    assert (found.id, found.values["unit"]) == ("silent_tcp", 7)
+
+
+def test_something_that_does_not_speak_modbus() -> None:
+    with server(lambda _: b"HTTP/1.1 400 Bad Request\r\n\r\n") as address:
+        assert wrong(table(port=f"tcp://{address}")).id == "not_modbus"
+
+
+class FakeDrives:
+    """Two drives behind one address; of the inner one, unit 2, only so much is there."""
+
+    def __init__(self, inner: str) -> None:
+        self.inner = inner
+        self.words = [0] * 46
+        self.words[0:8] = struct.unpack(">8H", b"bench-drive".ljust(16, b"\0"))
+
+    def answer(self, heard: bytes) -> bytes:
+        if heard[6] == 2 and self.inner == "silent":
+            return b""
+        if heard[6] == 2 and self.inner == "refuses":
+            return wires.tcp_pdu(heard, bytes([0x83, 11]))
+        start, count = struct.unpack(">HH", heard[8:12])
+        words = list(self.words)
+        words[32:34] = [0, 0x7FC0] if self.inner == "no number" else [0, 0]  # the rate, a float
+        values = struct.pack(f">{count}H", *words[start : start + count])
+        return wires.tcp_pdu(heard, bytes([3, len(values)]) + values)
+
+
+@pytest.mark.parametrize(
+    ("inner", "expected", "unit"),
+    [("silent", "silent_tcp", 2), ("refuses", "exception", 2), ("no number", "no_number", None)],
+)
+def test_of_two_drives_the_one_is_named_that_is_wrong(inner: str, expected: str, unit: int | None) -> None:
+    with server(FakeDrives(inner).answer) as address:
+        found = wrong(table(profile="cia402_drives", port=f"tcp://{address}"))
+    assert (found.id, found.values.get("unit")) == (expected, unit)
+
+
+@pytest.mark.parametrize("code", [2, 4, 11])
+def test_a_table_that_refuses(code: int) -> None:
+    with server(lambda heard: wires.tcp_pdu(heard, bytes([0x83, code]))) as address:
+        found = wrong(table(port=f"tcp://{address}"))
+    assert (found.id, found.values["code"], found.values["unit"]) == ("exception", code, 1)
+
+
+def test_a_table_of_another_model() -> None:
+    name = b"other-table".ljust(16, b"\0")
+    with server(lambda heard: wires.tcp_pdu(heard, bytes([3, 16]) + name)) as address:
+        found = wrong(table(port=f"tcp://{address}"))
+    assert found.id == "wrong_model"
+    assert found.values == {"found": "other-table", "expected": "bench-table"}
+
+
+@needs_terminals
+@pytest.mark.parametrize(
+    ("answer", "expected"),
+    [
+        (silent, "silent_rtu"),
+        (lambda _: bytes(range(0x80, 0xA0)), "garbled"),
+        (lambda _: rtu(bytes([1, 3, 16]) + b"bench-table".ljust(16, b"\0"))[:-1] + b"\x00", "crc"),
+        (lambda _: rtu(bytes([9, 3, 16]) + b"bench-table".ljust(16, b"\0")), "other_unit"),
+        (lambda heard: heard, "echo"),
+    ],
+)
+def test_a_table_on_a_serial_line_with_a_wrong_setting(answer: Any, expected: str) -> None:
+    with terminal(answer) as port:
+        found = wrong(table(port=port, serial={"baud": 19200}))
+    assert found.id == expected
+    assert (found.values["baud"], found.values["parity"]) == (19200, "N")
+
+
+@needs_terminals
+def test_settings_that_the_port_refuses() -> None:
+    with terminal(silent) as port:  # a pseudo-terminal has no parity
+        found = wrong(table(port=port, serial={"parity": "E"}))
+    assert (found.id, found.values["parity"]) == ("bad_settings", "E")
+
+
+@needs_terminals
+@pytest.mark.parametrize(
+    ("answer", "expected"),
+    [
+        (silent, "silent_text"),
+        (lambda _: bytes(range(0x80, 0xA0)), "garbled_text"),
+        (lambda _: b"login: ", "unlike_text"),
+        (lambda _: b"HELLO\r\n>", "unlike_answer"),
+        (lambda _: b"?invalid\r\n>", "line_refused"),
+    ],
+)
+def test_a_table_commanded_in_text_with_a_wrong_setting(answer: Any, expected: str) -> None:
+    with terminal(answer) as port:
+        assert wrong(table(profile="aerosmith_atl", port=port)).id == expected
+
+
+@needs_terminals
+def test_a_table_commanded_in_text_on_the_imus_line() -> None:
+    unit = FakeImu()
+    with terminal(silent, unit.sends) as port:
+        report = table(profile="aerosmith_atl", port=port)
+        assert wrong(report).id == "garbled_text"
+        assert "perhaps the IMU" in word_finding(wrong(report))[1]
+
+
+def test_bytes_that_are_no_text_are_shown_short_and_as_numbers() -> None:
+    noise = bytes(range(256)) * 8
+    with server(lambda _: noise + b"\r\n") as address:
+        found = wrong(table(profile="acutronic_acl", port=f"tcp://{address}"))
+    assert found.id == "garbled_text"
+    assert "baud" not in found.values
+    with server(lambda _: b"\x01login: " + b"a" * 500 + b"\r\n") as address:
+        found = wrong(table(profile="acutronic_acl", port=f"tcp://{address}"))
+    text, mend = word_finding(found)
+    assert "\\x01login: aaa" in text + mend
+    assert len(text + mend) < 300
+
+
+@needs_terminals
+def test_behind_a_serial_server_its_own_settings_are_named() -> None:
+    with server(lambda _: bytes(range(0x80, 0xA0))) as address:
+        garbled = wrong(table(port=f"socket://{address}"))
+    assert garbled.id == "garbled"
+    assert word_finding(garbled)[1].startswith("Set the baud and parity in the serial server (the profile says 115200")
+    with server(silent) as address:
+        assert "set in the serial server" in word_finding(wrong(table(port=f"socket://{address}")))[1]
+
+
+def test_a_table_commanded_in_text_that_says_nothing_over_tcp() -> None:
+    with server(silent) as address:
+        assert wrong(table(profile="acutronic_acl", port=f"tcp://{address}")).id == "silent_host"
+
+
+# An IMU that does not answer, or not as it should
+
+
+@needs_terminals
+@pytest.mark.parametrize(
+    ("unit", "expected"),
+    [
+        (FakeImu(rate=0.0, mute=True), "silent"),
+        (FakeImu(mute=True), "one_way"),
+        (FakeImu(mute=True, check="crc16_modbus"), "wrong_checks"),
+        (FakeImu(model="other"), "wrong_model"),
+    ],
+)
+def test_an_imu_that_does_not_answer_as_it_should(unit: FakeImu, expected: str) -> None:
+    with terminal(unit.answer, unit.sends) as port:
+        assert wrong(imu(port=port)).id == expected
+
+
+def test_an_imu_at_another_baud_is_heard_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    unit = FakeImu()
+
+    class AtBaud:
+        """A unit at 460800 baud; elsewhere its bytes are noise."""
+
+        def __init__(self, port: str, settings: SerialSettings, name: str) -> None:
+            self.port, self._right = port, settings.baud == 460800
+
+        def read(self, wait: float) -> bytes:
+            return unit.sends() if self._right else b"\x99" * 64
+
+        def write(self, data: bytes) -> None:
+            assert data
+
+        def close(self) -> None:
+            """Nothing to close."""
+
+    monkeypatch.setattr("calstation.connection.devices.SerialLink", AtBaud)
+    monkeypatch.setattr(who_answers, "SerialLink", AtBaud)
+    monkeypatch.setattr(who_answers, "LISTEN", 0.01)
+    report = imu(port="COM7", serial={"baud": 115200})
+    assert wrong(report).id == "no_frames"
+    elsewhere = report.find("other_baud")
+    assert elsewhere is not None
+    assert elsewhere.values == {"baud": 115200, "found": 460800}
+
+
+@needs_terminals
+def test_an_imu_whose_stream_is_not_as_its_profile_says() -> None:
+    unit = FakeImu(rate=100.0, skip=7, counts=[0, 0, 0, 0, 0, 4_000], status=5)
+    with terminal(unit.answer, unit.sends) as port:
+        report = imu(port=port)
+    assert {f.id for f in report.findings if f.state == "wrong"} == {"wrong_rate", "gaps", "wrong_gravity"}
+    gaps = report.find("gaps")
+    assert gaps is not None
+    assert (gaps.values["gaps"], gaps.values["missing"]) == (1, 7)
+    assert [f.id for f in report.findings if f.state == "look"] == ["self_test_failed"]
+
+
+@needs_terminals
+def test_a_place_that_was_confirmed_at_another_computer_is_told() -> None:
+    unit = FakeImu()
+    with terminal(unit.answer, unit.sends) as port:
+        asked = order(imu={"port": port, "timeout_s": 0.3})
+        told = []
+        for computers in ([], ["other-plant"], ["other-plant", confirmation_key(asked.station.site)]):
+            site = asked.station.site.model_copy(update={"confirmed_on": computers})
+            station = asked.station.model_copy(update={"site": site})
+            told.append(check_imu_link(tell, LinkTestRequest(station)).find("place_not_confirmed"))
+    assert [finding is not None for finding in told] == [False, True, False]
+
+
+@needs_terminals
+def test_a_serial_number_unlike_the_products_is_shown(tmp_path: Path) -> None:
+    product = tmp_path / "product.toml"
+    product.write_text('name = "p"\nimu = "bench_nav"\nserial_pattern = "X.*"\n', encoding="utf-8")
+    unit = FakeImu()
+    with terminal(unit.answer, unit.sends) as port:
+        report = check_imu_link(tell, order(product, imu={"port": port}))
+    assert report.state == "look"
+    unlike = report.find("serial_unlike")
+    assert unlike is not None
+    assert unlike.values == {"serial": "SN-000042", "pattern": "X.*"}
+
+
+@pytest.fixture
+def streaming(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A product whose IMU only streams."""
+    text = find("imus", "bench_nav").read_text(encoding="utf-8").replace("[link]", 'protocol = "stream"\n[link]')
+    data = {k: v for k, v in tomllib.loads(text).items() if k not in ("commands", "registers", "corrected")}
+    for name, content in (
+        ("imus/quiet.toml", tomli_w.dumps(data)),
+        ("products/quiet.toml", 'name = "p"\nimu = "quiet"\nserial_pattern = "X.*"\n'),
+    ):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(content, encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    return tmp_path / "products" / "quiet.toml"
+
+
+@needs_terminals
+def test_an_imu_that_only_streams_is_right_without_a_word(streaming: Path) -> None:
+    unit = FakeImu(mute=True)
+    with terminal(unit.answer, unit.sends) as port:
+        report = check_imu_link(tell, order(streaming, imu={"port": port}))
+    assert report.state == "ok"
+    assert [f.id for f in report.findings][:3] == ["opened", "cannot_tell", "registers"]
+    assert report.find("rate") is not None
+
+
+@needs_terminals
+def test_an_imu_that_only_streams_at_another_baud_or_not_at_all(
+    streaming: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(who_answers, "LISTEN", 0.01)
+    for sends, expected in ((bytes, "silent"), (lambda: b"\x99" * 64, "no_frames")):
+        with terminal(silent, sends) as port:
+            assert wrong(check_imu_link(tell, order(streaming, imu={"port": port}))).id == expected
+
+
+def test_an_imu_that_hangs_up() -> None:
+    def hang_up(_: bytes) -> bytes:
+        raise OSError
+
+    with server(hang_up) as address:
+        assert wrong(imu(port=f"socket://{address}")).id == "lost"
+
+
+def test_a_profile_that_does_not_exist_is_one_sentence() -> None:
+    with pytest.raises(ConfigurationError, match="There is no table profile “nosuch”"):
+        table(profile="nosuch")
+
+
+def test_ports_are_discovered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(list_ports, "comports", lambda: [])
+    assert discover_ports(tell) == ()

@@ -1,0 +1,56 @@
+"""An answer on what the unit says now: its own stream, its own serial number, and no correction twice."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.config import library
+from calstation.connection.live_imu import OtherUnit, apply_to_unit
+from calstation.physics.parameters import NAMES
+from calstation.records.log import read_truth, truth_path
+from calstation.results.plots.compensation import Applied
+from calstation.simulation.recordings import record_on_bench
+from tests.site_folder import behind_registers
+
+ZERO = np.zeros(len(NAMES))
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Progress that nobody watches."""
+
+
+@pytest.fixture
+def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A recording by hand on the bench, at a site of its own."""
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    return record_on_bench(tell, "hand", tmp_path / "hand.h5", "tactical", 3)
+
+
+def test_the_recordings_own_unit_lies_in_the_virtual_fixture(recording: Path) -> None:
+    truth = read_truth(recording)
+    found = np.array([truth[name] for name in NAMES])
+    now = apply_to_unit(tell, recording, None, None, ZERO, found, seconds=4.0)
+    assert isinstance(now, Applied)
+    assert now.serial == "BENCH-tactical"
+    assert now.named
+    assert not now.corrected
+    assert now.length_rms[1] < 1e-3
+    assert now.rate_rms[1] == pytest.approx(now.earth, rel=0.05)
+
+
+def test_a_stream_behind_the_registers_is_left_as_it_comes(recording: Path, tmp_path: Path) -> None:
+    profile = library.find("imus", "bench_tactical").read_text("utf-8")
+    (tmp_path / "home" / "imus").mkdir(parents=True)
+    own = tmp_path / "home" / "imus" / "bench_tactical.toml"
+    own.write_text(behind_registers(profile), "utf-8")
+    now = apply_to_unit(tell, recording, None, None, ZERO, np.full(len(NAMES), 1e-3), seconds=2.0)
+    assert isinstance(now, Applied)
+    assert now.corrected
+    assert now.length_rms[0] == now.length_rms[1]
+    assert now.rate_rms[0] == now.rate_rms[1]
+
+
+def test_another_unit_is_named_and_nothing_applied_to_it(recording: Path) -> None:
+    truth_path(recording).unlink()
+    assert apply_to_unit(tell, recording, None, None, ZERO, ZERO) == OtherUnit("SN-000001")

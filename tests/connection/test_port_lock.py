@@ -1,0 +1,208 @@
+"""One owner for every port: a second one is refused before anything is opened, and told who has it."""
+
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+import tomli_w
+from serial.tools import list_ports
+
+from calstation.cli.app import run_app
+from calstation.config.request import RunRequest
+from calstation.connection import port_lock
+from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
+from calstation.connection.port_lock import lock_ports
+from calstation.connection.table_reset import read_table, reset_table
+from calstation.errors import CalstationError, DeviceFaultError
+from calstation.registers.unit_registers import read_unit
+from calstation.runs.run import execute
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Fault, Verdict
+from tests.connection.fake_links import SITE, FakeTable, order, server
+from tests.helpers import raises_code
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes and paths")
+
+_OWNER = """
+import sys
+from calstation.connection.port_lock import lock_ports
+with lock_ports(sys.argv[1:]):
+    print("owned", flush=True)
+    sys.stdin.read()
+"""
+
+
+@pytest.fixture(autouse=True)
+def _impatient(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    monkeypatch.setattr(port_lock, "_WITHIN", 0.1)
+
+
+@contextmanager
+def owner(*ports: str) -> Iterator["subprocess.Popen[str]"]:
+    """Another program that owns ports."""
+    command = [sys.executable, "-c", _OWNER, *ports]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "owned\n"
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+class Hall:
+    """A station whose table others can reach; `order` and `request` call its address by two names."""
+
+    def __init__(self, folder: Path, address: str) -> None:
+        self.folder = folder
+        self.address = address
+        number = address.rpartition(":")[2]
+        self.order: LinkTestRequest = order(table={"port": f"tcp://localhost:{number}"})
+        self.station = folder / "station.toml"
+        table = {"profile": "bench", "port": f"tcp://{address}"}
+        station = {"name": "hall", "site": SITE, "table": table, "imu": {"port": "/dev/ttyNONE9"}}
+        self.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+        self.request = RunRequest("SN-000042", self.station, None, ("rate",), folder / "runs", "wang")
+
+    def run(self) -> None:
+        """A run, whose fault is raised as it was."""
+        events: list[Event] = []
+        execute(self.request, events.append, Control())
+        assert isinstance(events[-1], Verdict)
+        (fault,) = [event for event in events if isinstance(event, Fault)]
+        raise DeviceFaultError(fault.code, **fault.values)
+
+
+@pytest.fixture
+def opened(tmp_path: Path) -> Iterator[tuple[Hall, list[bytes]]]:
+    """The hall and all that its table has heard."""
+    heard: list[bytes] = []
+    table = FakeTable({})
+
+    def answer(data: bytes) -> bytes:
+        heard.append(data)
+        return table.answer(data)
+
+    with server(answer) as address:
+        yield Hall(tmp_path, address), heard
+
+
+USERS: dict[str, Callable[[Hall], object]] = {
+    "run": Hall.run,
+    "table's link tested": lambda hall: check_table_link(tell, hall.order),
+    "unit's link tested": lambda hall: check_imu_link(tell, hall.order),
+    "table looked at": lambda hall: read_table(tell, hall.order),
+    "table reset": lambda hall: reset_table(tell, hall.order),
+    "registers read": lambda hall: read_unit(tell, hall.request, hall.folder),
+}
+
+
+@pytest.mark.parametrize("use", USERS.values(), ids=USERS)
+def test_a_second_owner_is_refused_before_a_byte_is_sent(
+    opened: tuple[Hall, list[bytes]], use: Callable[[Hall], object]
+) -> None:
+    hall, heard = opened
+    with owner(f"socket://{hall.address}") as first, pytest.raises(CalstationError) as told:
+        use(hall)
+    assert told.value.code == "connection.port_in_use"
+    assert told.value.values["pid"] == first.pid
+    assert str(told.value.values["since"]).startswith("20")
+    assert heard == []
+
+
+def test_the_terminal_says_it_in_a_line(opened: tuple[Hall, list[bytes]], capsys: pytest.CaptureFixture[str]) -> None:
+    hall, _ = opened
+    with owner(f"tcp://{hall.address}"):
+        assert run_app(["table", "status", "--station", str(hall.station)]) == 3
+    assert f"calstation: Port tcp://{hall.address} is in use by another" in capsys.readouterr().err
+
+
+def test_the_death_of_its_owner_frees_a_port(opened: tuple[Hall, list[bytes]]) -> None:
+    hall, _ = opened
+    with owner(f"tcp://{hall.address}") as first:
+        first.kill()
+        first.wait()
+        assert read_table(tell, hall.order).model.startswith("bench-table")
+
+
+def test_a_port_is_free_again_behind_whatever_ended_its_use(opened: tuple[Hall, list[bytes]]) -> None:
+    port = f"tcp://{opened[0].address}"
+    with pytest.raises(OSError, match="cut"), lock_ports([port]):
+        raise OSError("cut")
+    with lock_ports([port]):
+        pass
+
+
+def test_another_port_of_the_same_host_is_another_port() -> None:
+    with lock_ports(["tcp://127.0.0.1:40001"]), lock_ports(["tcp://127.0.0.1:40002", "socket://[::1]:40003"]):
+        pass
+
+
+def refused(port: str) -> bool:
+    try:
+        with lock_ports([port]):
+            return False
+    except DeviceFaultError:
+        return True
+
+
+def test_a_serial_port_is_the_same_by_all_its_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    device, link = tmp_path / "ttyX0", tmp_path / "by-id"
+    device.touch()
+    link.symlink_to(device)
+    with lock_ports([str(device)]):
+        assert refused(str(link))
+    adapter = {"name": "ttyX0", "description": None, "manufacturer": None, "serial_number": "FT1"}
+    listed = [SimpleNamespace(device=str(device), location="1-2", **adapter)]
+    monkeypatch.setattr(list_ports, "comports", lambda: listed)
+    with lock_ports(["usb:FT1"]):
+        for name in (str(device), str(link), "usb:FT1@1-2"):
+            assert refused(name)
+        listed[0].device = str(tmp_path / "ttyX1")
+        assert refused("usb:FT1"), "plugged in again under another name"
+        assert not refused(str(device)), "which another adapter may have now"
+
+
+def test_what_does_not_exist_is_nobodys(tmp_path: Path) -> None:
+    with lock_ports(["usb:NONE", str(tmp_path / "none"), "tcp://"]):
+        assert not refused("usb:NONE")
+
+
+def test_a_lock_that_cannot_be_had_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(port_lock, "_folder", lambda: tmp_path / "file")
+    with raises_code(DeviceFaultError, "connection.lock_failed"), lock_ports(["tcp://127.0.0.1:40001"]):
+        pass
+
+
+def test_locks_are_for_every_user_and_follow_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(port_lock, "_folder", lambda: tmp_path / "locks")
+    with lock_ports(["tcp://127.0.0.1:40001"]):
+        (lock,) = (tmp_path / "locks").iterdir()
+        assert lock.stat().st_mode & 0o777 == 0o666
+        assert (tmp_path / "locks").stat().st_mode & 0o7777 == 0o1777
+    target = tmp_path / "target"
+    target.write_text("kept", encoding="utf-8")
+    lock.unlink()
+    lock.symlink_to(target)
+    assert refused("tcp://127.0.0.1:40001")
+    assert target.read_text(encoding="utf-8") == "kept"
+
+
+def test_a_name_that_nobody_knows_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unknown(*args: object, **kwargs: object) -> None:
+        raise socket.gaierror("unknown")
+
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    with lock_ports(["tcp://table.invalid:502"]):
+        assert refused("socket://table.invalid:502")

@@ -1,0 +1,91 @@
+"""One link for table and IMU: a run on a system with axes of its own; one port for two others is refused."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.config.request import RunRequest
+from calstation.config.resolved import ResolvedConfiguration, prepare_run
+from calstation.config.station import StationConfig
+from calstation.connection.devices import endpoints
+from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link
+from calstation.errors import ConfigurationError
+from tests.helpers import raises_code
+from tests.site_folder import STATION, SiteFolder
+
+
+@pytest.mark.long
+def test_a_stage_runs_on_a_system_with_its_own_axes(site_folder: SiteFolder) -> None:
+    station = {
+        **STATION,
+        "table": {"profile": "indexing_unit"},
+        "bench": {"seed": 5, "start_deg": [1.0, -1.0]},
+    }
+    site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    verdict = site_folder.run("rate", "six_position")
+    assert verdict.outcome == "passed"
+    assert verdict.result["registers"]["verified"]
+    assert "outer_lever_x" not in verdict.result["parameters"], "it turns about its sensing centre"
+
+
+def test_table_and_imu_of_such_a_system_are_tested_one_by_one() -> None:
+    data = {**STATION, "table": {"profile": "indexing_unit"}, "bench": {"seed": 5}}
+    order = LinkTestRequest(StationConfig.model_validate(data))
+    for test in (check_table_link, check_imu_link):
+        report = test(lambda *told, **more: None, order)
+        assert "identified" in [finding.id for finding in report.findings]
+        assert not [finding for finding in report.findings if finding.state == "wrong"]
+
+
+def hardware(site_folder: SiteFolder, profile: str, table: str, imu: str) -> ResolvedConfiguration:
+    station: dict[str, Any] = {**STATION, "table": {"profile": profile, "port": table}, "imu": {"port": imu}}
+    site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    return prepare_run(
+        RunRequest(
+            "SN-000042", site_folder.station, site_folder.product, ("rate",), site_folder.folder / "runs", "tester"
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("profile", "table", "imu", "code"),
+    [
+        ("mn_ascii", "/dev/ttyNONE7", "/dev/ttyNONE7", "connection.same_port"),
+        ("bench", "tcp://127.0.0.1:9", "socket://127.0.0.1:9", "connection.same_port"),
+        (
+            "indexing_unit",
+            "/dev/ttyNONE7",
+            "/dev/ttyNONE8",
+            "connection.different_ports",
+        ),
+    ],
+)
+def test_a_port_that_cannot_be_shared_or_must_be_is_told(
+    site_folder: SiteFolder, profile: str, table: str, imu: str, code: str
+) -> None:
+    setup = hardware(site_folder, profile, table, imu)
+    with raises_code(ConfigurationError, code), endpoints(setup):
+        raise AssertionError("never opened")
+
+
+def test_two_names_of_one_port_are_one_port(site_folder: SiteFolder) -> None:
+    device, link = site_folder.folder / "ttyX", site_folder.folder / "by-id"
+    device.touch()
+    link.symlink_to(device)
+    with (
+        raises_code(ConfigurationError, "connection.same_port"),
+        endpoints(hardware(site_folder, "mn_ascii", str(device), str(link))),
+    ):
+        raise AssertionError("never opened")
+
+
+def test_such_a_system_takes_the_same_port_twice(site_folder: SiteFolder) -> None:
+    with endpoints(hardware(site_folder, "indexing_unit", "/dev/ttyNONE7", "/dev/ttyNONE7")) as at:
+        assert at.table == at.imu == "/dev/ttyNONE7"
+
+
+def test_ports_apart_are_left_alone(site_folder: SiteFolder, tmp_path: Path) -> None:
+    with endpoints(hardware(site_folder, "bench", "tcp://127.0.0.1:502", "/dev/ttyNONE7")) as at:
+        assert at.imu == "/dev/ttyNONE7"

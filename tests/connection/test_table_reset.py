@@ -1,0 +1,205 @@
+"""A fault that the table has latched is reset on an order only: nothing moves, and what stays is told."""
+
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.cli.app import run_app
+from calstation.connection import table_reset
+from calstation.connection.bench_process import BenchHost
+from calstation.connection.clock import BenchClock
+from calstation.connection.devices import open_table
+from calstation.connection.link_test import LinkTestRequest, link_test_configuration
+from calstation.connection.table_reset import TableReset, TableState, read_table, reset_table
+from calstation.errors import DeviceFaultError
+from calstation.sequencer.guard import check_power
+from tests.connection.fake_links import SITE, FakeTable, order, server, tcp_pdu
+from tests.helpers import raises_code
+
+_REMOTE = 1 << 9
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+class Bench:
+    """A table that outlives those who talk to it, as a real one does."""
+
+    def __init__(self, host: BenchHost) -> None:
+        site_folder, _, port = host.endpoints["clock"].rpartition(":")
+        self.clock = BenchClock((site_folder, int(port)), 0.0)
+        self.order: LinkTestRequest = order(table={"port": f"tcp://{host.endpoints['table']}", "timeout_s": 5.0})
+
+    def obey(self, kind: str, value: float = 0.0) -> None:
+        """Have something go wrong, or right again."""
+        self.clock.order({"order": kind, "value": value})
+
+    def reset(self) -> TableReset:
+        """The reset under test."""
+        return reset_table(tell, self.order)
+
+    def standing(self) -> TableState:
+        """How the table stands."""
+        return read_table(tell, self.order)
+
+    def check_power(self) -> None:
+        """The check of a run before it switches the axes on."""
+        setup = link_test_configuration(self.order)
+        assert self.order.station.table.port is not None
+        table = open_table(setup, self.order.station.table.port)
+        try:
+            check_power(table.status())
+        finally:
+            table.close()
+
+
+@pytest.fixture(scope="module")
+def host() -> Iterator[BenchHost]:
+    with BenchHost.start({"speed": 0.0, "start_deg": [3.0, -2.0]}) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def shared(host: BenchHost) -> Iterator[Bench]:
+    made = Bench(host)
+    yield made
+    made.clock.close()
+
+
+@pytest.fixture
+def bench(shared: Bench, monkeypatch: pytest.MonkeyPatch) -> Bench:
+    """The table at rest, nothing latched."""
+    monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
+    shared.obey("interlock", 1)
+    shared.clock.sleep(1.0)
+    shared.reset()
+    assert shared.standing().fault is None
+    return shared
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [("drive_fault", "drive"), ("limit_fault", "limit"), ("stall", "stall"), ("trip_watchdog", "watchdog")],
+)
+def test_a_latched_fault_is_reset_and_a_run_may_begin_again(bench: Bench, kind: str, name: str) -> None:
+    bench.obey(kind)
+    with raises_code(DeviceFaultError, f"table.latched_{name}"):
+        bench.check_power()
+    before = bench.standing()
+    assert bench.reset() == TableReset("cleared", name, None)
+    bench.check_power()
+    after = bench.standing()
+    assert (before.fault, after.fault) == (name, None)
+    assert not after.enabled
+    assert not after.moving
+    assert not after.homed, "nobody homed it"
+    bench.clock.sleep(2.0)
+    later = bench.standing()
+    assert (later.outer_deg, later.inner_deg) == pytest.approx((before.outer_deg, before.inner_deg), abs=0.5)
+
+
+def test_where_nothing_is_latched_nothing_is_sent(bench: Bench) -> None:
+    assert bench.reset() == TableReset("nothing", None, None)
+    fake = FakeTable({})
+    fake.words[17] = _REMOTE
+    with server(fake.answer) as address:
+        assert reset_table(tell, order(table={"port": f"tcp://{address}"})).outcome == "nothing"
+    assert set(fake.functions) == {3}, "something was written to the table"
+
+
+def test_behind_an_open_interlock_nothing_is_reset_until_the_cover_is_closed(bench: Bench) -> None:
+    bench.obey("interlock", 0)
+    assert bench.reset() == TableReset("interlock_open", "interlock", "interlock")
+    assert bench.standing().fault == "interlock"
+    bench.obey("interlock", 1)
+    bench.clock.sleep(1.0)
+    assert bench.standing().fault == "interlock", "closing the cover alone resets nothing"
+    assert bench.reset() == TableReset("cleared", "interlock", None)
+
+
+def test_a_table_that_does_not_rest_is_left_alone(bench: Bench) -> None:
+    bench.obey("never_settle", 5.0)
+    bench.obey("drive_fault")
+    assert bench.reset() == TableReset("moving", "drive", "drive")
+    bench.clock.sleep(6.0)
+    assert bench.reset().outcome == "cleared"
+
+
+class Stubborn(FakeTable):
+    """A table that takes every write and keeps its fault, or refuses the controlword."""
+
+    def __init__(self, *, fault: int, refuses: bool) -> None:
+        super().__init__({})
+        self.words[17], self.words[18] = _REMOTE | 1 << 3, fault
+        self.refuses = refuses
+        self.written: list[tuple[int, int]] = []
+
+    def answer(self, heard: bytes) -> bytes:
+        if heard[7] == 3:
+            return super().answer(heard)
+        (address,) = struct.unpack(">H", heard[8:10])
+        if self.refuses:
+            return tcp_pdu(heard, bytes([heard[7] | 0x80, 4]))
+        self.written.append((address, struct.unpack(">H", heard[-2:])[0]))
+        return tcp_pdu(heard, heard[7:12])
+
+
+@pytest.mark.parametrize(("refuses", "outcome"), [(False, "stays"), (True, "refused")])
+def test_a_fault_whose_cause_is_still_there_is_told(
+    refuses: bool, outcome: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
+    fake = Stubborn(fault=4, refuses=refuses)
+    with server(fake.answer) as address:
+        result = reset_table(tell, order(table={"port": f"tcp://{address}"}))
+    assert (result.outcome, result.latched, result.left, result.clear) == (outcome, "drive", "drive", False)
+    assert ("present state" in result.words) == refuses
+    assert fake.written == ([] if refuses else [(16, 0x06), (16, 0x86), (16, 0x06)]), "nothing else is written"
+
+
+def test_under_local_control_there_is_nothing_to_reset() -> None:
+    fake = FakeTable({})
+    with server(fake.answer) as address:
+        result = reset_table(tell, order(table={"port": f"tcp://{address}"}))
+    assert (result.outcome, set(fake.functions)) == ("local_control", {3})
+
+
+def test_another_model_is_never_written_to() -> None:
+    fake = Stubborn(fault=4, refuses=False)
+    fake.words[0:8] = [0x4142] * 8
+    with (
+        server(fake.answer) as address,
+        raises_code(DeviceFaultError, "table.other_model"),
+    ):
+        reset_table(tell, order(table={"port": f"tcp://{address}"}))
+    assert fake.written == []
+
+
+def test_the_terminal_asks_and_resets(bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    link: dict[str, Any] = {"profile": "bench", "port": bench.order.station.table.port, "timeout_s": 5.0}
+    imu = {"port": "/dev/ttyNONE9"}
+    station = tmp_path / "line.toml"
+    station.write_text(tomli_w.dumps({"name": "line", "site": SITE, "table": link, "imu": imu}), encoding="utf-8")
+
+    def said(command: str) -> tuple[int, str]:
+        code = run_app(["table", command, "--station", str(station)])
+        return code, capsys.readouterr().out
+
+    bench.obey("drive_fault")
+    code, text = said("status")
+    assert code == 3
+    assert "fault      drive" in text
+    assert said("reset") == (0, "Table of 'line': The fault 'drive' was reset; nothing is latched now.\n")
+    code, text = said("status")
+    assert code == 0
+    assert "station    line" in text
+    assert said("reset")[0] == 0
+    bench.obey("interlock", 0)
+    code, text = said("reset")
+    assert code == 3
+    assert "interlock is open. Close the cover" in text

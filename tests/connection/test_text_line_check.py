@@ -1,0 +1,131 @@
+"""Of a unit that sends text, the test says which part of [frame] does not fit, with a line that came."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.connection.imu_test import diagnose_text
+from calstation.connection.link_test import check_imu_link
+from calstation.devices.codecs.frame_checks import check_function
+from calstation.devices.profiles.frame import FrameSection
+from calstation.messages.finding import Finding
+from tests.connection.fake_links import order, silent, terminal, word_finding
+
+NAMES = ["counter", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
+FRAME: dict[str, Any] = {
+    "format": "text",
+    "sync": "$IMU",
+    "crc": {"kind": "xor8", "start": 1},
+    "fields": [{"name": name, "type": "u32" if name == "counter" else "i32"} for name in NAMES],
+}
+
+
+def line(counter: int = 7, begins: str = "$IMU,", separator: str = ",", numbers: str = "1,2,3,4,5,6") -> bytes:
+    """A line of the unit, whose check is right."""
+    body = f"{begins}{counter}{separator}{numbers.replace(',', separator)}"
+    return f"{body}*{check_function('xor8')(body[1:].encode()):02X}\r\n".encode()
+
+
+def told(heard: bytes, **changes: Any) -> Finding | None:
+    """What is said of these bytes by a profile that is wrong in this."""
+    return diagnose_text(FrameSection.model_validate({**FRAME, **changes}), heard)
+
+
+def fields(*columns: int) -> dict[str, Any]:
+    return {"fields": [{**f, "at": at} for f, at in zip(FRAME["fields"], columns, strict=True)]}
+
+
+def test_lines_that_are_samples_are_right() -> None:
+    assert told(3 * line()) is None
+    assert told(2 * line() + b"$IMU,x") is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected", "values"),
+    [
+        ({"sync": "$GPS"}, "line_sync", {"sync": "$GPS"}),
+        ({"sync": "$IMU,"}, "line_separator", {"sync": "$IMU,"}),
+        ({"separator": ";"}, "line_separator", {"separator": ";"}),
+        ({"mark": "#"}, "line_mark", {"mark": "#"}),
+        ({"crc": {"kind": "xor8", "start": 0}}, "line_check", {"start": 0, "kind": "xor8"}),
+        ({"crc": {"kind": "sum8", "start": 1}}, "line_check", {"kind": "sum8"}),
+        (fields(0, 1, 2, 3, 4, 5, 7), "line_short", {"column": 7, "field": "accel_z", "count": 7}),
+    ],
+)
+def test_what_is_wrong_is_told(changes: dict[str, Any], expected: str, values: dict[str, Any]) -> None:
+    found = told(3 * line(), **changes)
+    assert found is not None
+    assert found.id == expected
+    assert values.items() <= found.values.items()
+    assert str(found.values["line"]).startswith("$IMU,7,1,2")
+    text, mend = word_finding(found)
+    assert "$IMU,7,1,2" in text
+    assert mend
+
+
+def test_a_check_that_is_wrong_says_both_checks() -> None:
+    found = told(3 * line(), crc={"kind": "xor8", "start": 0})
+    assert found is not None
+    right = line().strip().rpartition(b"*")[2].decode()
+    assert found.values["told"] == right
+    assert int(str(found.values["right"]), 16) == int(right, 16) ^ ord("$")
+
+
+def test_a_column_that_is_no_number_is_shown() -> None:
+    found = told(3 * line(numbers="1,2,3,4,up,6"))
+    assert found is not None
+    assert (found.id, found.values["column"], found.values["field"]) == ("line_column", 5, "accel_y")
+    assert found.values["text"] == "up"
+
+
+def test_noise_and_half_lines_are_no_lines() -> None:
+    assert told(bytes(range(0x80, 0xFF)) * 4 + b"\r\n" + bytes(range(0x80, 0xFF)) + b"\r\n") is None
+    assert told(line()[:-4]) is None
+    assert told(b"") is None
+
+
+def test_a_long_line_is_shown_in_part() -> None:
+    found = told(3 * (b"#" + b"1,2,3," * 100 + b"\r\n"))
+    assert found is not None
+    assert len(str(found.values["line"])) <= 123
+
+
+@pytest.fixture
+def product(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A product whose IMU sends text and takes no commands; its profile expects a seventh number."""
+    profile = {
+        "name": "text",
+        "model": "text",
+        "protocol": "stream",
+        "link": {"baud": 115200},
+        "stream": {
+            "sample_rate_hz": 100.0,
+            "output": "rate",
+            "gyro_lsb": 1e-6,
+            "accel_lsb": 1e-3,
+            "order": "before_registers",
+        },
+        "frame": {**FRAME, **fields(0, 1, 2, 3, 4, 5, 7)},
+        "noise": {"gyro_arw": 1e-5, "accel_vrw": 1e-4},
+    }
+    for name, content in (
+        ("imus/text.toml", profile),
+        ("products/text.toml", {"name": "p", "imu": "text", "serial_pattern": ".*"}),
+    ):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).write_text(tomli_w.dumps(content), encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    return tmp_path / "products" / "text.toml"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
+@pytest.mark.parametrize(
+    ("begins", "expected"), [("$IMU,", "line_short"), ("$ACC,", "line_sync"), ("$IMU;", "line_separator")]
+)
+def test_the_test_of_a_text_unit_names_the_entry(product: Path, begins: str, expected: str) -> None:
+    with terminal(silent, lambda: line(begins=begins)) as port:
+        report = check_imu_link(lambda *_, **__: None, order(product, imu={"port": port}))
+    assert [f.id for f in report.findings if f.state == "wrong"] == [expected]

@@ -1,0 +1,251 @@
+"""Interrupted transfers at the next start: run, workshop and command line, on a unit that keeps its flash."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.config.resolved import resolve_configuration
+from calstation.connection.imu_session import open_imu_session
+from calstation.devices.imu.register_transfer import transfer
+from calstation.devices.imu.registers import RegisterMap
+from calstation.errors import DeviceFaultError, InputError
+from calstation.registers import journal as register_journal
+from calstation.registers.unit_registers import UnitRegisters, read_unit
+from calstation.runs.run import execute
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
+from tests.helpers import raises_code
+from tests.registers.operations import Errands
+from tests.site_folder import SiteFolder
+
+pytestmark = pytest.mark.long
+
+SERIAL = "SN-000042"
+VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Progress that nobody watches."""
+
+
+class Workbench:
+    """A place whose unit keeps its flash, and a transfer to it that can be cut short."""
+
+    def __init__(self, site_folder: SiteFolder) -> None:
+        self.site_folder = site_folder
+        self.runs = site_folder.folder / "runs"
+        self.request = site_folder.request("six_position")
+        self.errands = Errands(site_folder.request())
+        self.healthy()
+
+    def healthy(self, **bench: Any) -> None:
+        self.site_folder.write(flash_file=str(self.site_folder.folder / "flash.bin"), **bench)
+
+    def interrupt(self, *, committed: bool, values: Mapping[str, float] = VALUES) -> register_journal.Transfer:
+        """A transfer whose station lost its power, before or behind the commit."""
+        setup = resolve_configuration(self.request)
+
+        def begin(old: Any, new: Any) -> register_journal.Transfer:
+            return register_journal.begin(self.runs, SERIAL, old, new, by="li", why="run", source="a.h5")
+
+        class Cut(BaseException):
+            pass
+
+        with open_imu_session(tell, setup) as unit:
+            commit = unit.imu.commit
+
+            def cut() -> None:
+                if committed:
+                    commit()
+                raise Cut
+
+            unit.imu.commit = cut  # type: ignore[method-assign]
+            with pytest.raises(Cut):
+                transfer(unit.imu, RegisterMap(tuple(setup.imu.registers)), SERIAL, values, begin)
+        entry = register_journal.interrupted(self.runs, SERIAL)
+        assert entry is not None
+        return entry
+
+    def holds(self) -> dict[str, float]:
+        return read_unit(tell, self.request, self.runs).values
+
+    def run(self, **changes: Any) -> list[Event]:
+        events: list[Event] = []
+        execute(replace(self.request, **changes), events.append, Control())
+        return events
+
+
+@pytest.fixture
+def bench(site_folder: SiteFolder) -> Workbench:
+    return Workbench(site_folder)
+
+
+def told(events: list[Event], ident: str) -> list[Any]:
+    return [event.values for event in events if isinstance(event, Message) and event.id == ident]
+
+
+def test_a_unit_that_kept_its_registers_is_calibrated_as_if_nothing_had_been(bench: Workbench) -> None:
+    bench.interrupt(committed=False)
+    events = bench.run()
+    assert told(events, "transfer_kept")[0]["holds"] == "old"
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "passed"
+    first, second = register_journal.history(bench.runs, SERIAL)
+    assert (first.closing, second.closing) == ("kept", "done")
+
+
+def test_unproved_registers_stop_a_run_until_somebody_decides(bench: Workbench) -> None:
+    bench.interrupt(committed=True)
+    events = bench.run()
+    (offer,) = told(events, "transfer_open")
+    assert (offer["holds"], offer["offers"], offer["serial"]) == ("new", ["finish", "restore"], SERIAL)
+    (fault,) = [event for event in events if isinstance(event, Fault)]
+    assert fault.code == "transfer.interrupted"
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "fault"
+    with raises_code(DeviceFaultError, "transfer.interrupted"):
+        bench.errands.write(VALUES)
+    assert bench.errands.moves() == []
+    assert register_journal.interrupted(bench.runs, SERIAL) is not None
+
+    events = bench.run(unfinished="restore")
+    assert told(events, "transfer_settled")[0]["closing"] == "restored"
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "passed"
+
+
+@pytest.mark.parametrize(("choice", "committed"), [("finish", False), ("restore", True)])
+def test_finished_or_restored_without_a_run(bench: Workbench, committed: bool, choice: str) -> None:
+    entry = bench.interrupt(committed=committed)
+    if choice == "finish":
+        settled = bench.errands.do("finish")
+        assert settled.closing == "done"
+    else:
+        settled = bench.errands.do("restore")
+        assert settled.closing == "restored"
+    assert settled.proof == "turn"
+    assert UnitRegisters.of(settled.unit).values == dict(entry.new if choice == "finish" else entry.old)
+    assert register_journal.interrupted(bench.runs, SERIAL) is None
+    assert register_journal.cycles(bench.runs, SERIAL) == 2
+    with raises_code(InputError, "transfer.nothing_to_finish"):
+        bench.errands.do("finish")
+
+
+def test_new_registers_finished_before_a_run_are_proved_by_its_table_before_its_first_stage(
+    bench: Workbench,
+) -> None:
+    bench.interrupt(committed=True)
+    events = bench.run(unfinished="finish")
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "passed"
+    assert told(events, "transfer_settled")[0]["closing"] == "done"
+    begun = [i for i, event in enumerate(events) if isinstance(event, StageStarted)]
+    turns = [i for i, e in enumerate(events) if isinstance(e, StepStarted) and e.label == ("verify",)]
+    assert sum(i < begun[0] for i in turns) == 17, "to the start, and twice around"
+    assert turns[-1] > begun[-1], "and again behind the stages"
+    first, second = register_journal.history(bench.runs, SERIAL)
+    assert (first.closing, first.steps[-1]) == (second.closing, second.steps[-1]) == ("done", "turned")
+
+
+def test_new_registers_that_the_runs_table_refutes_are_taken_back_and_nothing_is_calibrated(
+    bench: Workbench,
+) -> None:
+    entry = bench.interrupt(committed=True, values={"gyro_scale_x": 0.05})
+    events = bench.run(unfinished="finish")
+    (fault,) = [event for event in events if isinstance(event, Fault)]
+    assert fault.code == "verification.wrong"
+    assert not [event for event in events if isinstance(event, StageStarted)]
+    assert bench.holds() == dict(entry.old)
+    (closed,) = register_journal.history(bench.runs, SERIAL)
+    assert closed.closing == "restored"
+
+
+def test_a_table_that_may_not_move_keeps_a_run_from_finishing_a_transfer(bench: Workbench) -> None:
+    bench.interrupt(committed=True)
+    bench.healthy(interlock_closed=False)
+    events = bench.run(unfinished="finish")
+    (fault,) = [event for event in events if isinstance(event, Fault)]
+    assert "interlock" in fault.text
+    assert register_journal.cycles(bench.runs, SERIAL) == 1
+    assert register_journal.interrupted(bench.runs, SERIAL) is not None
+
+
+def test_a_run_stopped_before_its_table_proved_them_says_so(bench: Workbench) -> None:
+    bench.interrupt(committed=True)
+    control = Control()
+    events: list[Event] = []
+
+    def emit(event: Event) -> None:
+        events.append(event)
+        if isinstance(event, Message) and event.id == "homing":
+            control.send(Command.STOP)
+
+    execute(replace(bench.request, unfinished="finish"), emit, control)
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "stopped"
+    assert len(told(events, "transfer_unproved")) == 1
+    assert register_journal.interrupted(bench.runs, SERIAL) is not None
+
+
+def test_any_earlier_set_can_be_restored_by_its_transfer(bench: Workbench) -> None:
+    for value in (1e-6, 2e-6):
+        bench.errands.write({"gyro_bias_x": value}, at_rest=True)
+    known = register_journal.history(bench.runs, SERIAL)
+    settled = bench.errands.do("restore", transfer=known[1].id)
+    assert (settled.closing, settled.proof) == ("done", "turn")
+    assert bench.holds()["gyro_bias_x"] == np.float32(1e-6)
+    assert [t.why for t in register_journal.history(bench.runs, SERIAL)] == ["hand", "hand", "restore"]
+    with raises_code(InputError, "transfer.unknown_id"):
+        bench.errands.do("restore", transfer="x")
+    with raises_code(InputError, "transfer.none_known_here"):
+        Errands(replace(bench.request, serial="SN-000007")).do("restore")
+
+
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_registers_that_make_the_output_wrong_are_taken_back(bench: Workbench, at_rest: bool) -> None:
+    before = bench.holds()
+    with raises_code(DeviceFaultError, "verification.wrong"):
+        bench.errands.write({"accel_scale_z": 0.05}, at_rest=at_rest)
+    assert bench.holds() == before
+    (entry,) = register_journal.history(bench.runs, SERIAL)
+    assert entry.closing == "restored"
+    assert "refuted" in entry.steps
+
+
+def test_the_command_line_lists_finishes_and_restores(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+    entry = bench.interrupt(committed=True)
+    files = [
+        "--out",
+        str(bench.runs),
+        "--station",
+        str(bench.site_folder.station),
+        "--product",
+        str(bench.site_folder.product),
+    ]
+
+    def run(*words: str) -> tuple[int, Callable[[], str]]:
+        code = run_app(["registers", *words])
+        output = capsys.readouterr()
+        return code, lambda: output.out + output.err
+
+    code, text = run("list", "--out", str(bench.runs))
+    assert code == 0
+    assert "OPEN" in text()
+    assert "1 flash cycles" in text()
+    assert f"  {register_journal.history(bench.runs, SERIAL)[0].id}  OPEN" in text()
+    assert run_app(["registers", "finish", SERIAL, *files, "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["registers"] == dict(entry.new)
+    code, text = run("restore", SERIAL, *files)
+    assert (code, bench.holds()) == (0, dict(entry.old))
+    code, text = run("finish", SERIAL, *files)
+    assert code == 2
+    assert "nothing to finish" in text()
+    code, text = run("list", SERIAL, "--out", str(bench.runs), "--json", "-")
+    listed = json.loads(text())[SERIAL]["virtual"]
+    assert [t["closing"] for t in listed["transfers"]] == ["done", "done"]
+    assert listed["flash_cycles"] == 2

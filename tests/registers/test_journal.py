@@ -1,0 +1,265 @@
+"""The journal of a unit's registers: on disk before it returns, and believed only where it reads as it was written."""
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from calstation.devices.imu.register_transfer import Closing, Step
+from calstation.errors import ConfigurationError
+from calstation.records.checked_lines import append_line
+from calstation.registers import journal
+from tests.helpers import raises_code
+
+OLD, NEW = {"gyro_bias_x": 1e-6, "gyro_bias_y": float("nan")}, {"gyro_bias_x": 2e-6, "gyro_bias_y": -0.0}
+
+
+def begin(runs: Path, serial: str = "SN-1") -> journal.Transfer:
+    return journal.begin(runs, serial, OLD, NEW, by="wang", why="run", source="a.h5")
+
+
+def test_a_transfer_is_read_back_with_every_bit(tmp_path: Path) -> None:
+    made = begin(tmp_path)
+    for step in (Step.WRITTEN, Step.COMMITTING):
+        made.note(step)
+    (found,) = journal.history(tmp_path, "SN-1")
+    assert repr(found) == repr(made)
+    assert (found.by, found.why, found.source) == ("wang", "run", "a.h5")
+    assert found.cycles == journal.cycles(tmp_path, "SN-1") == 1
+    assert repr(journal.interrupted(tmp_path, "SN-1")) == repr(found)
+    found.close(Closing.DONE)
+    assert journal.interrupted(tmp_path, "SN-1") is None
+
+
+def test_every_line_is_on_disk_when_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    synced: list[int] = []
+    fsync = os.fsync
+
+    def watch(handle: int) -> None:
+        fsync(handle)
+        synced.append(os.fstat(handle).st_size)
+
+    monkeypatch.setattr(os, "fsync", watch)
+    made = begin(tmp_path)
+    assert made.path.stat().st_size in synced
+    made.note(Step.COMMITTING)
+    assert synced[-1] == made.path.stat().st_size
+
+
+def test_units_do_not_share_a_journal_whatever_their_numbers(tmp_path: Path) -> None:
+    names = ["SN-1", "SN/1", "SN%2F1", "../SN", "Ж 1"]
+    for name in names:
+        begin(tmp_path, name)
+    assert journal.serials(tmp_path) == sorted(names)
+    for name in names:
+        assert [t.serial for t in journal.history(tmp_path, name)] == [name]
+    assert all(path.parent == tmp_path / journal.FOLDER for path in tmp_path.rglob("*.jsonl"))
+
+
+def test_the_latest_intention_is_the_one_that_may_be_open(tmp_path: Path) -> None:
+    begin(tmp_path)
+    second = begin(tmp_path)
+    found = journal.interrupted(tmp_path, "SN-1")
+    assert found is not None
+    assert found.id == second.id
+    second.close(Closing.KEPT)
+    assert journal.interrupted(tmp_path, "SN-1") is None
+
+
+def test_a_journal_that_cannot_be_written_says_so_and_what_to_do(tmp_path: Path) -> None:
+    (tmp_path / journal.FOLDER).write_text("in the way", encoding="utf-8")
+    with pytest.raises(ConfigurationError) as refused:
+        begin(tmp_path)
+    assert refused.value.code in ("journal.unreadable", "journal.unwritable")
+
+
+def begun(runs: Path) -> journal.Transfer:
+    """A transfer that went as far as its commit."""
+    made = begin(runs)
+    for step in (Step.WRITTEN, Step.COMMITTING):
+        made.note(step)
+    return made
+
+
+def told(runs: Path) -> str:
+    """What is said of a damaged journal, "" where it is believed; every reader says the same."""
+    said = set()
+    for ask in (journal.history, journal.interrupted, journal.cycles):
+        try:
+            ask(runs, "SN-1")
+        except ConfigurationError as error:
+            said.add(str(error))
+        else:
+            said.add("")
+    (words,) = said
+    return words
+
+
+def test_no_byte_can_be_wrong_unseen(tmp_path: Path) -> None:
+    made = begun(tmp_path)
+    whole = made.path.read_bytes()
+    for position in range(len(whole)):
+        for wrong in {whole[position] ^ 1, whole[position] ^ 128, 0, ord("\n")} - {whole[position]}:
+            made.path.write_bytes(whole[:position] + bytes([wrong]) + whole[position + 1 :])
+            line = whole[:position].count(b"\n") + 1
+            lines = tuple(f"Data: {made.path}, line {number}: " for number in (line, line + 1))
+            assert told(tmp_path).startswith(lines), (position, wrong)
+
+
+@pytest.mark.parametrize(
+    ("order", "line"),
+    [((0, 2), 2), ((0, 1, 1, 2), 3), ((0, 2, 1), 2), ((1, 2), 1), ((0, 1, 2, 2), 4)],
+    ids=["missing", "doubled", "exchanged", "first missing", "last doubled"],
+)
+def test_every_line_has_its_place(tmp_path: Path, order: tuple[int, ...], line: int) -> None:
+    made = begun(tmp_path)
+    lines = made.path.read_bytes().splitlines(keepends=True)
+    assert len(lines) == 3
+    made.path.write_bytes(b"".join(lines[i] for i in order))
+    assert told(tmp_path).startswith(f"Data: {made.path}, line {line}: ")
+
+
+Spoil = Callable[[bytes], bytes]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "line"),
+    [
+        pytest.param(lambda data: b"", 1, id="emptied"),
+        pytest.param(lambda data: bytes(len(data)), 1, id="zeroed"),
+        pytest.param(lambda data: data[data.index(b"\n") + 1 :], 1, id="without its intention"),
+        pytest.param(lambda data: data + b"[" * 100_000 + b"\n", 4, id="deep"),
+        pytest.param(lambda data: data + data, 4, id="twice"),
+        pytest.param(lambda data: data[:40], 1, id="a torn intention"),
+    ],
+)
+def test_a_damaged_journal_refuses_its_unit_with_file_line_and_mend(tmp_path: Path, spoil: Spoil, line: int) -> None:
+    path = begun(tmp_path).path
+    path.write_bytes(spoil(path.read_bytes()))
+    words = told(tmp_path)
+    assert words.startswith(f"Data: {path}, line {line}: ")
+    assert "Compare the unit's registers with those of its last result" in words
+    assert "\n" not in words
+    with raises_code(ConfigurationError, "journal.damaged"):
+        begin(tmp_path)
+    path.rename(tmp_path / "away")
+    assert journal.interrupted(tmp_path, "SN-1") is None
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        {"event": "closed"},
+        {"event": "closed", "closing": "perhaps"},
+        {"event": "step", "step": "thought about"},
+        {"event": "closed", "closing": "done", "id": "another"},
+        {
+            "event": "intended",
+            "serial": "SN-1",
+            "by": None,
+            "why": "run",
+            "source": "",
+            "old": {},
+            "new": {"a": 10**400},
+        },
+        {"event": "forgotten"},
+        {},
+    ],
+)
+def test_a_line_of_unknown_meaning_refuses_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
+    made = begun(tmp_path)
+    append_line(made.path, {"id": made.id, "utc": "", **content})
+    assert told(tmp_path).startswith(f"Data: {made.path}, line 4: its content is unknown to this program")
+
+
+def before_checks(path: Path) -> None:
+    """Make a journal one of the time when lines had no check."""
+    lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+    for line in lines:
+        for later in ("chain", "model", "profile", "product", "map"):
+            line.pop(later, None)
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
+
+
+def test_a_journal_without_checks_is_read_and_carried_on(tmp_path: Path) -> None:
+    made = begun(tmp_path)
+    before_checks(made.path)
+    found = journal.interrupted(tmp_path, "SN-1")
+    assert repr(found) == repr(made)
+    assert found is not None
+    found.close(Closing.RESTORED)
+    assert [t.closing for t in journal.history(tmp_path, "SN-1")] == ["restored"]
+    with made.path.open("a", encoding="utf-8") as stream:
+        stream.write(json.dumps({"event": "closed", "id": made.id, "utc": "", "closing": "done"}) + "\n")
+    assert "line 5: it has lost its check value" in told(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"), [("1e-06", "1" + "0" * 400), ('"old"', '"olc"'), ('"committing"', '"comitting"')]
+)
+def test_a_journal_without_checks_is_not_believed_everything(tmp_path: Path, right: str, wrong: str) -> None:
+    made = begun(tmp_path)
+    before_checks(made.path)
+    text = made.path.read_text(encoding="utf-8")
+    made.path.write_text(text.replace(right, wrong), encoding="utf-8")
+    assert "its content is unknown to this program" in told(tmp_path)
+
+
+def test_a_torn_last_line_announces_nothing_and_is_told(tmp_path: Path) -> None:
+    made = begun(tmp_path)
+    whole = made.path.read_bytes()
+    last = whole.rindex(b"\n", 0, -1) + 1
+    for cut in range(last + 1, len(whole) - 1):
+        for tail in (b"", bytes(30)):  # a file system may have made room that it never filled
+            made.path.write_bytes(whole[:cut] + tail)
+            assert told(tmp_path) == ""
+            assert journal.truncated(tmp_path, "SN-1") == made.path
+            assert journal.cycles(tmp_path, "SN-1") == 0
+    made.path.write_bytes(whole[:-1])
+    assert journal.truncated(tmp_path, "SN-1") is None
+    assert journal.cycles(tmp_path, "SN-1") == 1, "only its end is missing"
+
+
+@given(cut=st.integers(0, 10_000))
+def test_what_a_cut_left_is_carried_on(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
+    runs = tmp_path_factory.mktemp("journal")
+    first = begun(runs)
+    content = first.path.read_bytes()
+    least = content.index(b"\n") + 1  # the file appears with its first line
+    first.path.write_bytes(content[: least + cut % (len(content) - least)])
+    later = begin(runs)
+    later.note(Step.WRITTEN)
+    found = journal.interrupted(runs, "SN-1")
+    assert found is not None
+    assert (found.id, found.steps) == (later.id, ["written"])
+    assert [t.id for t in journal.history(runs, "SN-1")] == [first.id, later.id]
+
+
+def test_a_unit_on_hardware_has_one_journal_whatever_the_folder_of_its_runs(tmp_path: Path) -> None:
+    site, monday, tuesday = tmp_path / "site", tmp_path / "monday", tmp_path / "tuesday"
+    made = journal.begin(monday, "SN-1", OLD, NEW, by=None, why="run", source="", site=site)
+    made.note(Step.COMMITTING)
+    for runs in (monday, tuesday):
+        found = journal.interrupted(runs, "SN-1", site)
+        assert found is not None
+        assert found.id == made.id
+        assert journal.cycles(runs, "SN-1", site) == 1
+    assert journal.serials(site) == ["SN-1"]
+
+
+def test_what_was_written_before_the_site_had_journals_is_found_beside_the_runs(tmp_path: Path) -> None:
+    site = tmp_path / "site"
+    virtual = begun(tmp_path)
+    assert journal.interrupted(tmp_path, "SN-1", site) is None, "a virtual unit of the same number"
+    before_checks(virtual.path)
+    found = journal.interrupted(tmp_path, "SN-1", site)
+    assert found is not None
+    found.close(Closing.RESTORED)
+    made = journal.begin(tmp_path, "SN-1", OLD, NEW, by=None, why="run", source="", site=site)
+    assert made.path.parent == site / journal.FOLDER
+    assert [t.id for t in journal.history(tmp_path, "SN-1", site)] == [virtual.id, made.id]
+    assert journal.cycles(tmp_path, "SN-1", site) == 1

@@ -1,0 +1,137 @@
+"""Registers by hand on the bench's own IMU: read, set beside a result, written, journaled."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.config import library
+from calstation.errors import ConfigurationError, DeviceFaultError, InputError
+from calstation.registers.journal import FOLDER, history
+from calstation.registers.unit_registers import UnitRegisters, compose, read_unit, wanted_registers
+from calstation.results.result import Result
+from tests.helpers import raises_code
+from tests.registers.operations import Errands
+from tests.site_folder import SiteFolder, behind_registers
+
+SERIAL = "SN-000042"
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Progress that nobody watches."""
+
+
+@pytest.fixture
+def unit(site_folder: SiteFolder) -> SiteFolder:
+    """A place whose unit keeps its flash."""
+    site_folder.write(flash_file=str(site_folder.folder / "flash.bin"))
+    return site_folder
+
+
+def result_of(site_folder: SiteFolder, **values: float) -> Result:
+    """A result with these parameters."""
+    return Result.from_json(
+        {
+            "schema": "calstation.result/1",
+            "unit": {"serial": SERIAL},
+            "stages": [],
+            "outcome": "passed",
+            "parameters": {name: {"value": value, "sigma": 0.0} for name, value in values.items()},
+            "log": {"file": str(site_folder.folder / "no.h5")},
+        }
+    )
+
+
+def test_what_is_written_is_what_the_unit_then_holds(unit: SiteFolder) -> None:
+    runs = unit.folder / "runs"
+    before = read_unit(tell, unit.request(), runs)
+    assert (before.serial, before.commits, before.virtual) == (SERIAL, 0, True)
+    assert before.model.startswith("bench-imu")
+    wanted = wanted_registers(tell, unit.request(), result_of(unit, gyro_bias_x=1e-6, accel_scale_y=3e-4))
+    assert [(r.address, r.parameter) for r in wanted.registers] == [(0, "gyro_bias_x"), (19, "accel_scale_y")]
+    assert wanted.registers[0].value == np.float32(1e-6)
+    assert bytes.fromhex(wanted.registers[0].raw) == np.array([1e-6], ">f4").tobytes()
+
+    after = UnitRegisters.of(Errands(unit.request()).write(wanted.values, at_rest=True).unit)
+    again = read_unit(tell, unit.request(), runs)
+    assert again.values == after.values == before.values | wanted.values
+    assert again.commits == 1
+    (entry,) = history(runs, SERIAL)
+    assert (entry.by, entry.why, entry.source, entry.closing) == ("tester", "hand", "x.h5", "done")
+    assert entry.old == before.values
+    assert entry.new == after.values
+
+
+def test_what_a_unit_holds_can_be_read_in_a_terminal(unit: SiteFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    Errands(unit.request()).write({"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}, at_rest=True)
+    flash = (unit.folder / "flash.bin").read_bytes()
+    where = [
+        "--station",
+        str(unit.station),
+        "--product",
+        str(unit.product),
+        "--out",
+        str(unit.folder / "runs"),
+    ]
+    assert run_app(["registers", "read", SERIAL, *where]) == 0
+    said = capsys.readouterr().out
+    assert f"unit {SERIAL}, bench-imu" in said
+    assert "(virtual bench); flash cycles known here: 1" in said
+    rows = {line.split()[1]: line.split() for line in said.splitlines() if "_" in line}
+    assert rows["accel_scale_y"] == ["19", "accel_scale_y", "300.0000", "ppm", "399D4952"]
+    assert run_app(["registers", "read", SERIAL, *where, "--json", "-"]) == 0
+    found = UnitRegisters.of(json.loads(capsys.readouterr().out))
+    assert found.values["gyro_bias_x"] == np.float32(1e-6)
+    assert (unit.folder / "flash.bin").read_bytes() == flash, "nothing was written"
+    unit.write(serial=SERIAL)
+    assert run_app(["registers", "read", "SN-000043", *where]) == 3
+    assert f"Unit '{SERIAL}' is in the fixture, not 'SN-000043'" in capsys.readouterr().err
+
+
+def test_another_unit_than_meant_is_refused(unit: SiteFolder) -> None:
+    unit.write(serial=SERIAL)
+    runs = unit.folder / "runs"
+    with pytest.raises(DeviceFaultError, match=r"'SN-000042' is in the fixture.*nothing was written"):
+        Errands(unit.request(serial="SN-000043")).write({"gyro_bias_x": 1e-6})
+    assert history(runs, "SN-000043") == []
+
+
+def test_a_value_that_does_not_fit_is_refused(unit: SiteFolder) -> None:
+    runs = unit.folder / "runs"
+    with pytest.raises(DeviceFaultError, match="does not fit register 0"):
+        Errands(unit.request()).write({"gyro_bias_x": 7.0}, at_rest=True)
+    assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] != 7.0
+
+
+def test_no_journal_no_write(unit: SiteFolder) -> None:
+    runs = unit.folder / "runs"
+    runs.mkdir()
+    (runs / FOLDER).write_text("a file where the folder should be", encoding="utf-8")
+    with raises_code(ConfigurationError, "journal.unwritable"):
+        Errands(unit.request()).write({"gyro_bias_x": 1e-6}, at_rest=True)
+    (runs / FOLDER).unlink()
+    assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] == 0.0
+
+
+def test_a_result_behind_the_registers_is_put_together_with_them(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = site_folder.folder / "home"
+    (home / "imus").mkdir(parents=True)
+    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
+    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    result = dict(site_folder.run("six_position").result)
+    wanted = wanted_registers(tell, site_folder.request(), Result.from_json(result))
+    found = {name: row["value"] for name, row in result["parameters"].items()}
+    expected = compose(result["registers"]["old"], found)
+    for name, value in wanted.values.items():
+        assert value == pytest.approx(np.float32(expected[name]), abs=1e-12)
+    moved = replace(site_folder.request(), out=Path("elsewhere"))
+    Path(result["log"]["file"]).unlink()
+    assert wanted_registers(tell, moved, Result.from_json(result)).values == wanted.values  # as the run wrote them
+    with raises_code(InputError, "transfer.log_missing"):
+        wanted_registers(tell, moved, Result.from_json({**result, "registers": None}))

@@ -1,0 +1,338 @@
+"""Registers outside a run: the table is made ready before they are written, turns behind them, and is left at rest."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.cli.app import run_app
+from calstation.config import library
+from calstation.errors import CalstationError, DeviceFaultError
+from calstation.registers import journal as register_journal
+from calstation.registers import operation as register_errand
+from calstation.registers.unit_registers import UnitRegisters
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import Event, Message, StateChanged, StepStarted
+from tests.helpers import raises_code
+from tests.registers.operations import Errands
+from tests.site_folder import STATION, SiteFolder
+
+pytestmark = pytest.mark.long
+
+SERIAL = "SN-000042"
+VALUES = {"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}
+#: Of the unit's x gyro, larger than any calibrated one: what a wrong sign makes of it cannot be mistaken.
+SCALE = 0.02
+
+
+class Floor:
+    """A place whose unit keeps its flash and whose bench says how it was left."""
+
+    def __init__(self, site_folder: SiteFolder) -> None:
+        self.site_folder = site_folder
+        self.runs = site_folder.folder / "runs"
+        self.errands = Errands(site_folder.request())
+        self.write_station()
+
+    def write_station(self, profile: str = "bench", **bench: Any) -> None:
+        files = {"flash_file": "flash.bin", "report_file": "bench.json"}
+        settings = {
+            "seed": 5,
+            "start_deg": [1.0, -1.0],
+            "watchdog_ms": 10_000,
+            **{name: str(self.site_folder.folder / file) for name, file in files.items()},
+            **bench,
+        }
+        station = {**STATION, "table": {"profile": profile}, "bench": settings}
+        self.site_folder.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """How the bench was left."""
+        found: dict[str, Any] = json.loads((self.site_folder.folder / "bench.json").read_text(encoding="utf-8"))
+        return found
+
+    @property
+    def entry(self) -> register_journal.Transfer:
+        """The latest transfer."""
+        return register_journal.history(self.runs, SERIAL)[-1]
+
+    def left_alone(self) -> bool:
+        """At rest, axes off."""
+        return not self.report["enabled"] and not self.report["moving"]
+
+
+@pytest.fixture
+def floor(site_folder: SiteFolder) -> Floor:
+    return Floor(site_folder)
+
+
+def verifying(errands: Errands, event: Event) -> bool:
+    """Whether it is a move of the restarted unit."""
+    return isinstance(event, StepStarted) and event.label[:1] == ("verify",) and "verifying" in errands.told()
+
+
+def stop_at(moment: str) -> Any:
+    """Stop at a message, or at the first move for something, of the restarted unit where it is to verify."""
+
+    def watch(errands: Errands, event: Event) -> None:
+        move = isinstance(event, StepStarted) and event.label[:1] == (moment,)
+        if moment == "verify":
+            move = verifying(errands, event)
+        if move or (isinstance(event, Message) and event.id == moment):
+            errands.control.send(Command.STOP)
+
+    return watch
+
+
+def test_a_wrong_sign_that_no_rest_shows_is_refuted_by_the_turn(floor: Floor) -> None:
+    floor.write_station(parameters={"gyro_scale_x": SCALE})
+    floor.errands.write({"gyro_scale_x": SCALE})
+    assert floor.entry.steps[-1] == "turned"
+    with raises_code(DeviceFaultError, "verification.wrong"):
+        floor.errands.write({"gyro_scale_x": -SCALE})
+    assert (floor.entry.closing, "refuted" in floor.entry.steps) == ("restored", True)
+    assert floor.left_alone()
+    settled = floor.errands.write({"gyro_scale_x": -SCALE}, at_rest=True)
+    assert (settled.closing, settled.proof) == ("done", "rest")
+    assert floor.entry.steps[-1] == "at_rest"
+    assert floor.errands.moves() == []
+    assert UnitRegisters.of(settled.unit).values["gyro_scale_x"] == pytest.approx(-SCALE)
+
+
+@pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.long)])
+def test_the_table_is_prepared_before_the_write_turned_behind_it_and_left_at_its_load_angle(
+    floor: Floor, profile: str
+) -> None:
+    floor.write_station(profile)
+    settled = floor.errands.write(VALUES)
+    assert (settled.closing, settled.proof) == ("done", "turn")
+    told = floor.errands.told()
+    order = [
+        "identified",
+        "homing",
+        "checking_mounting",
+        "registers_writing",
+        "verifying",
+        "registers_proved",
+    ]
+    assert [ident for ident in told if ident in order] == order
+    assert floor.errands.moves()[-17:] == ["verify"] * 17, "to the start and twice around, back where it is loaded"
+    states = [event.state for event in floor.errands.events if isinstance(event, StateChanged)]
+    assert states == ["preparing", "running", "done"], "what is no calibration has not passed"
+    assert floor.left_alone()
+
+
+@pytest.mark.parametrize(
+    ("bench", "words"),
+    [
+        ({"interlock_closed": False}, "The interlock is open"),
+        pytest.param({"watchdog_ms": 0}, "The watchdog is off", marks=pytest.mark.long),
+        pytest.param({"orders": [{"order": "drive_fault"}]}, "fault 'drive'", marks=pytest.mark.long),
+        pytest.param({"orders": [{"order": "mute_table", "value": 1e6}]}, "no answer", marks=pytest.mark.long),
+        pytest.param(
+            {"low_deg": [-1080.0, -20.0], "high_deg": [1080.0, 20.0]},
+            "The inner axis cannot turn by 30°",
+            marks=pytest.mark.long,
+        ),
+    ],
+)
+def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
+    floor: Floor, bench: dict[str, Any], words: str
+) -> None:
+    floor.write_station(**bench)
+    with pytest.raises(CalstationError, match=words) as refused:
+        floor.errands.write(VALUES)
+    assert str(refused.value).endswith(" Or leave the table alone: --at-rest.")
+    assert register_journal.history(floor.runs, SERIAL) == []
+    assert floor.report["flash_cycles"] == 0
+    assert floor.left_alone()
+    assert floor.errands.write(VALUES, at_rest=True).proof == "rest"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("profile", ["bench", "indexing_unit"])
+@pytest.mark.parametrize(
+    ("moment", "written"),
+    [
+        ("identified", False),
+        ("homing", False),
+        ("check", False),
+        ("reference", False),
+        ("registers_writing", True),
+        ("verifying", True),
+        ("verify", True),
+    ],
+)
+def test_a_stop_works_at_every_moment(floor: Floor, moment: str, written: bool, profile: str) -> None:
+    floor.write_station(profile)
+    floor.errands.on_event = stop_at(moment)
+    assert floor.errands.write(VALUES).closing == "stopped"
+    assert floor.left_alone()
+    assert bool(register_journal.interrupted(floor.runs, SERIAL)) is written
+    assert ("transfer_unproved" in floor.errands.told()) is written
+    assert ("transfer_finished" in floor.errands.told()) is (moment == "registers_writing")
+    if written:
+        floor.errands.on_event = lambda errands, event: None
+        settled = floor.errands.do("finish")
+        assert (settled.closing, settled.proof) == ("done", "turn")
+        assert floor.entry.cycles == 1, "what was in flash already is not written again"
+
+
+@pytest.mark.long
+def test_a_stop_where_the_table_is_left_alone(floor: Floor) -> None:
+    floor.errands.on_event = stop_at("verifying")
+    assert floor.errands.write(VALUES, at_rest=True).closing == "stopped"
+    assert floor.errands.told()[-1] == "transfer_unproved"
+    floor.errands.on_event = lambda errands, event: None
+    assert floor.errands.do("restore", at_rest=True).closing == "restored"
+
+
+@pytest.fixture
+def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """The clock of the bench in use, which takes orders."""
+    clocks: list[Any] = []
+    connected = register_errand.connected
+
+    @contextmanager
+    def watched(*args: Any) -> Any:
+        with connected(*args) as devices:
+            clocks.append(devices.clock)
+            yield devices
+
+    monkeypatch.setattr(register_errand, "connected", watched)
+    return clocks
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [("drive_fault", "fault 'drive'"), ("interlock", "interlock"), ("jam", "did not reach")],
+)
+def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
+    floor: Floor, clock_at_hand: list[Any], order: str, words: str
+) -> None:
+    def spoil(errands: Errands, event: Event) -> None:
+        if verifying(errands, event):
+            clock_at_hand[-1].order({"order": order, "value": 0.0, "after": 0.5})
+
+    floor.errands.on_event = spoil
+    with pytest.raises(DeviceFaultError, match=words) as fault:
+        floor.errands.write(VALUES)
+    assert "--at-rest" not in str(fault.value)
+    assert "transfer_unproved" in floor.errands.told()
+    assert floor.left_alone()
+    assert register_journal.interrupted(floor.runs, SERIAL) is not None
+    floor.errands.on_event = lambda errands, event: None
+    assert floor.errands.do("restore").closing == "restored"
+
+
+@pytest.mark.long
+def test_a_table_that_fails_before_the_write_leaves_the_unit_untouched(floor: Floor, clock_at_hand: list[Any]) -> None:
+    def spoil(errands: Errands, event: Event) -> None:
+        if isinstance(event, StepStarted) and event.label[:1] == ("verify",):
+            clock_at_hand[-1].order({"order": "drive_fault", "after": 0.5})
+
+    floor.errands.on_event = spoil
+    with pytest.raises(DeviceFaultError, match=r"fault 'drive'.*--at-rest"):
+        floor.errands.write(VALUES)
+    assert "transfer_unproved" not in floor.errands.told()
+    assert floor.left_alone()
+    assert register_journal.interrupted(floor.runs, SERIAL) is None
+
+
+@pytest.mark.long
+def test_old_registers_that_are_put_back_are_looked_at_as_well(floor: Floor) -> None:
+    floor.write_station(parameters={"gyro_scale_x": SCALE})
+    floor.errands.write({"gyro_scale_x": -SCALE}, at_rest=True)
+    floor.errands.on_event = stop_at("verifying")
+    floor.errands.write({"gyro_scale_x": 0.0})
+    floor.errands.on_event = lambda errands, event: None
+    with raises_code(DeviceFaultError, "verification.old_wrong"):
+        floor.errands.do("restore")
+    assert (floor.entry.closing, floor.entry.steps[-1]) == ("restored", "refuted")
+
+    floor.errands.write({"gyro_scale_x": SCALE})
+    floor.errands.on_event = stop_at("verifying")
+    floor.errands.write({"gyro_scale_x": 0.0})
+    floor.errands.on_event = lambda errands, event: None
+    settled = floor.errands.do("restore")
+    assert (settled.closing, settled.proof) == ("restored", "turn")
+    assert UnitRegisters.of(settled.unit).values["gyro_scale_x"] == pytest.approx(SCALE)
+
+
+@pytest.mark.long
+def test_a_unit_that_has_its_old_registers_still_is_not_moved_for_them(floor: Floor) -> None:
+    floor.errands.on_event = stop_at("verifying")
+    floor.errands.write(VALUES)
+    entry = floor.entry
+    floor.errands.on_event = lambda errands, event: None
+    floor.errands.do("restore", at_rest=True)
+    register_journal.begin(floor.runs, SERIAL, entry.old, entry.new, by="li", why="hand", source="y.h5")
+    settled = floor.errands.do("restore")
+    assert (settled.closing, settled.proof) == ("kept", "")
+    assert floor.errands.moves() == []
+    assert floor.entry.closing == "kept"
+
+
+@pytest.mark.long
+def test_rails_that_hands_turn_are_left_to_them(floor: Floor) -> None:
+    floor.write_station("hand_rails", parameters={})
+    floor.errands.request = replace(floor.errands.request, product=library.find("products", "mems_hand"))
+    settled = floor.errands.write({"gyro_bias_x": 1e-4})
+    assert (settled.closing, settled.proof) == ("done", "rest")
+    assert floor.errands.moves() == []
+
+
+@pytest.mark.long
+def test_the_terminal_says_what_will_move_and_how_it_was_proved(
+    floor: Floor, capsys: pytest.CaptureFixture[str]
+) -> None:
+    floor.errands.write(VALUES, at_rest=True)
+    files = ["--out", str(floor.runs), "--station", str(floor.site_folder.station)]
+    files += ["--product", str(floor.site_folder.product)]
+    assert run_app(["registers", "restore", SERIAL, *files]) == 0
+    shown = capsys.readouterr()
+    assert shown.err.index("is going to move") < shown.err.index("Writing the registers")
+    assert "old registers" not in shown.out  # of a transfer that had been closed: a new one, proved
+    assert "verified with a turn of the table" in shown.out
+    assert run_app(["registers", "restore", SERIAL, *files, "--at-rest", "--json", "-"]) == 0
+    shown = capsys.readouterr()
+    assert "Nothing moves" in shown.err
+    assert json.loads(shown.out)["proof"] == "rest"
+    assert run_app(["registers", "list", SERIAL, "--out", str(floor.runs)]) == 0
+    listed = capsys.readouterr().out
+    assert listed.count("done, verified at rest, without a turn") == 2
+    assert listed.count("done, verified with a turn of the table") == 1
+    assert run_app(["registers", "finish", SERIAL, *files]) == 2
+    shown = capsys.readouterr()
+    assert "nothing to finish" in shown.err
+    assert "is going to move" not in shown.err
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
+def test_ctrl_c_in_the_turn_stops_the_table(floor: Floor) -> None:
+    floor.errands.on_event = stop_at("verifying")
+    floor.errands.write(VALUES)
+    floor.write_station(speed=5.0)
+    command = [sys.executable, "-m", "calstation", "registers", "finish", SERIAL, "--out", str(floor.runs)]
+    command += ["--station", str(floor.site_folder.station), "--product", str(floor.site_folder.product)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, env={**os.environ, "COLUMNS": "200"}) as process:
+        assert process.stderr is not None
+        for line in process.stderr:
+            if b"Checking the output" in line:
+                process.send_signal(signal.SIGINT)
+                break
+        rest = process.stderr.read().decode()
+        assert process.wait(120) == 4
+    assert "written but not verified" in rest
+    assert floor.left_alone()
+    assert register_journal.interrupted(floor.runs, SERIAL) is not None

@@ -1,0 +1,169 @@
+"""A unit on hardware has one journal in the site's folder, and a flash that wears out."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.cli.app import run_app
+from calstation.config.library import shipped_folder
+from calstation.config.request import RunRequest
+from calstation.config.resolved import resolve_configuration
+from calstation.connection.bench_process import BenchHost
+from calstation.devices.imu.register_transfer import Closing, Step
+from calstation.errors import ConfigurationError, InputError
+from calstation.registers import journal as register_journal
+from calstation.registers.journal import journal_folder
+from calstation.registers.unit_registers import read_unit
+from calstation.runs.run import execute
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Message, Verdict
+from tests.helpers import raises_code
+from tests.registers.operations import Errands
+from tests.site_folder import STATION, SiteFolder
+
+SERIAL = "SN-000042"
+VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The site's folder."""
+    folder = tmp_path / "home"
+    monkeypatch.setenv("CALSTATION_HOME", str(folder))
+    return folder
+
+
+@pytest.fixture
+def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
+    """A request to a unit and a table that are there on ports of this computer, for anybody."""
+    setup = resolve_configuration(site_folder.request())
+    config = setup.bench_config()
+    assert config is not None
+    with BenchHost.start({**config, "speed": 1.0, "watchdog_ms": 60_000}) as bench:
+        told = bench.endpoints
+        table = {"profile": "bench", "port": f"tcp://{told['table']}", "timeout_s": 5.0}
+        station = {**STATION, "table": table, "imu": {"port": told["imu"], "timeout_s": 5.0}}
+        file = site_folder.folder / "hardware.toml"
+        file.write_text(tomli_w.dumps(station), encoding="utf-8")
+        yield replace(site_folder.request(), station=file, out=site_folder.folder / "monday")
+
+
+@pytest.mark.long
+def test_who_changes_the_folder_of_the_runs_sees_the_same_journal(
+    hardware: RunRequest, site_folder: SiteFolder, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Errands(hardware).write(VALUES, at_rest=True)
+    tuesday = site_folder.folder / "tuesday"
+    assert read_unit(tell, hardware, tuesday).commits == 1
+    assert not (hardware.out / register_journal.FOLDER).exists()
+    assert register_journal.serials(home) == [SERIAL]
+
+    opened = register_journal.begin(
+        hardware.out,
+        SERIAL,
+        {},
+        {},
+        by=None,
+        why="run",
+        source="",
+        site=journal_folder(resolve_configuration(hardware).station),
+    )
+    events: list[Event] = []
+    execute(replace(hardware, out=tuesday, stages=("rate",)), events.append, Control())
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "fault"
+    assert "Finish or restore" in str(events[-1].result["error"])
+    opened.close(Closing.KEPT)
+
+    assert run_app(["registers", "list", SERIAL, "--out", str(tuesday)]) == 0
+    assert f"unit {SERIAL} on hardware, 1 flash cycles" in capsys.readouterr().out
+    with raises_code(InputError, "transfer.none_known") as unknown:
+        Errands(replace(hardware, serial="SN-000077")).do("restore")
+    assert unknown.value.values == {"folder": str(home), "serial": "SN-000077"}
+
+
+class Worn:
+    """A place whose product's units have a flash of ten cycles."""
+
+    def __init__(self, site_folder: SiteFolder, home: Path) -> None:
+        profile = (shipped_folder() / "imus" / "bench_nav.toml").read_text(encoding="utf-8")
+        (home / "imus").mkdir(parents=True)
+        (home / "imus" / "worn.toml").write_text(f"flash_cycles_max = 10\n{profile}", encoding="utf-8")
+        site_folder.write({"imu": "worn"})
+        self.request = site_folder.request("rate")
+        self.runs = self.request.out
+
+    def wear(self, cycles: int) -> None:
+        """Have the flash written so often."""
+        entry = register_journal.begin(self.runs, SERIAL, {}, {}, by=None, why="hand", source="")
+        for _ in range(cycles):
+            entry.note(Step.COMMITTING)
+        entry.close(Closing.DONE)
+
+    def run(self) -> list[Event]:
+        """What a run told."""
+        events: list[Event] = []
+        execute(self.request, events.append, Control())
+        return events
+
+
+@pytest.fixture
+def worn(site_folder: SiteFolder, home: Path) -> Worn:
+    return Worn(site_folder, home)
+
+
+@pytest.mark.long
+def test_a_flash_that_is_nearly_worn_out_is_told(worn: Worn) -> None:
+    worn.wear(9)
+    events = worn.run()
+    (told,) = [event for event in events if isinstance(event, Message) and event.id == "flash_near"]
+    assert told.values == {"serial": SERIAL, "used": 9, "most": 10}
+    assert isinstance(events[-1], Verdict)
+    assert events[-1].outcome == "passed"
+    assert register_journal.cycles(worn.runs, SERIAL) == 10
+    with raises_code(ConfigurationError, "transfer.flash_worn"):
+        worn.run()
+
+
+def test_a_flash_that_is_worn_out_takes_no_new_registers(worn: Worn) -> None:
+    worn.wear(10)
+    errands = Errands(worn.request)
+    uses: list[Any] = [worn.run, lambda: errands.write(VALUES), lambda: errands.do("restore")]
+    for use in uses:
+        with raises_code(ConfigurationError, "transfer.flash_worn"):
+            use()
+    assert list(worn.runs.glob("*.h5")) == []
+
+
+@pytest.mark.long
+def test_what_was_begun_is_put_back_all_the_same(worn: Worn) -> None:
+    worn.wear(10)
+    register_journal.begin(worn.runs, SERIAL, {}, {}, by=None, why="run", source="")
+    assert Errands(worn.request).do("restore").closing in ("kept", "restored")
+
+
+def test_a_damaged_journal_ends_a_run_before_anything_is_opened(worn: Worn) -> None:
+    worn.wear(1)
+    (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
+    data = journal.read_bytes()
+    journal.write_bytes(data.replace(b"hand", b"hanf"))
+    with raises_code(ConfigurationError, "journal.damaged"):
+        worn.run()
+
+
+@pytest.mark.long
+def test_a_torn_line_is_told(worn: Worn) -> None:
+    worn.wear(1)
+    (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
+    journal.write_bytes(journal.read_bytes() + b'{"event": "int')
+    told = [event for event in worn.run() if isinstance(event, Message) and event.id == "journal_torn"]
+    assert [event.values["file"] for event in told] == [str(journal)]
+    assert len(register_journal.history(worn.runs, SERIAL)) == 2

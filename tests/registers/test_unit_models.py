@@ -1,0 +1,198 @@
+"""Registers of one sort of unit are never put into another, and the list shows which is which."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.cli.registers import largest_change
+from calstation.config import library
+from calstation.config.request import RegisterOperation
+from calstation.config.resolved import resolve_configuration
+from calstation.devices.imu.register_transfer import Closing, Step
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.profiles.imu import load_imu_profile
+from calstation.devices.profiles.registers import RegisterEntry
+from calstation.errors import DeviceFaultError, InputError
+from calstation.registers import journal as register_journal
+from calstation.registers.journal import Transfer, UnitType, map_digest
+from calstation.registers.operation import moves_table
+from calstation.registers.unit_registers import wanted_registers
+from calstation.results.result import Result
+from calstation.runs.run import execute
+from calstation.sequencer.control import Control
+from tests.helpers import raises_code
+from tests.registers.operations import Errands
+from tests.site_folder import SiteFolder
+
+SERIAL = "SN-000042"
+NAV, MEMS = "Bench IMU, navigation grade", "Bench IMU, MEMS grade"
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+def registers() -> list[RegisterEntry]:
+    """Of the bench's units, which are the same in every grade."""
+    return load_imu_profile(library.find("imus", "bench_nav")).registers
+
+
+class Known:
+    """A place whose journal knows a transfer to a unit of a sort."""
+
+    def __init__(self, site_folder: SiteFolder) -> None:
+        self.site_folder = site_folder
+        self.runs = site_folder.folder / "runs"
+        self.own = UnitType.of(resolve_configuration(site_folder.request()), "bench-imu")
+
+    def transfer(
+        self, sort: UnitType | None, old: Mapping[str, float] | None = None, *, open_: bool = False
+    ) -> Transfer:
+        names = RegisterMap(tuple(registers())).parameters
+        old = dict.fromkeys(names, 1e-6) if old is None else old
+        made = register_journal.begin(
+            self.runs, SERIAL, old, dict.fromkeys(old, 2e-6), by="li", why="hand", source="", unit_type=sort
+        )
+        if not open_:
+            made.note(Step.COMMITTING)
+            made.close(Closing.DONE)
+        return made
+
+    def restores(self) -> bool:
+        """Whether the latest set may be put back, as the command line asks before it opens anything."""
+        return moves_table(RegisterOperation(self.site_folder.request(), "restore"))
+
+
+@pytest.fixture
+def known(site_folder: SiteFolder) -> Known:
+    return Known(site_folder)
+
+
+def test_a_set_says_what_sort_of_unit_it_is_of(known: Known) -> None:
+    settled = Errands(known.site_folder.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
+    (entry,) = register_journal.history(known.runs, SERIAL)
+    assert entry.unit_type == UnitType(settled.unit["model"], NAV, "short", known.own.map)
+    assert known.restores()
+
+
+@pytest.mark.long
+def test_a_run_says_what_sort_of_unit_it_wrote(known: Known) -> None:
+    assert known.site_folder.run("rate").outcome == "passed"
+    (entry,) = register_journal.history(known.runs, SERIAL)
+    assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (
+        NAV,
+        "short",
+        known.own.map,
+    )
+    assert entry.unit_type.model.startswith("bench-imu")
+
+
+@pytest.mark.parametrize(
+    ("sort", "code"),
+    [
+        (UnitType("bench-imu", MEMS, "MEMS grade C", map_digest(registers())), "transfer.other_profile"),
+        (UnitType("bench-imu", NAV, "short", "0123456789abcdef"), "transfer.other_meaning"),
+    ],
+)
+@pytest.mark.parametrize("open_", [False, True])
+def test_a_set_of_another_register_map_is_refused_before_anything_is_opened(
+    known: Known, sort: UnitType, code: str, open_: bool
+) -> None:
+    known.transfer(sort, open_=open_)
+    with raises_code(InputError, code):
+        known.restores()
+    for what in ("finish", "restore"):
+        with raises_code(InputError, code if open_ or what == "restore" else "transfer.nothing_to_finish"):
+            Errands(known.site_folder.request()).do(what)
+    if open_:
+        with raises_code(InputError, code):
+            execute(known.site_folder.request("rate"), lambda event: None, Control())
+        assert list(known.runs.glob("*.h5")) == []
+
+
+@pytest.mark.parametrize("open_", [False, True])
+def test_a_set_of_another_model_is_not_written(known: Known, open_: bool) -> None:
+    known.transfer(UnitType("other-imu", NAV, "short", known.own.map), open_=open_)
+    with raises_code(DeviceFaultError, "transfer.other_model"):
+        Errands(known.site_folder.request()).do("restore", at_rest=True)
+    assert len(register_journal.history(known.runs, SERIAL)) == 1
+
+
+def test_a_set_without_its_sort_is_told_by_its_parameters(known: Known) -> None:
+    known.transfer(None)
+    assert known.restores()
+    known.transfer(None, {"gyro_bias_x": 1e-6})
+    with raises_code(InputError, "transfer.other_parameters"):
+        known.restores()
+
+
+def test_how_near_a_register_reads_back_leaves_its_meaning(known: Known) -> None:
+    entries = registers()
+    near = [entry.model_copy(update={"tolerance": 1e-9}) for entry in entries]
+    turned = [entry.model_copy(update={"scale": -entry.scale}) for entry in entries]
+    assert map_digest(near) == known.own.map
+    assert map_digest(turned) != known.own.map
+
+
+def test_a_result_of_another_profile_is_not_offered_to_the_unit(known: Known) -> None:
+    result = {
+        "unit": {"serial": SERIAL},
+        "product": "MEMS grade C",
+        "configuration": {"imu": {"name": "bench_mems", "version": None, "sha256": ""}},
+        "parameters": {"gyro_bias_x": {"value": 1e-6, "sigma": 0.0}},
+        "schema": "calstation.result/1",
+        "stages": [],
+        "outcome": "passed",
+        "log": {"file": ""},
+    }
+    with raises_code(InputError, "transfer.result_other_profile"):
+        wanted_registers(tell, known.site_folder.request(), Result.from_json(result))
+
+
+def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known) -> None:
+    old = {"gyro_bias_x": 0.0, "gyro_scale_x": 0.0, "accel_bias_x": 1e-3}
+    new = {"gyro_bias_x": 2e-5, "gyro_scale_x": 2e-3, "accel_bias_x": 1.1e-3}
+
+    def largest(profile: str) -> str | None:
+        made = register_journal.begin(
+            known.runs, SERIAL, old, new, by=None, why="run", source="", unit_type=UnitType("", profile)
+        )
+        return largest_change(made)
+
+    assert largest(NAV) == "gyro_scale_x", "a whole sigma; a bias near its limit is 0.8 of one"
+    assert largest(MEMS) == "gyro_scale_x"
+    new["gyro_bias_x"] = 5e-5
+    assert largest(NAV) == "gyro_bias_x"
+    assert largest(MEMS) == "gyro_scale_x"
+    assert largest("a profile that is gone") == "gyro_scale_x"
+    new |= old
+    assert largest(NAV) is None
+
+
+def test_units_of_hardware_and_bench_are_listed_apart(
+    known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    home = tmp_path / "home"
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    known.transfer(UnitType("bench-imu", MEMS, "MEMS grade C"))
+    for _ in range(2):
+        made = register_journal.begin(
+            known.runs, SERIAL, {}, {}, by=None, why="run", source="", site=home, unit_type=known.own
+        )
+        made.note(Step.COMMITTING)
+        made.close(Closing.KEPT)
+    assert run_app(["registers", "list", "--out", str(known.runs)]) == 0
+    said = capsys.readouterr().out
+    assert f"unit {SERIAL} on hardware, 2 flash cycles" in said
+    assert f"unit {SERIAL} on the virtual bench, 1 flash cycles" in said
+    assert f"a bench-imu, with IMU profile '{MEMS}' of product 'MEMS grade C'" in said
+    assert run_app(["registers", "list", SERIAL, "--out", str(known.runs), "--json", "-"]) == 0
+    listed = json.loads(capsys.readouterr().out)[SERIAL]
+    assert {kind: found["flash_cycles"] for kind, found in listed.items()} == {"hardware": 2, "virtual": 1}
+    (row,) = listed["virtual"]["transfers"]
+    assert (row["station"], row["model"], row["profile"]) == ("virtual", "bench-imu", MEMS)
+    assert run_app(["registers", "list", "SN-000099", "--out", str(known.runs)]) == 0
+    assert "No transfer is known" in capsys.readouterr().out

@@ -1,0 +1,171 @@
+"""A transfer's proof: right registers pass on every unit, wrong conventions of a profile are refuted."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.physics.parameters import NAMES
+from calstation.registers.verification import AppliedRegisters, compare
+from tests.registers.verification_scene import GRADES, Looks, profile, profile_data, truth
+
+UNITS = {
+    "framed": ("bench_nav", "increment"),
+    "modbus": ("dsp_modbus", "increment"),
+    "vectornav": ("vectornav_vn100", "rate"),
+}
+
+
+def looked(protocol: str, grade: str, seed: int, changed: Any = None, larger: float = 1.0) -> list[str]:
+    """Names of the comparisons that failed after the true parameters were written by a (changed) profile."""
+    name, output = UNITS[protocol]
+    data = profile_data(name)
+    if changed is not None:
+        changed(data)
+    looks = Looks(truth(grade, seed, output, larger), protocol, seed)
+    values = dict(zip(NAMES, looks.bench.parameters.tolist(), strict=True))
+    return [check.name for check in looks.proof(profile(data), values) if not check.passed]
+
+
+@pytest.mark.parametrize("grade", GRADES)
+@pytest.mark.parametrize("protocol", UNITS)
+def test_right_registers_pass(protocol: str, grade: str) -> None:
+    for seed in range(10):
+        assert looked(protocol, grade, seed) == [], seed
+
+
+def swap(names: list[str], first: str, second: str) -> list[str]:
+    """Names with two exchanged."""
+    return [second if n == first else first if n == second else n for n in names]
+
+
+def entry(data: dict[str, Any], holds: str) -> dict[str, Any]:
+    """The register entry that holds something."""
+    found: dict[str, Any] = next(e for e in data["registers"] if any(holds in n for n in e["parameters"]))
+    return found
+
+
+def convention(holds: str, **changes: Any) -> Any:
+    """Change a convention of a whole sensor's registers."""
+
+    def change(data: dict[str, Any]) -> None:
+        sensor = holds.split("_")[0]
+        for e in data["registers"]:
+            if any(n.startswith((f"{sensor}_matrix", f"{sensor}_offset")) for n in e["parameters"]):
+                e["convention"] = {**e.get("convention", {}), **changes}
+
+    return change
+
+
+def reorder(holds: str, first: str, second: str) -> Any:
+    """Exchange two numbers of an entry."""
+
+    def change(data: dict[str, Any]) -> None:
+        e = entry(data, holds)
+        e["parameters"] = swap(e["parameters"], first, second)
+
+    return change
+
+
+def negate(holds: str) -> Any:
+    """The opposite scale."""
+
+    def change(data: dict[str, Any]) -> None:
+        e = entry(data, holds)
+        e["scale"] = -e.get("scale", 1.0)
+
+    return change
+
+
+def transpose(holds: str, sensor: str) -> Any:
+    """Rows for columns."""
+
+    def change(data: dict[str, Any]) -> None:
+        e = entry(data, holds)
+        if f"{sensor}_matrix" in e["parameters"]:
+            e["major"] = "row" if e.get("major", "row") == "column" else "column"
+            return
+        names = e["parameters"]
+        for a, b in (("xy", "yx"), ("xz", "zx"), ("yz", "zy")):
+            names = swap(names, f"{sensor}_misalign_{a}", f"{sensor}_misalign_{b}")
+        e["parameters"] = names
+
+    return change
+
+
+def as_correction(data: dict[str, Any]) -> None:
+    """The framed unit's error matrix taken for a correction without its ones."""
+    matrix = entry(data, "gyro_scale")
+    matrix |= {"parameters": ["gyro_matrix"], "convention": {"matrix": "correction", "identity": False}}
+    bias = entry(data, "gyro_bias")
+    bias |= {"parameters": ["gyro_offset"], "convention": {"matrix": "correction", "identity": False}}
+
+
+def axes_of_offset(data: dict[str, Any]) -> None:
+    """The z axis first."""
+    entry(data, "gyro_offset")["parameters"] = ["gyro_offset_z", "gyro_offset_y", "gyro_offset_x"]
+
+
+WRONG = {
+    ("framed", "gyro bias negated"): negate("gyro_bias"),
+    ("framed", "gyro matrix negated"): negate("gyro_scale"),
+    ("framed", "accelerometer matrix negated"): negate("accel_scale"),
+    ("framed", "accelerometer bias negated"): negate("accel_bias"),
+    ("framed", "gyro matrix transposed"): transpose("gyro_scale", "gyro"),
+    ("framed", "correction for error"): as_correction,
+    ("framed", "axes of the gyro's scale"): reorder("gyro_scale", "gyro_scale_x", "gyro_scale_y"),
+    ("framed", "axes of the accelerometer's bias"): reorder("accel_bias", "accel_bias_x", "accel_bias_z"),
+    ("modbus", "accelerometer matrix negated"): convention("accel_matrix", negated=False),
+    ("modbus", "gyro offset negated"): convention("gyro_offset", added=False),
+    ("modbus", "gyro matrix transposed"): transpose("gyro_matrix", "gyro"),
+    ("modbus", "correction for error"): convention("gyro_matrix", matrix="correction"),
+    ("modbus", "axes of the gyro's offset"): axes_of_offset,
+    ("vectornav", "gyro offset negated"): convention("gyro_offset", added=True),
+    ("vectornav", "error for correction"): convention("accel_matrix", matrix="error"),
+    ("vectornav", "error for correction of the gyro"): convention("gyro_matrix", matrix="error"),
+    ("vectornav", "gyro matrix transposed"): transpose("gyro_matrix", "gyro"),
+    ("vectornav", "accelerometer matrix transposed"): transpose("accel_matrix", "accel"),
+}
+
+
+@pytest.mark.parametrize(("protocol", "what"), WRONG)
+def test_a_wrong_convention_is_refuted(protocol: str, what: str) -> None:
+    grade = "nav" if protocol == "framed" else "mems"
+    for seed in range(3):
+        failed = looked(protocol, grade, seed, WRONG[protocol, what])
+        assert any("difference" in name for name in failed), (seed, failed)
+
+
+@pytest.mark.parametrize("protocol", ["modbus", "vectornav"])
+def test_a_bias_before_for_after_the_matrix_is_refuted_where_it_matters(protocol: str) -> None:
+    """The two differ by the product of bias and matrix, which only large errors make visible."""
+    other = "before" if protocol == "modbus" else "after"
+    change = convention("gyro_offset", offset=other)
+    failed = looked(protocol, "mems", 3, change, larger=12.0)
+    assert "rate_difference" in failed
+    assert looked(protocol, "mems", 3, larger=12.0) == []
+
+
+def test_the_proof_resolves_what_its_decision_says() -> None:
+    """Navigation grade: errors of that size in one register are refuted wherever they stand."""
+    resolved = {
+        "gyro_bias": 1.9e-6,
+        "gyro_scale": 2.2e-5,
+        "gyro_misalign": 9e-5,
+        "accel_bias": 2.2e-3,
+        "accel_scale": 2.2e-4,
+        "accel_misalign": 2.5e-4,
+    }
+    looks = Looks(truth("nav", 1, "increment"), "framed", 1)
+    values = dict(zip(NAMES, looks.bench.parameters.tolist(), strict=True))
+    right = profile(profile_data("bench_nav"))
+    assert all(check.passed for check in looks.proof(right, values))
+    reference, own = looks.look(corrected=False), looks.look(corrected=True)
+    for name in NAMES:
+        group = name.rsplit("_", 1)[0]
+        if group not in resolved:
+            continue
+        for sign in (1.0, -1.0):
+            meant = {**values, name: values[name] + sign * resolved[group]}
+            checks = compare(own, reference, AppliedRegisters(meant), looks.context, np.deg2rad(0.0005))
+            assert not all(check.passed for check in checks), name

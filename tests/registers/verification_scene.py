@@ -1,0 +1,134 @@
+"""A unit on the bench's truth, its registers written by a profile that may be wrong, looked at as before and after."""
+
+import struct
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calstation.bench.imu.unit import WRITE, ImuUnit
+from calstation.bench.live import UNITS
+from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.truth.simulate import Simulator
+from calstation.devices.codecs.frame_checks import check_bytes
+from calstation.devices.codecs.numbers import number
+from calstation.devices.imu.registers import RegisterMap
+from calstation.devices.imu.vectornav_imu import line
+from calstation.devices.profiles.imu import ImuProfile
+from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
+from calstation.physics.arrays import FloatArray
+from calstation.physics.motion import Dwell
+from calstation.physics.parameters import NAMES, PARAMETERS
+from calstation.physics.table import JointLimits, TableGeometry
+from calstation.registers.verification import AppliedRegisters, VerificationCheck, verify_output
+from calstation.schema import validate
+from calstation.sequencer.capture import SHORT_REST, Turned, VerificationData, mean_at_rest
+from calstation.sequencer.verification_moves import verification_path
+
+IMUS = Path(__file__).parents[2] / "data" / "imus"
+GRADES = ("nav", "tactical", "mems")
+LIMITS = JointLimits((-19.0, -19.0), (19.0, 19.0), (2.0, 2.0), (3.0, 3.0))
+GEOMETRY = TableGeometry(limits=LIMITS)
+SITE = Site(np.deg2rad(34.25), np.deg2rad(108.9), 400.0)
+REPEATABILITY = np.deg2rad(0.0005)
+RATE = 200.0
+
+
+def profile_data(name: str) -> dict[str, Any]:
+    """A shipped profile, to be changed."""
+    data: dict[str, Any] = tomllib.loads((IMUS / f"{name}.toml").read_text(encoding="utf-8"))
+    return data
+
+
+def profile(data: dict[str, Any]) -> ImuProfile:
+    """A changed profile, whose prior keeps no value out of any range."""
+    wide = {**data, "prior": {g: {"sigma": 1e-3 if "lever" in g else 1e-5} for g in data["prior"]}}
+    for entry in wide["registers"]:
+        entry["range"] = [-1.9, 1.9] if str(entry.get("type", "")).startswith("q") else [-0.9, 1.9]
+        if entry.get("type") in ("i16", "i32"):
+            entry["range"] = [-1.0, 1.0]
+    return validate(ImuProfile, wide, "profile")
+
+
+def truth(grade: str, seed: int, output: str, larger: float = 1.0) -> BenchTruth:
+    """A drawn bench; its unit's errors `larger` times."""
+    drawn = BenchTruth.draw(grade, seed, latitude=SITE.latitude, height=SITE.height, output=output)
+    return replace(drawn, imu=replace(drawn.imu, parameters=larger * drawn.parameters))
+
+
+class Looks:
+    """One bench and a unit on it, looked at by the same path again and again."""
+
+    def __init__(self, bench: BenchTruth, protocol: str, seed: int) -> None:
+        self.bench = bench
+        imu = bench.imu
+        per_count = RATE if imu.output == "increment" else 1.0
+        self.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
+        self.unit = UNITS[protocol]("SN-1")
+        self.path = verification_path((0.0, 0.0), GEOMETRY, LIMITS)
+        self._simulator = Simulator(bench, seed)
+        self._table = bench.table
+        self.context = SolveContext(
+            SITE,
+            ImuModel(
+                "SN-1", RATE, imu.output, imu.gyro_lsb, imu.accel_lsb, imu.gyro_arw, imu.accel_vrw,
+                imu.gyro_bias_instability, imu.accel_bias_instability,
+            ),
+            TableModel(),
+        )  # fmt: skip
+
+    def look(self, *, corrected: bool) -> VerificationData:
+        """Rests and turns, as `fresh_data` takes them."""
+        rests = [mean_at_rest(self._taken([Dwell(SHORT_REST)], corrected=corrected))]
+        angles = [np.zeros(3) for _ in self.path.turns]
+        seconds = [0.0 for _ in self.path.turns]
+        for leg in self.path.legs:
+            moved = self._taken([leg.move, Dwell(0.1)], corrected=corrected)
+            if leg.turn is not None:
+                angles[leg.turn] += moved[:, :3].sum(axis=0) / RATE
+                seconds[leg.turn] += len(moved) / RATE
+            if leg.rest:
+                rests.append(mean_at_rest(self._taken([Dwell(SHORT_REST)], corrected=corrected)))
+        turned = tuple(Turned(*of) for of in zip(self.path.turns, angles, seconds, strict=True))
+        return VerificationData(tuple(rests), SHORT_REST, turned, corrected=corrected)
+
+    def _taken(self, steps: list[Any], *, corrected: bool) -> FloatArray:
+        values = self._simulator.run(steps, "look").counts * self.scale
+        return self.unit.correction().applied(values) if corrected else values
+
+    def proof(self, wrong: ImuProfile, values: Mapping[str, float]) -> tuple[VerificationCheck, ...]:
+        """Write values by a profile, look before and after, and compare."""
+        entries = RegisterMap(tuple(wrong.registers))
+        meant = entries.rounded({name: values[name] for name in entries.parameters})
+        fill(self.unit, wrong, entries.encode(meant))
+        reference = self.look(corrected=False)
+        fresh = replace(self.look(corrected=True), reference=reference)
+        prior = np.diag([(0.0 if p.group == "outer_lever" else 1e-5) ** 2 for p in PARAMETERS])
+        left = [0.0 if name in entries.parameters else values[name] for name in NAMES]
+        covariance = prior + np.diag(np.square(left))
+        return verify_output(fresh, AppliedRegisters(meant), covariance, self.context, REPEATABILITY)
+
+
+def fill(unit: ImuUnit, wrong: ImuProfile, numbers: Mapping[int, list[float]]) -> None:
+    """Put numbers into registers by the unit's own commands, in the entries' own types and orders."""
+    check_cancelled = unit.conversation()
+    for entry in wrong.registers:
+        kind = number(entry.type)
+        if wrong.protocol == "vectornav":
+            told = ",".join(f"{value:.9G}" for value in numbers[entry.key])
+            assert b"VNERR" not in b"".join(check_cancelled(line(f"VNWRG,{entry.address},{told}", "xor8"), 1.0))
+            continue
+        order = entry.byte_order or ("big" if wrong.modbus else "little")
+        body = b"".join(kind.pack(value, order, entry.word_order) for value in numbers[entry.key])
+        if wrong.protocol == "framed":
+            unit.answer(WRITE, struct.pack("<HB", entry.address, len(body) // 4) + body, 1.0)
+            continue
+        for request in (
+            bytes([1, 6]) + struct.pack(">HH", 23, entry.page),
+            bytes([1, 16]) + struct.pack(">HHB", entry.address, len(body) // 2, len(body)) + body,
+        ):
+            (reply,) = check_cancelled(request + check_bytes("crc16_modbus", request, "little"), 1.0)
+            assert not reply[1] & 0x80

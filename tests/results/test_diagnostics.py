@@ -1,0 +1,39 @@
+"""What stands behind a result is made from its log alone, and agrees with the result."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.results.diagnostics import diagnose
+from tests.site_folder import SiteFolder
+
+
+def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(site_folder: SiteFolder) -> None:
+    verdict = site_folder.run("rate", "six_position", "azimuth_flip")
+    told: list[float] = []
+
+    def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+        told.append(fraction)
+
+    looked = diagnose(tell, Path(verdict.log))
+    assert looked.serial == "SN-000042"
+    assert [s.stage for s in looked.stages] == ["rate", "six_position", "azimuth_flip"]
+    for stage in looked.stages:
+        stored = verdict.result["consistency"][stage.stage]
+        assert stage.consistency.nis_mean == stored["nis_mean"]
+        assert stage.innovations is not None
+        nis = np.sum(stage.innovations.normalised**2, axis=1)
+        assert nis.mean() == pytest.approx(stored["nis_mean"], rel=1e-6)
+        assert np.all(np.diff(stage.innovations.seq) > 0)
+        assert stage.innovations.seq[0] >= stage.first_seq
+        assert len(stage.rests) >= 4
+    assert looked.stages[2].observability == verdict.result["observability"]["azimuth_flip"]
+    assert told == sorted(told)
+    assert told[-1] < 1.0
+
+
+def test_part_of_a_log_can_be_looked_at(site_folder: SiteFolder) -> None:
+    verdict = site_folder.run("six_position", "azimuth_flip")
+    looked = diagnose(lambda *_, **__: None, Path(verdict.log), ("six_position",))
+    assert [s.stage for s in looked.stages] == ["six_position"]

@@ -1,0 +1,55 @@
+"""A finished run is brought together from its result or its log, with the unit's earlier values beside it."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import InputError
+from calstation.records.convert import export_csv
+from calstation.results.finished_run import load_finished_run
+from tests.site_folder import SiteFolder
+
+
+def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Progress that nobody watches."""
+
+
+def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(site_folder: SiteFolder) -> None:
+    runs = site_folder.folder / "runs"
+    first = site_folder.run("six_position")
+    site_folder.write(seed=6)
+    second = site_folder.run("six_position")
+    by_result = load_finished_run(tell, Path(second.result_file), runs)
+    by_log = load_finished_run(tell, Path(second.log), runs)
+    assert by_result.result_json == by_log.result_json == second.result
+    text = (Path(second.result_file)).read_text(encoding="utf-8")
+    assert json.dumps(by_result.result_json, indent=1, ensure_ascii=False) + "\n" == text
+    assert by_result.log == by_log.log == Path(second.log)
+    assert not by_result.solved_now
+    assert by_result.previous == {n: row["value"] for n, row in first.result["parameters"].items()}
+    assert load_finished_run(tell, Path(first.result_file), runs).previous == {}
+
+
+def test_a_log_without_a_result_is_solved(site_folder: SiteFolder) -> None:
+    verdict = site_folder.run("six_position")
+    csv = site_folder.folder / "foreign.csv"
+    export_csv(Path(verdict.log), csv)
+    found = load_finished_run(tell, csv, site_folder.folder / "nowhere")
+    assert found.solved_now
+    assert found.previous == {}
+    assert found.result_json["parameters"] == verdict.result["parameters"]
+
+
+def test_a_result_whose_log_has_gone_is_still_shown(site_folder: SiteFolder) -> None:
+    verdict = site_folder.run("six_position")
+    Path(verdict.log).unlink()
+    assert load_finished_run(tell, Path(verdict.result_file), site_folder.folder / "runs").log is None
+
+
+@pytest.mark.parametrize("text", ["{", json.dumps({"schema": "other"}), "[]"])
+def test_what_is_no_result_is_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "x.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"x\.json: The file is not"):
+        load_finished_run(tell, path, tmp_path)

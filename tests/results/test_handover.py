@@ -1,0 +1,228 @@
+"""Every result reaches the factory's folder once: whole, in order, later where it must."""
+
+import csv
+import json
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.config.station import StationConfig
+from calstation.results import handover
+from calstation.results.handover import (
+    COLUMNS,
+    CSV_NAME,
+    WAITING,
+    HandOver,
+    deliver_pending,
+    register_pending,
+)
+from calstation.sequencer.events import Event, Message
+from tests.site_folder import STATION
+
+#: A check as a result holds it.
+CHECK = {"name": "gyro_bias_x within", "value": 2.0, "limit": [-1.0, 1.0], "unit": "rad/s"}
+
+
+class Factory:
+    """A folder of runs, a station file, and where its results go."""
+
+    def __init__(self, folder: Path) -> None:
+        self.runs = folder / "runs"
+        self.runs.mkdir()
+        self.events: list[Event] = []
+        self.station = folder / "station.toml"
+        self.folder = folder / "share"
+
+    def config(self, own: bool = True) -> StationConfig:
+        section = {"handover": {"folder": "share"}} if own else {}
+        return StationConfig.model_validate({**STATION, "bench": {}, **section})
+
+    def result(self, name: str, outcome: str = "passed", **more: Any) -> dict[str, Any]:
+        """What a run leaves."""
+        result = {
+            "schema": "calstation.result/1",
+            "parameters": {},
+            "started_utc": "2026-11-21T10:00:00+00:00",
+            "unit": {"serial": name.partition("_")[0]},
+            "outcome": outcome,
+            "attempt": 2,
+            "product": 'Grade "A", new',
+            "station": "bench",
+            "operator": None,
+            "stages": ["rate", "six_position"],
+            "duration_s": 12.34,
+            "advice": None,
+            "checks": [{**CHECK, "passed": outcome == "passed"}],
+            "registers": {"verified": True} if outcome == "passed" else None,
+            "configuration_sha256": "c0",
+            "log": {"sha256": "1f", "file": f"{name}.h5"},
+            **more,
+        }
+        register_pending(self.runs, name)
+        (self.runs / f"{name}.json").write_text(json.dumps(result), encoding="utf-8")
+        return result
+
+    def hand_over(self, own: bool = True) -> None:
+        """As a run does at its end."""
+        HandOver(self.runs, self.station, self.config(own), self.events.append).finish()
+
+    def rows(self, folder: Path | None = None) -> list[dict[str, str]]:
+        with ((folder or self.folder) / CSV_NAME).open(encoding="utf-8", newline="") as stream:
+            return list(csv.DictReader(stream))
+
+
+@pytest.fixture
+def factory(tmp_path: Path) -> Factory:
+    made = Factory(tmp_path)
+    made.folder.mkdir()
+    return made
+
+
+def test_a_result_is_copied_and_one_line_added(factory: Factory) -> None:
+    result = factory.result("SN-1_a")
+    factory.hand_over()
+    factory.result("SN-2_b", "fault", error="table: no\nanswer")
+    factory.hand_over()
+    assert json.loads((factory.folder / "SN-1_a.json").read_text("utf-8")) == result
+    first, second = factory.rows()
+    assert list(first) == [*COLUMNS, "result"]
+    assert first["product"] == 'Grade "A", new'
+    assert (first["serial"], first["stages"], first["duration_s"]) == ("SN-1", "rate six_position", "12.3")
+    assert (first["operator"], first["registers_written"], first["failed_checks"]) == ("", "1", "")
+    assert (second["outcome"], second["error"]) == ("fault", "table: no answer")
+    assert (second["failed_checks"], second["result"]) == ("gyro_bias_x within", "SN-2_b.json")
+    assert factory.events == []
+    left = {path.name for path in factory.folder.iterdir()}
+    assert left == {"SN-1_a.json", "SN-2_b.json", CSV_NAME, ".handover.lock"}
+
+
+def test_a_run_that_did_not_reach_its_end_says_how_far_it_came_and_who_stopped_it(factory: Factory) -> None:
+    factory.result("SN-1_a", "incomplete", stages=[], finished_stages=["rate"])
+    factory.result("SN-2_b", "stopped", stages=["rate"], stop_reason="listener_lost")
+    factory.hand_over()
+    dead, stopped = factory.rows()
+    assert (dead["stages"], dead["error"]) == ("rate", "")
+    assert (stopped["stages"], stopped["error"]) == ("rate", "listener_lost")
+
+
+def test_every_line_of_the_document_is_a_column() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "how-to" / "hand-over.md").read_text("utf-8")
+    for column in [*COLUMNS, "result"]:
+        assert f"`{column}`" in text
+
+
+def test_without_a_section_it_goes_beside_the_runs(factory: Factory) -> None:
+    factory.result("SN-1_a")
+    factory.hand_over(own=False)
+    assert len(factory.rows(factory.runs.parent / "handover")) == 1
+
+
+def test_an_unreachable_folder_is_said_and_served_later(factory: Factory) -> None:
+    factory.folder.rmdir()
+    for name in ("SN-1_a", "SN-2_b"):
+        factory.result(name)
+        factory.hand_over()
+    assert not factory.folder.exists()
+    told = [event for event in factory.events if isinstance(event, Message)]
+    assert [(m.id, m.values["count"]) for m in told] == [("handover_waiting", 1), ("handover_waiting", 2)]
+    assert told[0].values["reason"].code == "os.not_found"
+    factory.folder.mkdir()
+    factory.result("SN-3_c")
+    factory.hand_over()
+    assert [row["serial"] for row in factory.rows()] == ["SN-1", "SN-2", "SN-3"]
+    assert factory.events[-1] == Message("handover_done", {"folder": str(factory.folder), "count": 3})
+    factory.hand_over()
+    assert len(factory.rows()) == 3
+
+
+def test_a_window_hands_over_what_waits(factory: Factory) -> None:
+    import tomli_w
+
+    station = {**STATION, "bench": {}, "handover": {"folder": "share"}}
+    factory.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+    factory.result("SN-1_a")
+    delivery = deliver_pending(lambda *_: None, factory.runs, factory.station)
+    assert (delivery.done, delivery.waiting, delivery.folder) == (1, 0, factory.folder)
+
+
+def test_a_folder_that_hangs_holds_nobody_up(factory: Factory, monkeypatch: pytest.MonkeyPatch) -> None:
+    go = threading.Event()
+    monkeypatch.setattr(handover, "_WAIT", 0.2)
+    monkeypatch.setattr(handover, "write_atomic", lambda *_: go.wait(60.0))
+    factory.result("SN-1_a")
+    factory.hand_over()
+    go.set()
+    (told,) = factory.events
+    assert isinstance(told, Message)
+    assert (told.id, told.values["count"]) == ("handover_waiting", 1)
+    assert told.values["reason"].code == "handover.no_answer"
+
+
+def test_one_that_cannot_go_does_not_hold_the_others(factory: Factory) -> None:
+    factory.result("SN-1_a")
+    factory.result("SN-2_b")
+    (factory.folder / "SN-1_a.json").mkdir()
+    factory.hand_over()
+    assert [row["serial"] for row in factory.rows()] == ["SN-2"]
+    assert [path.name for path in (factory.runs / WAITING).glob("S*")] == ["SN-1_a"]
+
+
+def test_a_line_written_just_before_the_power_failed_is_not_written_twice(factory: Factory) -> None:
+    factory.result("SN-1_a")
+    factory.hand_over()
+    register_pending(factory.runs, "SN-1_a")
+    factory.hand_over()
+    assert len(factory.rows()) == 1
+
+
+def test_a_torn_line_does_not_spoil_the_next(factory: Factory) -> None:
+    factory.result("SN-1_a")
+    factory.hand_over()
+    with (factory.folder / CSV_NAME).open("ab") as stream:
+        stream.write(b"2026-11-21T10:00:00+00:00,SN-9,pas")
+    factory.result("SN-2_b")
+    factory.hand_over()
+    assert [row["serial"] for row in factory.rows()] == ["SN-1", "SN-9", "SN-2"]
+
+
+def test_a_run_that_is_going_on_waits_and_a_deleted_one_is_forgotten(factory: Factory) -> None:
+    (factory.runs / "SN-1_a.h5").touch()
+    for name in ("SN-1_a", "SN-2_gone"):
+        register_pending(factory.runs, name)
+    factory.hand_over()
+    assert [path.name for path in (factory.runs / WAITING).glob("S*")] == ["SN-1_a"]
+    assert factory.events == []
+
+
+def test_lines_of_two_programs_do_not_mix(factory: Factory) -> None:
+    """Two stations with runs of their own and one folder."""
+    folder = factory.runs.parent / "other"
+    folder.mkdir()
+    other = Factory(folder)
+    other.folder = factory.folder
+    config = StationConfig.model_validate({**STATION, "bench": {}, "handover": {"folder": str(factory.folder)}})
+    for i in range(20):
+        factory.result(f"SN-{i}_a")
+        other.result(f"SN-{i}_b")
+    sides = [HandOver(side.runs, side.station, config, side.events.append) for side in (factory, other)]
+    for side in sides:
+        side.start()
+    for side in sides:
+        side.finish()
+    rows = factory.rows()
+    assert sorted(row["result"] for row in rows) == sorted(f"SN-{i}_{s}.json" for i in range(20) for s in "ab")
+    assert all(row["outcome"] == "passed" for row in rows)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission_is_said(factory: Factory) -> None:
+    factory.folder.chmod(0o500)
+    factory.result("SN-1_a")
+    factory.hand_over()
+    factory.folder.chmod(0o700)
+    (told,) = factory.events
+    assert isinstance(told, Message)
+    assert told.values["reason"].code == "os.no_permission"

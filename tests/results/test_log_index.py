@@ -1,0 +1,183 @@
+"""What a log looks like: its picture at any width, its marks, and its single samples."""
+
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.errors import InputError
+from calstation.estimation.common.samples import SampleBlock
+from calstation.records.convert import export_csv
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+from calstation.results.plots.index import LogIndex, _held, log_index, samples
+from calstation.results.plots.min_max_pyramid import BINS, MinMaxPyramid
+
+RATE = 100.0
+META = {
+    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400, "azimuth_deg": 12.5},
+    "imu": {
+        "serial": "SN-7",
+        "sample_rate_hz": RATE,
+        "output": "increment",
+        "gyro_lsb": 1e-8,
+        "accel_lsb": 1e-6,
+        "gyro_arw": 1e-7,
+        "accel_vrw": 5e-5,
+    },
+}
+START = 2**33 + 12_345
+
+
+def told(_: float, *rest: Any, **more: Any) -> None:
+    """Nobody listens."""
+
+
+def block(stage: str, seq: np.ndarray, step: int, seed: int = 0) -> SampleBlock:
+    random = np.random.default_rng([seed, int(seq[0]) % 2**32])
+    angles = np.full((len(seq), 2), np.nan)
+    angles[::20] = np.deg2rad([10.0, -20.0])
+    return SampleBlock(
+        stage,
+        seq.astype(np.int64),
+        (seq - START + 1) / RATE,
+        random.integers(-10_000, 10_000, (len(seq), 6)).astype(np.float64),
+        angles,
+        np.full(len(seq), step, np.int64),
+        np.ones(len(seq), np.bool_),
+        np.full(len(seq), 25.0),
+    )
+
+
+def blocks() -> list[SampleBlock]:
+    """Two stages with a pause between, a gap in the first, spoilt samples across a block's edge in the second."""
+    parts = [
+        block("", START + np.arange(0, 500), 0),
+        block("rate", START + np.arange(500, 9_000), 1),
+        block("rate", START + np.arange(9_040, 20_000), 2),
+        block("", START + np.arange(20_000, 21_000), 2),
+        block("excitation", START + np.arange(21_000, 40_000), 3),
+        block("excitation", START + np.arange(40_000, 90_001), 4),
+    ]
+    parts[4].valid[-10:] = False
+    parts[5].valid[:5] = False
+    return parts
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("overview") / "log.h5"
+    writer = RawLogWriter(path, LogMeta.model_validate(META))
+    for part in blocks():
+        writer.append(part)
+    writer.add_result({"outcome": "passed", "parameters": {}})
+    writer.close("passed")
+    return path
+
+
+@pytest.fixture(params=["raw", "csv", "csv.gz"])
+def seen(request: pytest.FixtureRequest, log: Path, tmp_path: Path) -> LogIndex:
+    """The overview of the log in each of the forms a log has."""
+    path = log
+    if request.param != "raw":
+        path = tmp_path / f"log.{request.param}"
+        export_csv(log, path)
+    return log_index(told, path, tmp_path / "picture")
+
+
+def truth() -> tuple[np.ndarray, np.ndarray]:
+    """Sequence numbers, and gyro_x in °/s."""
+    seq = np.concatenate([b.seq for b in blocks()])
+    return seq, np.concatenate([b.counts[:, 0] for b in blocks()]) * np.rad2deg(1e-8) * RATE
+
+
+def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: LogIndex) -> None:
+    spans = [(s.stage, s.first_seq - START, s.last_seq - START, s.samples) for s in seen.spans]
+    assert spans == [("rate", 500, 19_999, 19_460), ("excitation", 21_000, 90_000, 69_001)]
+    assert (seen.steps.places[:, 0] - START).tolist() == [500, 9_040, 21_000, 40_000]
+    assert (seen.gaps.places - START).tolist() == [[8_999, 9_040]]
+    assert (seen.spoilt.places - START).tolist() == [[39_990, 40_004]]
+    assert (seen.steps.count, seen.gaps.count, seen.spoilt.count) == (4, 1, 1)
+    assert seen.spoilt_samples == 15
+    assert (seen.facts.first_seq, seen.facts.last_seq) == (START, START + 90_000)
+    assert seen.facts.gaps == 1
+
+
+def test_the_result_of_the_run_comes_along(log: Path, tmp_path: Path) -> None:
+    seen = log_index(told, log, tmp_path / "picture")
+    assert seen.outcome == "passed"
+    assert seen.stored is not None
+    assert seen.stored["outcome"] == "passed"
+
+
+@pytest.mark.parametrize(
+    ("first", "last", "count"),
+    [(0, 90_000, 100), (0, 90_000, 2_000), (8_000, 12_000, 50), (30_000, 80_000, 640), (89_990, 90_000, 9)],
+)
+def test_columns_hold_the_extremes_of_their_samples(seen: LogIndex, first: int, last: int, count: int) -> None:
+    seq, gyro = truth()
+    columns = MinMaxPyramid(seen.folder).columns(START + first, START + last, count)
+    assert columns.seq[0] <= START + first
+    assert len(columns) <= count + 4
+    edges = np.searchsorted(seq, [*columns.seq, columns.seq[-1] + 10**9])
+    for k, (a, b) in enumerate(pairwise(edges)):
+        if k < len(columns) - 1:
+            assert b - a == columns.samples
+            np.testing.assert_allclose(columns.low[k, 0], gyro[a:b].min(), rtol=1e-6)
+            np.testing.assert_allclose(columns.high[k, 0], gyro[a:b].max(), rtol=1e-6)
+    assert columns.seq[-1] + columns.samples > START + last
+
+
+def test_what_is_read_stays_within_what_is_drawn(seen: LogIndex) -> None:
+    picture = MinMaxPyramid(seen.folder)
+    for width in (90_000, 20_000, 3_000):
+        columns = picture.columns(START, START + width, 100)
+        assert columns.samples == BINS[0] or 50 <= len(columns) <= 104
+
+
+def test_single_samples_come_back_as_they_are(seen: LogIndex) -> None:
+    seq, gyro = truth()
+    start, stop = MinMaxPyramid(seen.folder).rows(START + 40_100, START + 40_200)
+    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    assert fine.samples == 1
+    assert fine.seq[0] <= START + 40_100
+    assert fine.seq[-1] >= START + 40_200
+    np.testing.assert_allclose(fine.low[:, 0], gyro[np.searchsorted(seq, fine.seq)], rtol=1e-6)
+    np.testing.assert_array_equal(fine.low, fine.high)
+
+
+def test_angles_are_held_between_polls(seen: LogIndex) -> None:
+    start, stop = MinMaxPyramid(seen.folder).rows(START + 40_105, START + 40_110)
+    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    np.testing.assert_allclose(fine.low[:, 6], 10.0, rtol=1e-6)
+    np.testing.assert_allclose(MinMaxPyramid(seen.folder).columns(START, START + 90_000, 100).high[:, 7], -20.0)
+
+
+def test_angles_are_not_held_over_a_gap(log: Path, tmp_path: Path) -> None:
+    seen = log_index(told, log, tmp_path / "picture")
+    start, stop = MinMaxPyramid(seen.folder).rows(START + 8_990, START + 9_045)
+    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    known = ~np.isnan(fine.low[:, 6])
+    assert known[fine.seq <= START + 8_999].all()
+    assert known[fine.seq >= START + 9_040].all()  # polled at once here
+    part = block("rate", START + np.arange(100, 200), 0)
+    part.angles[:50] = np.nan
+    held = _held(part.angles, part.seq, np.ones(2), START + 90)
+    assert np.isnan(held[:50]).all()
+    assert not np.isnan(held[60:]).any()
+
+
+def test_progress_reaches_the_end(log: Path, tmp_path: Path) -> None:
+    fractions: list[float] = []
+    log_index(lambda fraction, *_: fractions.append(fraction), log, tmp_path / "picture")
+    assert fractions == sorted(fractions)
+    assert fractions[-1] > 0.95
+
+
+def test_a_file_that_is_no_log_says_so(tmp_path: Path) -> None:
+    wrong = tmp_path / "notes.h5"
+    wrong.write_text("not a log", encoding="utf-8")
+    with pytest.raises(InputError, match="not a raw log"):
+        log_index(told, wrong, tmp_path / "picture")

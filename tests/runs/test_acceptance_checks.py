@@ -1,0 +1,123 @@
+"""A product's acceptance checks in a run and in a log solved again, by hand and on the table."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+
+from calstation.bench.truth.grades import GRADES, draw_imu
+from calstation.bench.truth.manual_rig import ManualRig, around, record
+from calstation.estimation.common.samples import SampleBlock
+from calstation.physics.parameters import PARAMETERS
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+from calstation.results.resolving import resolve
+from tests.site_folder import SiteFolder
+
+CHECKS: dict[str, Any] = {
+    "gravity_at_rest": {"within": 0.01},
+    "improvement_at_rest": {"below": 0.5, "or_within": 0.01},
+    "level": {"horizontal_within": 0.5, "vertical_within": 0.02},
+    "motion_angle": {"within": 2e-3, "below": 0.5, "or_within": 1e-3},
+    "excitation": {"sigma_ratio_below": 0.5},
+    "offline_online": {"within_sigmas": 0.0},
+}
+HELD = {"level_horizontal", "level_vertical", "motion_angle", "motion_improvement", "excitation"}
+
+
+def hand_log(folder: Path, checks: dict[str, Any]) -> Path:
+    """A MEMS unit carried by hand, as a raw log whose product has these checks and no limits."""
+    rig = ManualRig(initial_rest=10.0, rest=3.0)
+    imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
+    samples, _ = record(imu, rig, around(np.deg2rad(60.0)), 3)
+    sigma = {p.name: {"sigma": 2.0 * GRADES["mems"].sigma[p.group]} for p in PARAMETERS}
+    meta = LogMeta.model_validate(
+        {
+            "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400},
+            "imu": {
+                "serial": "H-1",
+                "sample_rate_hz": 100.0,
+                "output": imu.output,
+                "gyro_lsb": imu.gyro_lsb,
+                "accel_lsb": imu.accel_lsb,
+                "gyro_arw": float(imu.gyro_arw),
+                "accel_vrw": float(imu.accel_vrw),
+                "gyro_bias_instability": float(imu.gyro_bias_instability),
+                "accel_bias_instability": float(imu.accel_bias_instability),
+            },
+            "prior": sigma,
+            "product": {"name": "by hand", "checks": checks},
+        }
+    )
+    path = folder / "hand.h5"
+    writer = RawLogWriter(path, meta)
+    valid, unknown = np.ones(len(samples.seq), np.bool_), samples.temperature
+    writer.append(
+        SampleBlock(
+            "multi_position",
+            samples.seq,
+            samples.time,
+            samples.counts,
+            samples.angles,
+            samples.step,
+            valid,
+            unknown,
+        )
+    )
+    writer.close("imported")
+    return path
+
+
+def named(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    return {check["name"]: check for check in result["checks"]}
+
+
+def test_a_recording_by_hand_is_judged_by_its_products_checks(tmp_path: Path) -> None:
+    result = resolve(hand_log(tmp_path, CHECKS)).result_json
+    checks = named(result)
+    assert {"gravity_at_rest", "improvement_at_rest", *HELD} <= set(checks)
+    assert result["passed"] is True
+    for check in checks.values():
+        assert check["passed"]
+        assert isinstance(check["margin"], float)
+        assert check["near_miss"] in (True, False)
+    assert checks["gravity_at_rest"]["where"].startswith("multi_position rest")
+    assert 1e-5 < checks["motion_angle"]["value"] < 2e-3
+    assert checks["motion_improvement"]["value"] < checks["motion_improvement"]["limit"]
+
+
+def test_a_missed_check_fails_the_unit_and_says_where(tmp_path: Path) -> None:
+    strict = {"gravity_at_rest": {"within": 1e-7}, "near_miss_beyond": 0.5}
+    result = resolve(hand_log(tmp_path, strict)).result_json
+    assert result["passed"] is False
+    assert not named(result)["gravity_at_rest"]["passed"]
+
+
+@pytest.fixture
+def judged(site_folder: SiteFolder) -> SiteFolder:
+    site_folder.write({"checks": {**CHECKS, "previous": {"change_within": {"accel_scale": 1e-5}}}})
+    return site_folder
+
+
+def test_a_run_is_judged_as_its_log_is_and_by_the_run_before(judged: SiteFolder) -> None:
+    first = judged.run("six_position")
+    checks = named(first.result)
+    assert {"gravity_at_rest", "improvement_at_rest", "level_vertical", "motion_angle"} <= set(checks)
+    assert not any(name.startswith("previous") for name in checks)
+    again = resolve(Path(first.log)).result_json
+    assert again["checks"][: len(first.result["checks"])] == first.result["checks"]
+    assert named(again)["offline_online"]["value"] == 0.0
+    second = judged.run("six_position")
+    previous = named(second.result)["previous accel_scale"]
+    assert previous["passed"]
+    assert 0.0 <= previous["value"] < 1e-5
+
+
+def test_a_product_file_with_a_misspelt_check_is_refused(site_folder: SiteFolder) -> None:
+    site_folder.product.write_text(
+        site_folder.product.read_text() + tomli_w.dumps({"checks": {"gravity": {"within": 1.0}}})
+    )
+    with pytest.raises(Exception, match="Did you mean 'gravity_at_rest'"):
+        site_folder.run("six_position")

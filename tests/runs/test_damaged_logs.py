@@ -1,0 +1,137 @@
+"""A run whose log was damaged on its disk: what is left is solved, exported and drawn, and the holes are told."""
+
+import json
+import shutil
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.errors import InsufficientDataError
+from calstation.messages.rendering import Text
+from calstation.records.convert import export_csv
+from calstation.results.plots.index import log_index, samples
+from calstation.results.resolving import resolve
+from tests.helpers import raises_code
+from tests.site_folder import SiteFolder
+
+#: Rows on a page of 4 kB.
+HURT = 43
+
+
+@pytest.fixture(scope="module")
+def run_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a run that passed."""
+    verdict = SiteFolder(tmp_path_factory.mktemp("run")).run("rate", "six_position")
+    assert verdict.outcome == "passed"
+    return Path(verdict.log)
+
+
+class Damaged:
+    """A copy of the log that can be hurt."""
+
+    def __init__(self, source: Path, folder: Path) -> None:
+        self.path = folder / "hurt.h5"
+        shutil.copyfile(source, self.path)
+        with h5py.File(self.path, "r") as file:
+            names = np.array([name.decode() for name in file["stages"][:]])
+            rows = file["samples"][:]
+        self.seq, self.steps, self.stages = rows["seq"], rows["step"], names[rows["stage"]]
+
+    def hurt(self, start: int, count: int = HURT) -> None:
+        """Change what rows hold, as a disk does."""
+        with h5py.File(self.path, "r+", libver="latest") as file:
+            rows = file["samples"][start : start + count]
+            rows["counts"][:, 0] += 1e6
+            file["samples"][start : start + count] = rows
+
+    def rest(self, stage: str) -> int:
+        """A row in the middle of a stage's longest step."""
+        steps = self.steps[self.stages == stage]
+        step = int(np.bincount(steps).argmax())
+        return int(np.median(np.flatnonzero((self.stages == stage) & (self.steps == step)))) - HURT // 2
+
+
+@pytest.fixture
+def log(run_log: Path, tmp_path: Path) -> Damaged:
+    return Damaged(run_log, tmp_path)
+
+
+def test_a_hole_is_a_gap_and_told(log: Damaged, run_log: Path) -> None:
+    row = log.rest("six_position")
+    log.hurt(row)
+    whole, solved = resolve(run_log).result_json, resolve(log.path)
+    missing = f"{log.seq[row]}…{log.seq[row + HURT - 1]}"
+    assert solved.result_json["log"]["damaged"] == [{"rows": HURT, "seq": missing}]
+    assert solved.result_json["log"]["gaps"] == whole["log"]["gaps"] + 1
+    assert solved.messages[0] == (
+        "log_damaged",
+        {"file": "hurt.h5", "rows": HURT, "where": missing},
+    )
+    for name, parameter in whole["parameters"].items():
+        found = solved.result_json["parameters"][name]
+        assert abs(found["value"] - parameter["value"]) < 4.0 * found["sigma"]
+    assert "damaged" not in whole["log"]
+
+
+def test_only_a_stage_that_lacks_data_then_is_refused(log: Damaged) -> None:
+    rate = np.flatnonzero(log.stages == "rate")
+    for row in rate[:: len(rate) // 25]:
+        log.hurt(int(row), 2)
+    with raises_code(InsufficientDataError, "solution.in_log") as refused:
+        resolve(log.path, ("rate",))
+    in_stage = refused.value.values["what"]
+    assert (in_stage.code, in_stage.values["stage"]) == ("solution.in_stage", "rate")
+    assert in_stage.values["what"].code == "solve.no_whole_turn"
+    assert in_stage.values["what"].values["gaps_note"].code == "solve.gaps_cost_turns"
+    solved = resolve(log.path)
+    assert (solved.result_json["stages"], list(solved.result_json["lacking"])) == (["six_position"], ["rate"])
+    assert solved.missing_data[0].values["stage"] == "rate"
+    assert solved.result_json["passed"] is not True
+    alone = resolve(log.path, ("six_position",)).result_json
+    assert solved.result_json["parameters"] == alone["parameters"]
+    assert solved.messages[0][0] == "log_damaged"
+    assert str(solved.messages[0][1]["where"]).endswith(", …")
+
+
+def test_a_stage_of_which_nothing_is_left_is_not_passed_over(log: Damaged) -> None:
+    rows = np.flatnonzero(log.stages == "six_position")
+    log.hurt(int(rows[0]), len(rows))
+    with raises_code(InsufficientDataError, "solution.in_log") as refused:
+        resolve(log.path)
+    assert refused.value.values["what"] == Text.of("solution.stage_damaged", stage="six_position")
+    assert resolve(log.path, ("rate",)).result_json["stages"] == ["rate"]
+
+
+def test_the_terminal_says_what_is_left_out(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
+    log.hurt(log.rest("six_position"))
+    assert run_app(["resolve", str(log.path), "--json", "-"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["log"]["damaged"][0]["rows"] == HURT
+    assert f"hurt.h5: {HURT} damaged rows are treated as gaps (samples " in " ".join(err.split())
+    target = log.path.with_suffix(".csv")
+    assert run_app(["export", str(log.path), "-o", str(target)]) == 0
+    assert f"{len(log.seq) - HURT} samples, {HURT} damaged rows left out" in " ".join(capsys.readouterr().err.split())
+
+
+def test_an_export_has_all_that_is_left(log: Damaged) -> None:
+    log.hurt(log.rest("six_position"))
+    target = log.path.with_suffix(".csv")
+    assert export_csv(log.path, target).damaged == HURT
+    assert resolve(target).result_json["parameters"] == resolve(log.path).result_json["parameters"]
+
+
+def test_samples_behind_a_hole_are_drawn_where_they_are(log: Damaged, tmp_path: Path) -> None:
+    row = log.rest("rate")
+    log.hurt(row)
+
+    def tell(*_: object, **__: object) -> None:
+        """Nobody listens."""
+
+    seen = log_index(tell, log.path, tmp_path / "picture")
+    assert seen.facts.damaged == HURT
+    assert seen.gaps.places.tolist() == [[log.seq[row - 1], log.seq[row + HURT]]]
+    drawn = samples(tell, log.path, seen.folder, seen.scale, row - 5, row + 5, 100)
+    assert drawn.seq.tolist() == [*log.seq[row - 5 : row], *log.seq[row + HURT : row + HURT + 5]]

@@ -1,0 +1,189 @@
+"""The engine's process: told from outside, killed from outside, left alone."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import DeviceFaultError
+from calstation.records.log import open_log
+from calstation.results.handover import CSV_NAME
+from calstation.runs.engine import Engine
+from calstation.runs.incomplete import finish_incomplete
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import Event, Fault, StageStarted, StateChanged, StepStarted, Verdict
+from tests.helpers import raises_code
+from tests.site_folder import SiteFolder
+
+
+def test_events_come_and_commands_go(site_folder: SiteFolder) -> None:
+    with Engine.start(site_folder.request("rate")) as engine:
+        for event in engine.events():
+            if isinstance(event, StepStarted) and event.stage:
+                engine.send(Command.STOP)
+    assert isinstance(event, Verdict)
+    assert event.outcome == "stopped"
+    assert engine.process.exitcode == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(site_folder: SiteFolder) -> None:
+    def kill_in_the_middle(engine: Engine) -> None:
+        for event in engine.events():
+            if isinstance(event, StepStarted) and event.step == 7:
+                assert engine.process.pid is not None
+                os.kill(engine.process.pid, signal.SIGKILL)
+
+    with (
+        Engine.start(site_folder.request("rate")) as engine,
+        raises_code(DeviceFaultError, "run.engine_ended"),
+    ):
+        kill_in_the_middle(engine)
+    (path,) = (site_folder.folder / "runs").glob("*.h5")
+    log = open_log(path)
+    assert log.outcome is None
+    samples = sum(len(block) for block in log.blocks())
+    assert samples > 200
+
+    assert finish_incomplete(path.parent) == [path]
+    result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    assert (result["outcome"], result["passed"]) == ("incomplete", False)
+    assert finish_incomplete(path.parent) == []
+
+
+def polled(engine: Engine, until: Callable[[list[Event]], bool]) -> list[Event]:
+    """What a window's timer hears until enough was heard."""
+    events: list[Event] = []
+    deadline = time.monotonic() + 200.0
+    while not until(events):
+        assert time.monotonic() < deadline, events[-3:]
+        events += engine.poll()
+        time.sleep(0.02)
+    return events
+
+
+def moving(events: list[Event]) -> bool:
+    """Whether the stage has begun."""
+    return any(isinstance(event, StepStarted) and event.step == 7 for event in events)
+
+
+def test_a_window_polls_a_run_to_its_end(site_folder: SiteFolder) -> None:
+    with Engine.start(site_folder.request("rate")) as engine:
+        assert engine.alive
+        events = polled(engine, lambda events: engine.ended)
+        assert [event.outcome for event in events if isinstance(event, Verdict)] == ["passed"]
+        assert not [event for event in events if isinstance(event, Fault)]
+        assert engine.poll() == []
+    assert not engine.alive
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_a_dead_engine_is_told_to_a_polling_window_as_one_fault(site_folder: SiteFolder) -> None:
+    with Engine.start(site_folder.request("rate")) as engine:
+        polled(engine, moving)
+        assert engine.process.pid is not None
+        os.kill(engine.process.pid, signal.SIGKILL)
+        (fault,) = [e for e in polled(engine, lambda events: engine.ended) if isinstance(e, Fault)]
+        assert (fault.kind, fault.exit_code) == ("DeviceFaultError", 3)
+        assert fault.code == "run.engine_ended"
+        assert engine.poll() == []
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
+def test_a_frozen_engine_is_a_fault_and_says_more_when_it_comes_back(site_folder: SiteFolder) -> None:
+    """Its table's watchdog has stopped the table meanwhile, which is what it then tells."""
+    site_folder.write(watchdog_ms=1000)
+    with Engine.start(site_folder.request("rate")) as engine:
+        polled(engine, moving)
+        assert engine.process.pid is not None
+        os.kill(engine.process.pid, signal.SIGSTOP)
+        told = polled(engine, lambda events: any(isinstance(e, Fault) for e in events))
+        assert told[-1].code == "run.engine_silent"  # type: ignore[union-attr]
+        os.kill(engine.process.pid, signal.SIGCONT)
+        rest = polled(engine, lambda events: engine.ended)
+        assert "table.latched_watchdog" in [event.code for event in rest if isinstance(event, Fault)]
+        assert isinstance(rest[-1], Verdict)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
+def test_a_frozen_engine_is_ended_when_its_window_closes(site_folder: SiteFolder) -> None:
+    engine = Engine.start(site_folder.request("rate"))
+    polled(engine, moving)
+    assert engine.process.pid is not None
+    os.kill(engine.process.pid, signal.SIGSTOP)
+    polled(engine, lambda events: any(isinstance(e, Fault) for e in events))
+    engine.hang_up()
+    engine.process.join(30.0)
+    assert not engine.alive
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("sent", ["SIGTERM", "SIGHUP"])
+def test_signals_do_not_end_the_engine_without_a_safe_stop(site_folder: SiteFolder, sent: str) -> None:
+    events = []
+    with Engine.start(site_folder.request("rate")) as engine:
+        for event in engine.events():
+            events.append(event)
+            if isinstance(event, StepStarted) and event.step == 7:
+                assert engine.process.pid is not None
+                os.kill(engine.process.pid, getattr(signal, sent))
+                if sent == "SIGHUP":
+                    engine.send(Command.STOP)
+    assert [event.outcome for event in events if isinstance(event, Verdict)] == ["stopped"]
+    assert engine.process.exitcode == 0
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+@pytest.mark.parametrize(("fate", "reason"), [("SIGKILL", "listener_lost"), ("SIGSTOP", "listener_silent")])
+def test_a_dead_or_frozen_listener_is_a_safe_stop(site_folder: SiteFolder, fate: str, reason: str) -> None:
+    script = (
+        "from pathlib import Path\n"
+        "from calstation.runs.engine import Engine\n"
+        "from calstation.config.request import RunRequest\n"
+        "if __name__ == '__main__':\n"
+        f"    station, product = Path({str(site_folder.station)!r}), Path({str(site_folder.product)!r})\n"
+        "    request = RunRequest('SN-000042', station, product,\n"
+        f"        ('rate',), Path({str(site_folder.folder / 'runs')!r}), speed=4.0)\n"
+        "    for event in Engine.start(request).events():\n"
+        "        print(type(event).__name__, flush=True)\n"
+    )
+    file = site_folder.folder / "listener.py"
+    file.write_text(script, encoding="utf-8")
+    listener = subprocess.Popen([sys.executable, str(file)], stdout=subprocess.PIPE, text=True)
+    assert listener.stdout is not None
+    for line in listener.stdout:
+        if line.strip() == StageStarted.__name__:
+            break
+    os.kill(listener.pid, getattr(signal, fate))
+    deadline = time.monotonic() + 120.0
+    results: list[Path] = []
+    while not results and time.monotonic() < deadline:
+        time.sleep(0.1)
+        results = [p for p in (site_folder.folder / "runs").glob("*.json") if p.stat().st_size]
+    listener.kill()
+    listener.wait()
+    listener.stdout.close()
+    (result,) = results
+    found = json.loads(result.read_text(encoding="utf-8"))
+    assert (found["outcome"], found["stop_reason"]) == ("stopped", reason)
+    handed = site_folder.folder / "handover" / CSV_NAME
+    while not (handed.is_file() and handed.stat().st_size) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    with handed.open(encoding="utf-8", newline="") as stream:
+        (row,) = csv.DictReader(stream)
+    assert (row["outcome"], row["error"]) == ("stopped", reason), "not an operator's stop"
+    log = open_log(result.with_suffix(".h5"))
+    states = [event["state"] for event in log.events if event["event"] == StateChanged.__name__]
+    assert states[-2:] == ["stopping", "stopped"]
+    told = [event["values"] for event in log.events if event.get("id") == "stopped_because"]
+    assert told == [{"reason": reason}]

@@ -1,0 +1,170 @@
+"""A rig turned by hand is a station like any other: guided on the bench, solved, judged, written, solved again."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tomli_w
+
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.resolved import prepare_run
+from calstation.config.schedules import schedule_options
+from calstation.config.station import is_manual_table, load_station
+from calstation.config.summary import run_summary
+from calstation.connection.link_test import LinkTestRequest, check_table_link
+from calstation.errors import ConfigurationError
+from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
+from calstation.messages import Text
+from calstation.physics.parameters import PARAMETERS
+from calstation.physics.rotation import rotation_matrix
+from calstation.records.log import open_log
+from calstation.registers.verification import AppliedRegisters, verify_output
+from calstation.results.preview import compute_preview
+from calstation.results.resolving import resolve
+from calstation.sequencer.capture import VerificationData
+from calstation.sequencer.events import Message, PositionGuided
+from tests.site_folder import STATION, SiteFolder
+
+SHORT = {"manual": True, "initial_rest_s": 5.0, "rest_s": 2.0, "step_deg": 120.0, "rate_dps": 90.0}
+PRODUCT = {
+    "name": "by hand",
+    "imu": "bench_mems",
+    "bench_grade": "mems",
+    "stages": ["multi_position"],
+    "schedule": {"multi_position": SHORT},
+    "limits": {
+        "gyro_bias": {"within": 0.0052, "sigma_below": 1e-4},
+        "gyro_scale": {"within": 0.0036, "sigma_below": 1e-3},
+        "accel_bias": {"within": 0.024, "sigma_below": 5e-3},
+        "accel_scale": {"within": 0.003, "sigma_below": 5e-4},
+    },
+}
+
+
+class Rig(SiteFolder):
+    """A place whose table is a rig turned by hand."""
+
+    def write(self, product: dict | None = None, **bench: object) -> None:
+        super().write({**PRODUCT, **(product or {})}, **bench)
+        site = {key: value for key, value in STATION["site"].items() if key != "azimuth_deg"}
+        site["gravity_mps2"] = 9.79547
+        station = {**STATION, "site": site, "table": {"profile": "hand_rails"}, "bench": {"seed": 5, **bench}}
+        self.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    return Rig(tmp_path)
+
+
+def no_tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Nobody listens."""
+
+
+def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bit(rig: Rig) -> None:
+    verdict = rig.run()
+    result = verdict.result
+    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
+    assert result["registers"]["verified"]
+    proof = {check["name"]: check for check in result["registers"]["proof"]}
+    assert proof["carried_turn"]["passed"]
+    assert not {"outer_turn", "inner_turn"} & set(proof)
+    guided = [event for event in rig.told(PositionGuided) if event.stage]
+    planned = run_summary(rig.request())
+    assert {event.state for event in guided} >= {"waiting", "still", "moving", "enough"}
+    assert guided[-1].index == guided[-1].count == len(planned.positions)
+    done = np.reshape(guided[-1].done, (-1, 3))
+    away = np.arccos(np.clip((done * planned.positions).sum(axis=1), -1.0, 1.0))
+    assert np.rad2deg(away).max() < 25.0  # hands stop about where they should
+    assert {m.id for m in rig.told(Message)}.isdisjoint({"homing", "checking_mounting", "finishing"})
+    log = open_log(Path(verdict.log))
+    blocks = [block for block in log.blocks() if block.stage == "multi_position"]
+    assert np.isnan(np.concatenate([block.angles for block in blocks])).all()
+    assert np.concatenate([block.valid for block in blocks]).all()
+    assert len(np.unique(np.concatenate([block.step for block in blocks]))) == len(planned.positions)
+    again = resolve(Path(verdict.log)).result_json
+    assert again["parameters"] == result["parameters"]
+
+
+def test_what_needs_a_table_is_refused_in_a_sentence_before_anything_is_opened(rig: Rig) -> None:
+    with pytest.raises(ConfigurationError, match=r"Rate needs a driven table.*turned by hand"):
+        prepare_run(rig.request("rate"))
+    with pytest.raises(ConfigurationError, match="Six positions needs a driven table"):
+        run_summary(rig.request("multi_position", "six_position"))
+    rig.write({"schedule": {"multi_position": {**SHORT, "manual": False}}})
+    with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual .* must be true"):
+        compute_preview(no_tell, rig.request())
+
+
+def test_what_is_carried_needs_rails(rig: Rig) -> None:
+    driven = tomli_w.dumps({**STATION, "bench": {"seed": 5}})
+    rig.station.write_text(driven, encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual .* is true, but the table"):
+        prepare_run(rig.request())
+
+
+def test_before_the_run_time_and_positions_are_known_and_sigmas_are_not(rig: Rig) -> None:
+    planned = run_summary(rig.request())
+    assert planned.by_hand
+    assert len(planned.positions) == 20
+    assert np.allclose(np.linalg.norm(planned.positions, axis=1), 1.0)
+    assert planned.positions[0] == (0.0, 0.0, 1.0)
+    foretold = compute_preview(no_tell, rig.request())
+    assert foretold.stages[0].end == pytest.approx(planned.stages[0].duration)
+    assert foretold.stages[0].error == Text("preview.manual_motion")
+    assert np.abs(foretold.inner).max() == pytest.approx(2.0 * np.pi)
+    assert schedule_options(rig.station, rig.product).offered == ("multi_position",)
+
+
+def test_rails_need_no_port_and_have_no_link_to_test(tmp_path: Path) -> None:
+    path = tmp_path / "station.toml"
+    file = {**STATION, "table": {"profile": "hand_rails"}, "imu": {"port": "/dev/ttyUSB7"}}
+    path.write_text(tomli_w.dumps(file), encoding="utf-8")
+    _, station = load_station(path)
+    product = library.find("products", "mems_hand")
+    report = check_table_link(no_tell, LinkTestRequest(station, product))
+    assert [(f.id, f.state) for f in report.findings] == [("by_hand", "ok")]
+    path.write_text(tomli_w.dumps({**file, "imu": {}}), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"imu\.port: The port is missing"):
+        load_station(path)
+    path.write_text(tomli_w.dumps({**file, "table": {"profile": "bench"}}), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"table\.port: The port is missing"):
+        load_station(path)
+    assert not is_manual_table("bench")
+
+
+def test_the_shipped_station_and_product_belong_together() -> None:
+    request = RunRequest("SN-1", library.find("stations", "virtual_hand"), library.find("products", "mems_hand"))
+    setup = prepare_run(request)
+    assert setup.by_hand
+    assert run_summary(request).stages[0].duration < 600.0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "passed"),
+    [
+        (np.eye(3), True),
+        (np.diag([1.0 + 1e-4, 1.0, 1.0]), True),
+        (np.diag([1.01, 1.0, 1.0]), False),
+        (np.diag([-1.0, 1.0, 1.0]), False),
+        (np.eye(3)[[1, 0, 2]], False),
+    ],
+)
+def test_a_carried_turn_shows_gyros_that_are_wrong(wrong: np.ndarray, passed: bool) -> None:
+    """Half a turn about x, a little about y on the way: gravity knows where it must lead."""
+    imu = ImuModel("S", 100.0, "rate", 1e-6, 1e-5, 4e-5, 6e-4)
+    context = SolveContext(Site(0.6, 0.0, 0.0, None, 9.8), imu, TableModel())
+    covariance = np.diag([1e-10 if p.group.startswith("gyro") else 1e-8 for p in PARAMETERS])
+    share = np.linspace(0.0, np.pi, 300)
+    omega = np.column_stack([np.full(300, np.pi / 3.0), 0.4 * np.sin(2.0 * share), np.zeros(300)])
+    C = np.eye(3)
+    for rate in omega:
+        C = C @ rotation_matrix(0.01 * rate)
+    first, second = np.r_[0.0, 0.0, 0.0, 0.0, 0.0, 9.8], np.r_[np.zeros(3), 9.8 * C[2]]
+    seen = np.hstack([omega @ wrong.T, np.zeros((300, 3))])
+    fresh = VerificationData((first, second), 10.0, carried=seen, period=0.01, corrected=True)
+    checks = verify_output(fresh, AppliedRegisters({}), covariance, context, 1e-5)
+    (turn,) = [check for check in checks if check.name == "carried_turn"]
+    assert turn.passed is passed
+    assert turn.expected == 0.0

@@ -1,0 +1,321 @@
+"""A run carried on behind its last finished stage: killed, stopped or faulty before, whole and exact after."""
+
+import json
+import os
+import shutil
+import signal
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from calstation.config.request import RunRequest
+from calstation.errors import ConfigurationError, InputError
+from calstation.records.log import open_log
+from calstation.results.history import History
+from calstation.results.resolving import resolve
+from calstation.runs.engine import Engine
+from calstation.runs.incomplete import close_incomplete, finish_incomplete
+from calstation.runs.resume import Continuation, find_resumable, resumable
+from calstation.runs.run import execute
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Message, StageSolved, StageStarted, StepStarted, Verdict
+from tests.helpers import raises_code
+from tests.site_folder import PRODUCT, QUICK, SiteFolder
+
+SHORT = {
+    "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
+    "six_position": {"dwell_s": 2.0, **QUICK},
+}
+STAGES = ("rate", "six_position")
+
+
+def short(site_folder: SiteFolder) -> SiteFolder:
+    """Stages of seconds, and limits that they can reach."""
+    site_folder.write({"schedule": SHORT, "stages": list(STAGES), "limits": {"gyro_scale": {"within": 0.1}}})
+    return site_folder
+
+
+def stopped_in(site_folder: SiteFolder, stage: str, *stages: str) -> Verdict:
+    """A run that was stopped after the first step of a stage."""
+
+    def watch(event: Event) -> None:
+        if isinstance(event, StepStarted) and event.stage == stage:
+            site_folder.control.send(Command.STOP)
+
+    verdict = site_folder.run(*(stages or STAGES), on_event=watch)
+    site_folder.control = Control()
+    site_folder.events = []
+    return verdict
+
+
+@pytest.fixture(scope="module")
+def stopped_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Verdict]:
+    """A run stopped in its second stage, and the folder of its place: copied for every test that begins with one."""
+    site_folder = short(SiteFolder(tmp_path_factory.mktemp("stopped")))
+    return site_folder.folder, stopped_in(site_folder, "six_position")
+
+
+@pytest.fixture
+def before(site_folder: SiteFolder, stopped_once: tuple[Path, Verdict]) -> Verdict:
+    """That run as if it had been made in this place."""
+    folder, verdict = stopped_once
+    shutil.copytree(folder, site_folder.folder, dirs_exist_ok=True)
+    log, result_file = (site_folder.folder / Path(f).relative_to(folder) for f in (verdict.log, verdict.result_file))
+    return replace(verdict, log=str(log), result_file=str(result_file))
+
+
+def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Verdict:
+    request = RunRequest(
+        "SN-000042",
+        site_folder.station,
+        site_folder.product,
+        operator="second",
+        resume=Path(log),
+        **more,  # type: ignore[arg-type]
+    )
+    execute(request, site_folder.events.append, site_folder.control)
+    (verdict,) = site_folder.told(Verdict)
+    return verdict
+
+
+def test_a_stopped_run_is_resumed_at_its_last_finished_stage(site_folder: SiteFolder, before: Verdict) -> None:
+    assert before.result["stages"] == ["rate"]
+    assert (before.result["advice"], before.result["stop_reason"]) == ("resume", "operator")
+    (offer,) = resumable(site_folder.folder / "runs")
+    assert offer == find_resumable(lambda *_: None, site_folder.folder / "runs")[0]
+    assert (offer.serial, offer.stages, offer.finished) == ("SN-000042", STAGES, ("rate",))
+    assert (offer.outcome, offer.why, offer.attempt) == ("stopped", "operator", 1)
+
+    verdict = resumed(site_folder, offer.log)
+    result = verdict.result
+    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]] or site_folder.events[-3:]
+    assert result["stages"] == list(STAGES)
+    assert result["resumed_from"] == Path(before.log).name
+    assert (result["attempt"], result["operator"]) == (1, "second")
+    assert result["log"]["gaps"] == 1
+    assert [(s.stage, s.index, s.count) for s in site_folder.told(StageStarted)] == [("six_position", 1, 2)]
+    assert [s.stage for s in site_folder.told(StageSolved)] == list(STAGES)
+    told = [m.id for m in site_folder.told(Message)]
+    assert told.index("resumed") < told.index("identified") < told.index("checking_mounting")
+
+    assert Path(verdict.log).parent == Path(before.log).parent
+    Path(before.log).unlink()
+    again = resolve(Path(verdict.log)).result_json
+    for key in ("parameters", "consistency", "unobservable", "details"):
+        assert again[key] == result[key]
+    assert resumable(site_folder.folder / "runs") == []
+    assert History(site_folder.folder / "runs").attempts("SN-000042") == 1
+
+
+@pytest.mark.long
+def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Verdict) -> None:
+    first = before
+    site_folder.control.send(Command.STOP)
+    second = resumed(site_folder, first.log)
+    assert (second.outcome, second.result["stages"]) == ("stopped", [])
+    site_folder.events, site_folder.control = [], Control()
+    (offer,) = resumable(site_folder.folder / "runs")
+    assert offer.log == Path(first.log)
+
+    def stop(event: Event) -> None:
+        site_folder.events.append(event)
+        if isinstance(event, StepStarted) and event.stage == "six_position":
+            site_folder.control.send(Command.STOP)
+
+    request = RunRequest("SN-000042", site_folder.station, site_folder.product, resume=offer.log)
+    execute(request, stop, site_folder.control)
+    (third,) = site_folder.told(Verdict)
+    assert (third.outcome, third.result["stages"]) == ("stopped", ["rate"])
+    site_folder.events, site_folder.control = [], Control()
+    verdict = resumed(site_folder, third.log)
+    assert verdict.outcome == "passed"
+    assert resolve(Path(verdict.log)).result_json["parameters"] == verdict.result["parameters"]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(site_folder: SiteFolder) -> None:
+    runs = site_folder.folder / "runs"
+    stages = (*STAGES, "excitation")
+    schedule = {**SHORT, "excitation": PRODUCT["schedule"]["excitation"]}
+    site_folder.write({"schedule": schedule, "limits": {"gyro_scale": {"within": 0.1}}})
+    with Engine.start(site_folder.request(*stages)) as engine:
+        deadline = time.monotonic() + 200.0
+        killed = False
+        while not engine.ended:
+            assert time.monotonic() < deadline
+            for event in engine.poll():
+                if isinstance(event, StepStarted) and event.stage == "excitation" and not killed:
+                    assert engine.process.pid is not None
+                    os.kill(engine.process.pid, signal.SIGKILL)
+                    killed = True
+            time.sleep(0.01)
+    assert killed
+    (log,) = runs.glob("*.h5")
+    (offer,) = resumable(runs)
+    assert (offer.stages, offer.finished) == (stages, STAGES)
+    assert offer.outcome == "incomplete"
+
+    verdict = resumed(site_folder, offer.log)
+    result = verdict.result
+    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]] or site_folder.events[-3:]
+    incomplete = json.loads(log.with_suffix(".json").read_text("utf-8"))
+    assert (incomplete["outcome"], incomplete["advice"]) == ("incomplete", "resume")
+    assert incomplete["finished_stages"] == ["rate", "six_position"]
+    for told, path in ((incomplete, log), (result, Path(verdict.log))):
+        assert told["duration_s"] == open_log(path).facts().samples / 200.0, "the same thing of every run"
+    again = resolve(Path(verdict.log)).result_json
+    assert again["parameters"] == result["parameters"]
+    assert again["consistency"] == result["consistency"]
+    assert again["log"]["sha256"] == result["log"]["sha256"]
+    handed = sorted(path.name for path in (site_folder.folder / "handover").glob("*.json"))
+    assert handed == sorted([log.with_suffix(".json").name, Path(verdict.result_file).name])
+
+
+@pytest.mark.long
+def test_where_every_stage_was_finished_only_the_conclusion_is_left(site_folder: SiteFolder) -> None:
+    def watch(event: Event) -> None:
+        if isinstance(event, StageSolved) and event.stage == "six_position":
+            site_folder.control.send(Command.STOP)
+
+    before = short(site_folder).run(*STAGES, on_event=watch)
+    assert (before.outcome, before.result["stages"]) == ("stopped", list(STAGES))
+    site_folder.control, site_folder.events = Control(), []
+    verdict = resumed(site_folder, before.log)
+    assert verdict.outcome == "passed"
+    assert verdict.result["parameters"] == before.result["parameters"]
+    assert verdict.result["registers"]["verified"] is True
+    assert site_folder.told(StageStarted) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "section"),
+    [
+        ({"limits": {"gyro_scale": {"within": 0.09}}}, "product"),
+        ({"schedule": {**SHORT, "rate": {**SHORT["rate"], "turns": 2}}}, None),
+    ],
+)
+def test_what_changed_since_decides(
+    site_folder: SiteFolder, before: Verdict, change: dict[str, object], section: str | None
+) -> None:
+    """Limits that changed need a new run; the schedule is the one that the run began with."""
+    base = {"schedule": SHORT, "stages": list(STAGES), "limits": {"gyro_scale": {"within": 0.1}}}
+    site_folder.write({**base, **change})
+    if section is None:
+        verdict = resumed(site_folder, before.log)
+        assert verdict.outcome == "passed"
+        assert open_log(Path(verdict.log)).meta.schedule == open_log(Path(before.log)).meta.schedule
+        return
+    with raises_code(ConfigurationError, "run.section_changed") as caught:
+        resumed(site_folder, before.log)
+    assert caught.value.values["section"] == section
+
+
+def test_a_site_that_changed_needs_a_new_run(site_folder: SiteFolder, before: Verdict) -> None:
+    text = site_folder.station.read_text("utf-8")
+    site_folder.station.write_text(text.replace("34.25", "34.5"), encoding="utf-8")
+    with raises_code(ConfigurationError, "run.section_changed") as caught:
+        resumed(site_folder, before.log)
+    assert caught.value.values["section"] == "site"
+
+
+def test_another_station_of_the_same_site_cannot_resume(site_folder: SiteFolder, before: Verdict) -> None:
+    text = site_folder.station.read_text("utf-8")
+    site_folder.station.write_text(text.replace("test bench", "line 3"), encoding="utf-8")
+    with raises_code(ConfigurationError, "run.other_station"):
+        resumed(site_folder, before.log)
+    hardware, _, _ = text.partition("[bench]")
+    hardware = hardware.replace('profile = "bench"', 'profile = "bench"\nport = "tcp://127.0.0.1:1"')
+    site_folder.station.write_text(f'{hardware}\n[imu]\nport = "/dev/ttyNONE9"\n', encoding="utf-8")
+    with raises_code(ConfigurationError, "run.station_now_hardware"):
+        resumed(site_folder, before.log)
+
+
+def test_registers_that_changed_need_a_new_run(
+    site_folder: SiteFolder, before: Verdict, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from calstation.devices.imu.framed_imu import FramedImu
+
+    read = FramedImu.read_registers
+    monkeypatch.setattr(FramedImu, "read_registers", lambda self: {**read(self), "gyro_scale_x": 1e-4})
+    verdict = resumed(site_folder, before.log)
+    assert verdict.outcome == "fault"
+    assert site_folder.fault().code == "run.registers_changed"
+    monkeypatch.undo()
+    (offer,) = resumable(site_folder.folder / "runs")
+    assert offer.log == Path(before.log)
+
+
+@pytest.mark.parametrize("end", ["passed", "nothing finished"])
+def test_what_cannot_be_resumed_says_why(site_folder: SiteFolder, end: str) -> None:
+    short(site_folder)
+    log = (site_folder.run("rate") if end == "passed" else stopped_in(site_folder, "rate")).log
+    site_folder.events = []
+    assert resumable(site_folder.folder / "runs") == []
+    with raises_code(ConfigurationError, "run.ended" if end == "passed" else "run.no_stage_finished"):
+        resumed(site_folder, log)
+
+
+def test_another_unit_cannot_resume(site_folder: SiteFolder, before: Verdict) -> None:
+    log = Path(before.log)
+    with raises_code(ConfigurationError, "run.other_unit"):
+        execute(
+            RunRequest("SN-000043", site_folder.station, site_folder.product, resume=log), print, site_folder.control
+        )
+    with raises_code(ConfigurationError, "run.not_own_log"):
+        execute(RunRequest("SN-000042", resume=log.with_suffix(".csv")), print, site_folder.control)
+    with pytest.raises(InputError, match=r"(?i)no such file"):
+        execute(RunRequest("SN-000042", resume=log.with_name("no.h5")), print, site_folder.control)
+
+
+def test_a_log_that_solves_differently_is_not_resumed(site_folder: SiteFolder, before: Verdict) -> None:
+    import h5py
+
+    with h5py.File(before.log, "r+", libver="latest") as file:
+        text = bytes(file["events"][:]).decode()
+        at = text.index('"value":', text.index('"StageSolved"')) + len('"value": ')
+        digit = at + 4
+        file["events"][digit] = ord("5" if text[digit] != "5" else "6")
+    verdict = resumed(site_folder, before.log)
+    assert verdict.outcome == "fault"
+    assert site_folder.fault().code == "run.solved_differently"
+
+
+def test_a_closed_run_is_not_offered_any_more(site_folder: SiteFolder, before: Verdict) -> None:
+    path = close_incomplete(Path(before.log), "li")
+    closed = json.loads(path.read_text("utf-8"))
+    assert closed["closed_by"] == "li"
+    assert {k: v for k, v in closed.items() if not k.startswith("closed")} == before.result
+    assert resumable(site_folder.folder / "runs") == []
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
+@pytest.mark.parametrize("touched", [0.0, 4e9], ids=["long ago", "in the future"])
+def test_a_run_is_going_until_it_is_dead_whatever_its_log_was_touched(site_folder: SiteFolder, touched: float) -> None:
+    with Engine.start(short(site_folder).request(*STAGES)) as engine:
+        while not any(isinstance(event, StepStarted) and event.stage for event in engine.poll()):
+            time.sleep(0.01)
+        assert engine.process.pid is not None
+        os.kill(engine.process.pid, signal.SIGSTOP)  # it writes no more, and yet lives
+        (log,) = (site_folder.folder / "runs").glob("*.h5")
+        os.utime(log, (touched, touched))
+        assert finish_incomplete(log.parent) == []
+        for use in (close_incomplete, lambda path: Continuation.of(site_folder.request(*STAGES), path)):
+            with raises_code(ConfigurationError, "run.still_running"):
+                use(log)
+        os.kill(engine.process.pid, signal.SIGKILL)
+        engine.process.join(30.0)
+    os.utime(log, (touched, touched))
+    result = json.loads(close_incomplete(log).read_text("utf-8"))
+    assert (result["outcome"], result["advice"]) == ("incomplete", "repeat")
+    assert finish_incomplete(log.parent) == []
+
+
+def test_a_verdict_ends_what_came_before_it(site_folder: SiteFolder, before: Verdict) -> None:
+    assert resumable(site_folder.folder / "runs")[0].log == Path(before.log)
+    assert len(resumable(site_folder.folder / "runs")) == 1
+    assert site_folder.run("rate").outcome == "passed"
+    assert resumable(site_folder.folder / "runs") == []

@@ -1,0 +1,151 @@
+"""The parts of the station by themselves: profiles found, registers composed, stages chained, the channel."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.resolved import prepare_run
+from calstation.config.summary import compatible_products
+from calstation.connection.bench_process import BenchHost
+from calstation.connection.clock import BenchClock, RealClock
+from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
+from calstation.physics.parameters import NAMES, group_matrix, group_vector
+from calstation.registers.unit_registers import compose
+from calstation.results.solver_chain import solve
+from tests.site_folder import SiteFolder
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The site's own folder, empty."""
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    return tmp_path
+
+
+def test_shipped_profiles_are_found(home: Path) -> None:
+    assert library.find("tables", "bench").parent == library.shipped_folder() / "tables"
+    assert "nav_a" in library.names("products")
+
+
+def test_the_sites_own_profile_wins(home: Path) -> None:
+    (home / "tables").mkdir()
+    own = home / "tables" / "bench.toml"
+    own.write_text("", encoding="utf-8")
+    assert library.find("tables", "bench") == own
+
+
+def test_an_unknown_profile_names_those_that_exist(home: Path) -> None:
+    shipped = "acutronic_acl, aerosmith_atl, bench, cia402_drives, hand_rails, indexing_unit, mn_ascii"
+    with pytest.raises(ConfigurationError, match=f"Choose from: {shipped}"):
+        library.find("tables", "none")
+
+
+@pytest.mark.parametrize("product", ["nav_a", "tactical_b", "mems_c"])
+def test_every_shipped_product_can_be_run(site_folder: SiteFolder, product: str) -> None:
+    request = site_folder.request(serial="SN-000001")
+    request = type(request)(request.serial, product=library.find("products", product))
+    setup = prepare_run(request)
+    assert setup.stages == ("rate", "six_position", "excitation", "azimuth_flip")
+    assert setup.bench_config() is not None
+
+
+def test_a_serial_number_is_one_unit_on_the_bench_and_the_seed_is_kept_as_it_was_given() -> None:
+    def drawn(serial: str, seed: int | None = None) -> int:
+        setup = prepare_run(RunRequest(serial, seed=seed))
+        assert setup.bench_seed == (seed or 1)
+        bench = setup.bench_config()
+        assert bench is not None
+        return int(bench["seed"])
+
+    units = [drawn("SN-000001"), drawn("SN-000002"), drawn("SN-000001", 7)]
+    assert len(set(units)) == 3
+    assert units == [drawn("SN-000001"), drawn("SN-000002"), drawn("SN-000001", 7)]
+
+
+def test_the_products_that_fit_rails_and_tables_are_told_apart(home: Path) -> None:
+    rails, positions = library.find("stations", "virtual_hand"), library.find("products", "mems_positions")
+    assert [name for name, _ in compatible_products(rails, positions)] == ["mems_hand"]
+    (home / "products").mkdir()
+    (home / "products" / "broken.toml").write_text("name = 1", encoding="utf-8")
+    fit_a_table = ["mems_c", "mems_positions", "nav_a", "tactical_b"]
+    assert [name for name, _ in compatible_products(None, positions)] == fit_a_table
+
+
+def test_composed_registers_correct_in_one_step_as_two_do_in_turn() -> None:
+    random = np.random.default_rng(1)
+    old, found = (dict(zip(NAMES, random.normal(0.0, 1e-2, 30), strict=True)) for _ in range(2))
+    whole = np.array(list(compose(old, found).values()))
+    omega = random.normal(0.0, 1.0, 3)
+
+    def measured(values: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        matrix = np.eye(3) + group_matrix(values, "gyro_scale", "gyro_misalign")
+        return np.asarray(matrix @ truth + group_vector(values, "gyro_bias"))
+
+    in_turn = measured(np.array(list(old.values())), measured(np.array(list(found.values())), omega))
+    assert np.allclose(measured(whole, omega), in_turn, rtol=0.0, atol=1e-15)
+
+
+def test_composing_with_nothing_changes_nothing() -> None:
+    found = dict(zip(NAMES, np.random.default_rng(2).normal(0.0, 1e-3, 30).tolist(), strict=True))
+    assert compose({}, found) == pytest.approx(found, abs=1e-15)
+
+
+def test_stages_in_another_order_than_recorded(site_folder: SiteFolder) -> None:
+    site_folder.write({"stages": ["six_position", "rate"]})
+    verdict = site_folder.run("six_position", "rate")
+    from calstation.records.log import open_log
+
+    log = open_log(Path(verdict.log))
+    chain = solve(log.blocks, log.meta, ("rate", "six_position"))
+    assert [s.stage for s in chain.solutions] == ["rate", "six_position"]
+    assert [s.stage for s in solve(log.blocks, log.meta).solutions] == ["six_position", "rate"]
+
+    blocks = list(log.blocks())
+    stages = [b.stage for b in blocks]
+    first = stages.index("six_position")
+    with pytest.raises(InputError, match="recorded twice"):
+        solve(lambda: [*blocks, blocks[first]], log.meta)
+    with pytest.raises(InsufficientDataError, match="or any other stage"):
+        solve(lambda: [b for b in blocks if not b.stage], log.meta, ("rate",))
+    with pytest.raises(InsufficientDataError, match="No sample in the chosen range"):
+        solve(lambda: [b for b in blocks if not b.stage], log.meta)
+
+
+def test_a_bench_that_cannot_start_says_why() -> None:
+    with pytest.raises(DeviceFaultError, match="grade"):
+        BenchHost.start({"grade": "toy"})
+
+
+def test_the_benchs_clock() -> None:
+    with BenchHost.start({"speed": 0.0}) as host:
+        name, _, port = host.endpoints["clock"].rpartition(":")
+        clock = BenchClock((name, int(port)), 0.0)
+        begin = clock.now()
+        clock.idle(0.01)
+        assert clock.now() == begin
+        clock.sleep(2.5)
+        assert clock.now() == pytest.approx(begin + 2.5)
+        clock.close()
+    assert host.process.returncode == 0
+
+
+def test_a_dead_bench_is_a_device_fault() -> None:
+    with BenchHost.start({"speed": 0.0}) as host:
+        name, _, port = host.endpoints["clock"].rpartition(":")
+        clock = BenchClock((name, int(port)), 0.0)
+        host.process.kill()
+        host.process.wait()
+        with pytest.raises(DeviceFaultError, match="virtual bench"):
+            clock.sleep(1.0)
+        clock.close()
+
+
+def test_real_time_passes() -> None:
+    clock = RealClock()
+    begin = clock.now()
+    clock.sleep(0.01)
+    clock.idle(0.01)
+    assert clock.now() - begin >= 0.02

@@ -1,0 +1,277 @@
+"""Runs on the real bench process: verdicts, pause, stop, faults, registers, and the same bits offline."""
+
+import csv
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.config import library, versions
+from calstation.devices.interfaces import Imu
+from calstation.errors import ConfigurationError
+from calstation.records.convert import export_csv, import_csv
+from calstation.records.log import open_log
+from calstation.results.history import History
+from calstation.results.resolving import resolve
+from calstation.runs import run
+from calstation.runs.run import execute
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Message, StageSolved, StateChanged, StepStarted, Verdict
+from tests.helpers import raises_code
+from tests.site_folder import SiteFolder, behind_registers
+
+
+def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(site_folder: SiteFolder) -> None:
+    verdict = site_folder.run()
+    result = verdict.result
+    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
+    assert result["stages"] == ["rate", "six_position", "excitation", "azimuth_flip"]
+    assert len(result["parameters"]) == 30
+    assert result["registers"]["verified"] is True
+    assert result["attempt"] == 1
+    assert result["operator"] == "tester"
+    assert json.loads(Path(verdict.result_file).read_text(encoding="utf-8")) == result
+    log = open_log(Path(verdict.log))
+    assert log.outcome == "passed"
+    assert log.results == [result]
+    assert any(event["event"] == "OldRegisters" for event in log.events)
+
+    again = resolve(Path(verdict.log)).result_json
+    assert again["parameters"] == result["parameters"]
+    assert again["consistency"] == result["consistency"]
+    assert again["log"]["sha256"] == result["log"]["sha256"]
+    assert again["outcome"] == "resolved"
+    assert again["passed"] is True
+
+    csv, back = site_folder.folder / "log.csv", site_folder.folder / "back.h5"
+    export_csv(Path(verdict.log), csv)
+    import_csv(csv, back)
+    for path in (csv, back):
+        assert resolve(path).result_json["parameters"] == result["parameters"]
+
+
+@pytest.mark.long
+def test_the_same_seed_gives_the_same_run(site_folder: SiteFolder) -> None:
+    first = site_folder.run("six_position").result
+    second = site_folder.run("six_position").result
+    assert first["parameters"] == second["parameters"]
+    assert second["attempt"] == 2
+
+
+def test_a_unit_outside_its_limits_keeps_its_registers(site_folder: SiteFolder) -> None:
+    site_folder.write(out_of_limits=True)
+    verdict = site_folder.run("six_position")
+    assert verdict.outcome == "failed"
+    assert verdict.result["registers"] is None
+    assert any(m.id == "registers_kept" for m in site_folder.told(Message))
+    failed = [c["name"] for c in verdict.result["checks"] if not c["passed"]]
+    assert failed == ["accel_scale_y within"]
+
+
+def test_early_end_on_failure(site_folder: SiteFolder) -> None:
+    site_folder.write({"end_on_failure": True, "stages": ["six_position", "azimuth_flip"]}, out_of_limits=True)
+    verdict = site_folder.run()
+    assert verdict.outcome == "failed"
+    assert verdict.result["stages"] == ["six_position"]
+
+
+def test_pause_and_resume(site_folder: SiteFolder) -> None:
+    pause = site_folder.once(StepStarted, Command.PAUSE, after=2)
+
+    def watch(event: object) -> None:
+        pause(event)  # type: ignore[arg-type]
+        if isinstance(event, StateChanged) and event.state == "paused":
+            site_folder.control.send(Command.RESUME)
+
+    verdict = site_folder.run("rate", on_event=watch)
+    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    assert [e.state for e in site_folder.told(StateChanged)].count("paused") == 1
+    assert len(site_folder.told(StageSolved)[0].parameters) == 3
+    assert resolve(Path(verdict.log)).result_json["parameters"] == verdict.result["parameters"]
+
+
+@pytest.mark.parametrize("moment", [StateChanged, StepStarted])
+def test_stop_is_safe_and_leaves_a_result(site_folder: SiteFolder, moment: type) -> None:
+    verdict = site_folder.run("rate", on_event=site_folder.once(moment, Command.STOP))
+    assert verdict.outcome == "stopped"
+    assert verdict.result["passed"] is False
+    assert [e.state for e in site_folder.told(StateChanged)][-2:] == ["stopping", "stopped"]
+    assert open_log(Path(verdict.log)).outcome == "stopped"
+
+
+@pytest.mark.parametrize(
+    ("bench", "code"),
+    [
+        ({"serial": "SN-000043"}, "preflight.other_unit"),
+        ({"watchdog_ms": 0}, "motion.watchdog_off"),
+        ({"interlock_closed": False}, "motion.interlock_open"),
+        ({"mount_deg": [20.0, 21.0]}, "preflight.gravity_direction"),
+        ({"ready_time_s": 1000.0}, "preflight.not_ready"),
+        ({"orders": [{"order": "drive_fault", "at": 35.0}]}, "table.latched_drive"),
+        ({"orders": [{"order": "silence_imu", "value": 500, "at": 35.0}]}, "stream.not_started"),
+        ({"orders": [{"order": "hang_up_imu", "at": 35.0}]}, None),
+    ],
+    ids=lambda v: str(v)[:40],
+)
+def test_faults_are_reported_and_leave_a_result(
+    site_folder: SiteFolder, bench: dict[str, object], code: str | None
+) -> None:
+    site_folder.write(**bench)
+    verdict = site_folder.run("rate")
+    assert verdict.outcome == "fault"
+    assert code is None or site_folder.fault().code == code
+    assert verdict.result["error"] == site_folder.fault().text
+    assert [e.state for e in site_folder.told(StateChanged)][-1] == "fault"
+
+
+def test_lost_frames_repeat_a_step(site_folder: SiteFolder) -> None:
+    site_folder.write(orders=[{"order": "drop_frames", "value": 3, "at": 35.0}])
+    verdict = site_folder.run("rate")
+    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    assert [m.values["reason"] for m in site_folder.told(Message) if m.id == "step_repeated"] == ["gap"]
+    assert verdict.result["log"]["gaps"] == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
+def test_rtu_and_serial_line_over_pseudo_terminals(site_folder: SiteFolder) -> None:
+    site_folder.write(table_transport="rtu", imu_transport="pty")
+    assert site_folder.run("six_position").outcome == "passed"
+
+
+def test_no_limits_no_run(site_folder: SiteFolder) -> None:
+    site_folder.write({"limits": {}})
+    with pytest.raises(ConfigurationError, match="limits"):
+        site_folder.run("rate")
+
+
+@pytest.fixture
+def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
+    """A unit whose samples have gone through its registers."""
+    home = site_folder.folder / "home"
+    (home / "imus").mkdir(parents=True)
+    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
+    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    return site_folder
+
+
+def test_a_stream_behind_the_registers_has_them_read_and_logged_first(behind: SiteFolder) -> None:
+    verdict = behind.run("six_position")
+    assert verdict.outcome == "passed"
+    assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
+
+
+def test_what_nobody_committed_is_not_in_force_behind_the_registers(
+    behind: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def left_by_another_program(imu: Imu, *rest: Any) -> None:
+        imu.write_registers({"gyro_bias_x": 1e-3})
+
+    monkeypatch.setattr(run, "recover_interrupted", left_by_another_program)
+    verdict = behind.run("six_position")
+    assert verdict.result["registers"]["old"]["gyro_bias_x"] == 0.0
+    assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
+
+
+@pytest.mark.long
+def test_a_failed_unit_is_advised_by_how_often_it_failed_and_then_not_taken_any_more(site_folder: SiteFolder) -> None:
+    site_folder.write({"attempts_allowed": 3, "advice": ["reseat", "repeat"]}, out_of_limits=True)
+    told = []
+    for attempt in (1, 2, 3):
+        verdict = site_folder.run("six_position")
+        assert (verdict.outcome, verdict.result["attempt"]) == ("failed", attempt)
+        told.append(verdict.result["advice"])
+        site_folder.events.clear()
+    assert told == ["reseat", "repeat", "set_aside"]
+    with raises_code(ConfigurationError, "run.attempts_used"):
+        site_folder.run("six_position")
+    request = replace(site_folder.request("six_position"), beyond_attempts=True)
+    execute(request, site_folder.events.append, site_folder.control)
+    assert site_folder.events[-1].result["advice"] == "set_aside"  # type: ignore[union-attr]
+
+
+def test_a_result_names_its_files_and_what_was_not_compared(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(site_folder.folder / "home"))
+    text = library.find("products", "nav_a").read_text("utf-8")
+    version = versions.save("products", "nav_a", text.replace("time_s = 10.0", "time_s = 1.0"), "wang")
+    site_folder.product = library.find("products", "nav_a")
+    result = site_folder.run("six_position").result
+    product = {"name": "nav_a", "version": version.number, "sha256": version.sha256}
+    assert result["configuration"]["product"] == product
+    assert set(result["configuration"]) == {"station", "product", "table", "imu"}
+    assert result["configuration"]["imu"]["version"] is None
+    assert "gyro_misalign_xy" in result["not_compared"]
+    assert "accel_scale_x" not in result["not_compared"]
+    assert "accel_bias_x within" in [check["name"] for check in result["checks"]]
+
+
+@pytest.mark.long
+def test_every_outcome_is_handed_over_and_found_again(site_folder: SiteFolder) -> None:
+    site_folder.run("six_position")
+    site_folder.run("rate", on_event=site_folder.once(StepStarted, Command.STOP))
+    site_folder.control, site_folder.events = Control(), []
+    site_folder.write(watchdog_ms=0)
+    site_folder.run("rate")
+    site_folder.write(out_of_limits=True)
+    site_folder.run("six_position")
+    outcomes = ["passed", "stopped", "fault", "failed"]
+    with (site_folder.folder / "handover" / "handover.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["outcome"] for row in rows] == outcomes
+    for row in rows:
+        handed = json.loads((site_folder.folder / "handover" / row["result"]).read_text("utf-8"))
+        assert handed["outcome"] == row["outcome"]
+    history = History(site_folder.folder / "runs")
+    assert [run.outcome for run in history.runs()] == outcomes[::-1]
+    assert [run.attempt for run in history.runs()] == [4, 3, 2, 1]
+
+
+@pytest.mark.long
+def test_a_hand_over_folder_that_is_missing_fails_no_run(site_folder: SiteFolder) -> None:
+    station = site_folder.station.read_text("utf-8")
+    site_folder.station.write_text(f'{station}\n[handover]\nfolder = "share"\n', encoding="utf-8")
+    execute(site_folder.request("six_position"), site_folder.events.append, site_folder.control)
+    verdict, said = site_folder.events[-2:]
+    assert isinstance(verdict, Verdict)
+    assert verdict.outcome == "passed"
+    assert isinstance(said, Message)
+    assert said.id == "handover_waiting"
+    (site_folder.folder / "share").mkdir()
+    site_folder.events.clear()
+    execute(site_folder.request("six_position"), site_folder.events.append, site_folder.control)
+    assert site_folder.events[-1] == Message("handover_done", {"folder": str(site_folder.folder / "share"), "count": 2})
+
+
+def test_a_stop_before_the_first_register_is_a_stop(site_folder: SiteFolder) -> None:
+    verdict = site_folder.run("six_position", on_event=site_folder.once(StageSolved, Command.STOP))
+    assert verdict.outcome == "stopped"
+    assert verdict.result["registers"] is None
+    assert not [m for m in site_folder.told(Message) if m.id == "registers_transfer"]
+
+
+def test_a_stop_during_the_transfer_waits_for_its_end(site_folder: SiteFolder) -> None:
+    def watch(event: Event) -> None:
+        if isinstance(event, Message) and event.id == "registers_transfer":
+            site_folder.control.send(Command.STOP)
+
+    verdict = site_folder.run("six_position", on_event=watch)
+    told = [m.id for m in site_folder.told(Message)]
+    assert told.index("registers_transfer") < told.index("transfer_finished") < told.index("transfer_unproved")
+    registers = verdict.result["registers"]
+    assert (verdict.outcome, registers["verified"]) == ("stopped", False)
+    assert registers["new"] != registers["old"]
+    assert [e.state for e in site_folder.told(StateChanged)][-2:] == ["stopping", "stopped"]
+
+
+def test_a_stop_while_the_devices_are_opened_is_a_stop_with_a_result(site_folder: SiteFolder) -> None:
+    site_folder.control.send(Command.STOP)
+    verdict = site_folder.run("rate")
+    assert (verdict.outcome, verdict.result["stages"]) == ("stopped", [])
+    assert (verdict.result["advice"], verdict.result["stop_reason"]) == ("repeat", "operator")
+    assert open_log(Path(verdict.log)).outcome == "stopped"
+    assert not site_folder.told(StateChanged)

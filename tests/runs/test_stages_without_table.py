@@ -1,0 +1,34 @@
+"""Methods that no rate table can drive are refused before anything is opened; one that it can runs as any other."""
+
+import pytest
+
+from calstation.errors import ConfigurationError
+from tests.site_folder import SiteFolder
+
+
+@pytest.mark.parametrize(
+    ("stage", "told"),
+    [
+        ("gimbal", "stabilises on the corrected rates"),
+        ("cross_calibration", "IMUs on one body recorded together"),
+    ],
+)
+def test_a_stage_that_needs_other_hardware_is_refused_at_once(site_folder: SiteFolder, stage: str, told: str) -> None:
+    with pytest.raises(ConfigurationError, match=told):
+        site_folder.run(stage)
+    assert not (site_folder.folder / "runs").exists()
+
+
+def test_multi_position_runs_on_the_table(site_folder: SiteFolder) -> None:
+    quick = {
+        "step_deg": 90.0,
+        "rest_s": 4.0,
+        "initial_rest_s": 5.0,
+        "rate_dps": 100.0,
+        "acceleration_dps2": 100.0,
+    }
+    site_folder.write({"schedule": {"multi_position": quick}})
+    result = site_folder.run("multi_position").result
+    assert result["outcome"] == "passed", [c for c in result["checks"] if not c["passed"]]
+    assert len(result["parameters"]) == 21
+    assert result["details"]["multi_position"]["scatter"] == {"force": 0.0, "rate": 0.0, "turn": 0.0}

@@ -1,0 +1,105 @@
+"""A folder with a short product and a virtual-bench station, for runs through the real protocols."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from calstation.config.request import RunRequest
+from calstation.runs.run import execute
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Event, Fault, Verdict
+from calstation.simulation.hooks import BenchHooks
+
+QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
+PRODUCT: dict[str, Any] = {
+    "name": "short",
+    "imu": "bench_nav",
+    "serial_pattern": r"SN-\d{6}",
+    "schedule": {
+        "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
+        "six_position": {"dwell_s": 3.0, **QUICK},
+        "excitation": {"rounds": 1, "dwell_s": 3.0, "place_dwell_s": 2.0, **QUICK},
+        "azimuth_flip": {"rounds": 1, "dwell_s": 8.0, **QUICK},
+    },
+    "limits": {
+        "gyro_bias": {"within": 1.5e-5, "sigma_below": 1e-5},
+        "gyro_scale": {"within": 2e-3, "sigma_below": 1e-3},
+        "accel_bias": {"within": 0.0074, "sigma_below": 6e-3},
+        "accel_scale": {"within": 1e-3, "sigma_below": 1e-4},
+    },
+}
+STATION: dict[str, Any] = {
+    "name": "test bench",
+    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "azimuth_deg": 0.0},
+    "table": {"profile": "bench"},
+}
+
+
+def behind_registers(profile: str) -> str:
+    """A shipped profile's text for a unit whose one stream has its registers applied."""
+    before, _, corrected = profile.partition("[corrected]\n")
+    return before.replace('order = "before_registers"', 'order = "after_registers"') + corrected.split("\n", 1)[1]
+
+
+class SiteFolder:
+    """A folder with a station file, a product file and the runs made there."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.product = folder / "product.toml"
+        self.station = folder / "station.toml"
+        self.events: list[Event] = []
+        self.control = Control()
+        self.write()
+
+    def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
+        """Write both files, with changes to the product and the bench's settings."""
+        self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
+        patient = {"watchdog_ms": 10_000}  # host time, and a busy computer may stand still for a second
+        settings = {"seed": 5, "start_deg": [1.0, -1.0], **patient, **bench}
+        site = dict(STATION["site"])
+        if (product or {}).get("bench_grade", "nav") != "nav":
+            site["gravity_mps2"] = 9.7955  # surveyed, where gyros do not feel the earth turn
+        self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": settings}), encoding="utf-8")
+
+    def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:
+        """A run of these stages here."""
+        return RunRequest(serial, self.station, self.product, stages or None, self.folder / "runs", "tester")
+
+    def run(self, *stages: str, on_event: Callable[[Event], None] | None = None) -> Verdict:
+        """Run in this process; the verdict."""
+
+        def emit(event: Event) -> None:
+            self.events.append(event)
+            if on_event is not None:
+                on_event(event)
+
+        execute(self.request(*stages), emit, self.control, BenchHooks)
+        verdict = self.events[-1]
+        assert isinstance(verdict, Verdict)
+        assert Path(verdict.result_file).is_file()
+        return verdict
+
+    def told(self, kind: type) -> list[Any]:
+        """Events of a kind."""
+        return [event for event in self.events if isinstance(event, kind)]
+
+    def fault(self) -> Fault:
+        """The one fault."""
+        (fault,) = self.told(Fault)
+        return fault
+
+    def once(self, kind: type, command: Command, *, after: int = 0) -> Callable[[Event], None]:
+        """Send a command at the event of a kind that has `after` before it."""
+        seen = 0
+
+        def watch(event: Event) -> None:
+            nonlocal seen
+            if isinstance(event, kind) and getattr(event, "stage", "x"):
+                if seen == after:
+                    self.control.send(command)
+                seen += 1
+
+        return watch
