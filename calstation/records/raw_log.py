@@ -149,7 +149,7 @@ class RawLogWriter:
         if not locked:
             raise ConfigurationError("log.not_created", file=path, reason=Text("log.locked"))
         configuration = np.frombuffer(meta.to_json().encode(), np.uint8)
-        self._file.attrs["format"] = FORMAT
+        self._file.attrs["format"] = np.bytes_(FORMAT)  # fixed length: see `raw_read`
         self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
         self._file.create_dataset("meta", data=configuration)
         self._row = row_dtype(len(meta.secondaries), joints)

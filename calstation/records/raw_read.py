@@ -278,7 +278,7 @@ class _Opened:
         self._unclosed = AsClosed(self._path) if short or left_open(head) else None
         file = h5py.File(self._unclosed or self._path, "r", libver="latest")
         try:
-            if file.attrs.get("format") == FORMAT:
+            if _is_raw_log(file):
                 return file
         except BaseException:
             file.close()
@@ -293,6 +293,18 @@ class _Opened:
 
     def _damaged(self) -> InputError:
         return InputError("log.damaged", file=self._path)
+
+
+def _is_raw_log(file: h5py.File) -> bool:
+    """Whether a file is a raw log.
+
+    Early logs store their format as a string of variable length. It is not read: HDF5 does not return from reading
+    such a string where the file's global heap, which has no checksum, is damaged.
+    """
+    if "format" not in file.attrs or "samples" not in file:
+        return False
+    fixed_length = file.attrs.get_id("format").dtype.kind == "S"
+    return not fixed_length or bool(file.attrs["format"] == FORMAT.encode())
 
 
 def _text(data: NDArray[np.uint8]) -> str:
