@@ -117,20 +117,12 @@ def load(model: type[Model], path: Path, error: type[CalstationError] = Configur
 
 @dataclass(frozen=True)
 class Complaint:
-    """One thing that a model finds wrong.
+    """One thing that a model finds wrong."""
 
-    Attributes
-    ----------
-    place : keys and element numbers that lead to the entry; () if the whole is meant
-    kind : pydantic's, e.g. ``missing`` or ``greater_than``; ``value_error`` for the rules of an EntryError
-    code : code in the message catalogue: of family ``entry`` for pydantic's kinds, else that of the EntryError
-    values : values of the catalogue entry
-    """
-
-    place: Place
-    kind: str
-    code: str
-    values: Mapping[str, Any] = field(default_factory=dict)
+    place: Place  #: Keys and element numbers that lead to the entry; () if the whole is meant.
+    kind: str  #: Pydantic's, e.g. ``missing`` or ``greater_than``; ``value_error`` for the rules of an EntryError.
+    code: str  #: Code in the message catalogue: of family ``entry`` for pydantic's kinds, else that of the EntryError.
+    values: Mapping[str, Any] = field(default_factory=dict)  #: Values of the catalogue entry.
 
     @property
     def as_text(self) -> Text:

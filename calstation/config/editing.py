@@ -49,20 +49,13 @@ _TOML_POSITION = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)"
 
 @dataclass(frozen=True)
 class Problem:
-    """One error in a text.
+    """One error in a text."""
 
-    Attributes
-    ----------
-    place : the entry; () for the whole text
-    kind : pydantic's, e.g. ``missing`` or ``greater_than``; ``toml`` for invalid TOML, ``value_error`` for other rules
-    what : the message without the name of the entry
-    line : from 1
-    """
-
-    place: KeyPath
+    place: KeyPath  #: The entry; () for the whole text.
+    #: Pydantic's, e.g. ``missing`` or ``greater_than``; ``toml`` for invalid TOML, ``value_error`` for other rules.
     kind: str
-    what: Text
-    line: int = 0
+    what: Text  #: The message without the name of the entry.
+    line: int = 0  #: Counts from 1.
 
     @classmethod
     def of(cls, error: EntryError, *prefix: str | int) -> "Problem":

@@ -9,59 +9,38 @@ from typing import Any, Literal
 
 @dataclass(frozen=True)
 class RunRequest:
-    """A run.
-
-    Attributes
-    ----------
-    serial : of the unit in the fixture
-    station, product : files; None for the defaults
-    stages : in order; None for the product's
-    out : folder of log and result
-    operator : who requested it; None for the user of the computer
-    speed, seed : of the virtual bench; None for the station file's
-    schedule : parameters of stages' methods that replace the product's, by stage
-    resume : log of an incomplete run to continue after its last completed stage, with the stages, schedule, seed and
-        folder of that run
-    beyond_attempts : an engineer allows a unit that has used up its attempts
-    faults : plan of faults on the virtual bench; None for the station file's
-    unfinished : what to do about an interrupted transfer of the unit's registers; None refuses the run
-    """
+    """A run."""
 
     serial: str
-    station: Path | None = None
-    product: Path | None = None
-    stages: tuple[str, ...] | None = None
-    out: Path = Path("runs")
-    operator: str | None = None
-    speed: float | None = None
-    seed: int | None = None
+    station: Path | None = None  #: File; None for the default.
+    product: Path | None = None  #: File; None for the default.
+    stages: tuple[str, ...] | None = None  #: In order; None for those of the product.
+    out: Path = Path("runs")  #: Folder of log and result.
+    operator: str | None = None  #: Who requested it; None for the user of the computer.
+    speed: float | None = None  #: Of the virtual bench; None for that of the station file.
+    seed: int | None = None  #: Of the virtual bench; None for that of the station file.
+    #: Parameters of stages' methods that replace the product's, by stage.
     schedule: Mapping[str, Mapping[str, Any]] | None = None
+    #: Log of an incomplete run to continue after its last completed stage, with the stages, schedule, seed and folder
+    #: of that run.
     resume: Path | None = None
-    beyond_attempts: bool = False
-    faults: Path | None = None
+    beyond_attempts: bool = False  #: An engineer allows a unit that has used up its attempts.
+    faults: Path | None = None  #: Plan of faults on the virtual bench; None for the station file's.
+    #: What to do about an interrupted transfer of the unit's registers; None refuses the run.
     unfinished: Literal["finish", "restore"] | None = None
 
 
 @dataclass(frozen=True)
 class RegisterOperation:
-    """An operation on a unit's registers without a run.
+    """An operation on a unit's registers without a run."""
 
-    Attributes
-    ----------
-    request : unit, station, folder of the runs with the journal, and operator
-    what : write `values`, finish an interrupted transfer, or restore the registers of before a transfer
-    values : by parameter, SI; other registers stay as they are
-    source : origin of the values
-    transfer : the transfer to undo; None for the latest
-    at_rest : verify the output at rest, without moving the table
-    """
-
-    request: RunRequest
+    request: RunRequest  #: Unit, station, folder of the runs with the journal, and operator.
+    #: Write `values`, finish an interrupted transfer, or restore the registers of before a transfer.
     what: Literal["write", "finish", "restore"]
-    values: Mapping[str, float] = field(default_factory=dict)
-    source: str = ""
-    transfer: str | None = None
-    at_rest: bool = False
+    values: Mapping[str, float] = field(default_factory=dict)  #: To write, by parameter, SI; others keep their values.
+    source: str = ""  #: Origin of the values.
+    transfer: str | None = None  #: The transfer to undo; None for the latest.
+    at_rest: bool = False  #: Verify the output at rest, without moving the table.
 
 
 def computer_user() -> str | None:

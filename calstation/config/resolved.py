@@ -82,24 +82,17 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class ResolvedConfiguration:
-    """All configuration of a run, checked.
-
-    Attributes
-    ----------
-    request : what was asked for
-    station, product, table, imu : the files' content
-    schedules : parameters of each stage's method, in the order of the run
-    sources : the files by kind; empty for a draft that is not saved
-    bench_overrides : settings of the virtual bench that replace all others
-    """
+    """All configuration of a run, checked."""
 
     request: RunRequest
     station: StationConfig
     product: ProductConfig
     table: TableProfile
     imu: ImuProfile
-    schedules: dict[str, BaseModel]
+    schedules: dict[str, BaseModel]  #: Parameters of each stage's method, in the order of the run.
+    #: The files by kind; empty for a draft that is not saved.
     sources: Mapping[str, SourceFile] = field(default_factory=dict)
+    #: Settings of the virtual bench that replace all others.
     bench_overrides: Mapping[str, JsonValue] = field(default_factory=dict)
 
     @property

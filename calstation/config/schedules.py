@@ -36,77 +36,47 @@ UNITS = {"_s": "s", "_dps": "°/s", "_dps2": "°/s²", "_deg": "°"}
 
 @dataclass(frozen=True)
 class ScheduleField:
-    """One parameter of a schedule.
-
-    Attributes
-    ----------
-    unit : "" without one
-    low, high : bounds
-    above : the value must be greater than `low`
-    optional : may be left out
-    choices : of a choice
-    description : by the method
-    """
+    """One parameter of a schedule."""
 
     name: str
     kind: Kind
-    unit: str
+    unit: str  #: Empty without one.
     low: float | None
-    above: bool
+    above: bool  #: The value must be greater than `low`.
     high: float | None
-    optional: bool
+    optional: bool  #: The parameter may be left out.
     choices: tuple[str, ...]
-    description: str
+    description: str  #: As the method gives it.
 
 
 @dataclass(frozen=True)
 class ScheduleProblem:
-    """What is wrong with a value of a schedule.
+    """What is wrong with a value of a schedule."""
 
-    Attributes
-    ----------
-    kind : not a ``number``, not ``whole``, ``missing``, too ``low``, too ``high``, beyond the ``table``, not the
-        ``name`` of a parameter or group
-    bound : the bound that the value breaks
-    subject : the name
-    """
-
+    #: Not a ``number``, not ``whole``, ``missing``, too ``low``, too ``high``, beyond the ``table``, not the ``name``
+    #: of a parameter or group.
     kind: Literal["number", "whole", "missing", "low", "high", "table", "name"]
-    bound: float = 0.0
-    subject: str = ""
+    bound: float = 0.0  #: The bound that the value breaks.
+    subject: str = ""  #: Name that the schedule must not contain.
 
 
 @dataclass(frozen=True)
 class ScheduleOptions:
-    """What can be chosen for a product on a station.
-
-    Attributes
-    ----------
-    product : its file
-    name, station : names of product and station
-    virtual, by_hand : kind of station
-    stages : the product's, in order
-    offered : these and the other standard ones
-    schedules : complete values of every stage offered
-    estimates : parameters of every stage offered
-    rate, acceleration : maximum of both joints, °/s and °/s²
-    serial_pattern : regular expression for the whole serial number
-    serial : of the virtual bench's unit, or ""
-    """
+    """What can be chosen for a product on a station."""
 
     product: Path
-    name: str
-    station: str
-    virtual: bool
-    by_hand: bool
-    stages: tuple[str, ...]
-    offered: tuple[str, ...]
-    schedules: Mapping[str, Mapping[str, Any]]
-    estimates: Mapping[str, tuple[str, ...]]
-    rate: float
-    acceleration: float
-    serial_pattern: str
-    serial: str
+    name: str  #: Of the product.
+    station: str  #: Name.
+    virtual: bool  #: The station is a virtual bench.
+    by_hand: bool  #: The table is turned by hand.
+    stages: tuple[str, ...]  #: Of the product, in order.
+    offered: tuple[str, ...]  #: Stages of the product and the other standard ones.
+    schedules: Mapping[str, Mapping[str, Any]]  #: Complete values of every stage offered.
+    estimates: Mapping[str, tuple[str, ...]]  #: Parameters of every stage offered.
+    rate: float  #: Maximum of both joints, °/s.
+    acceleration: float  #: Maximum of both joints, °/s².
+    serial_pattern: str  #: Regular expression for the whole serial number.
+    serial: str  #: Of the unit on a virtual bench; empty on hardware.
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:

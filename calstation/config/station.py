@@ -32,18 +32,13 @@ _BARE = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
 
 
 class DeviceSection(StrictModel):
-    """A device's link at this station: its port, and serial settings that differ from the profile's.
+    """A device's link at this station: its port, and serial settings that differ from the profile's."""
 
-    Attributes
-    ----------
-    port : ``tcp://host:port`` (tables), ``socket://host:port`` of a serial server, the name of a serial port, or
-        ``usb:SERIALNUMBER`` of its adapter
-    timeout_s : host time for an answer; by default the profile's
-    """
-
+    #: ``tcp://host:port`` (tables), ``socket://host:port`` of a serial server, the name of a serial port, or
+    #: ``usb:SERIALNUMBER`` of its adapter.
     port: str | None = None
     serial: SerialSettings | None = None
-    timeout_s: float | None = Field(default=None, gt=0, le=60)
+    timeout_s: float | None = Field(default=None, gt=0, le=60)  #: Host time for an answer; by default the profile's.
 
     @field_validator("port")
     @classmethod
@@ -54,15 +49,10 @@ class DeviceSection(StrictModel):
 
 
 class TableLinkSection(DeviceSection):
-    """`[table]` of a station: which table it has. A table turned by hand needs no port and ignores one.
-
-    Attributes
-    ----------
-    unit : Modbus unit number; by default the profile's
-    """
+    """`[table]` of a station: which table it has. A table turned by hand needs no port and ignores one."""
 
     profile: str
-    unit: int | None = Field(default=None, ge=0, le=255)
+    unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; by default the profile's.
 
 
 class HandoverSection(StrictModel):
@@ -72,13 +62,9 @@ class HandoverSection(StrictModel):
 
 
 class StationSite(SiteSection):
-    """`[site]` of a station: its location, and the computers on which a person confirmed it.
+    """`[site]` of a station: its location, and the computers on which a person confirmed it."""
 
-    Attributes
-    ----------
-    confirmed_on : confirmation keys, see `calstation.config.site_check.confirmation_key`
-    """
-
+    #: Confirmation keys, see `calstation.config.site_check.confirmation_key`.
     confirmed_on: list[str] = Field(default_factory=list)
 
     @property
@@ -88,19 +74,15 @@ class StationSite(SiteSection):
 
 
 class StationConfig(StrictModel):
-    """A station file: site, table and ports.
-
-    Attributes
-    ----------
-    bench : settings of the virtual bench in place of hardware, see `calstation.bench.config.BenchConfig`
-    handover : by default results go to a folder `handover` beside the folder of the runs
-    """
+    """A station file: site, table and ports."""
 
     name: str
     site: StationSite
     table: TableLinkSection
     imu: DeviceSection = DeviceSection()
+    #: Settings of the virtual bench in place of hardware, see `calstation.bench.config.BenchConfig`.
     bench: dict[str, JsonValue] | None = None
+    #: By default results go to a folder `handover` beside the folder of the runs.
     handover: HandoverSection | None = None
 
     @model_validator(mode="after")
@@ -137,33 +119,23 @@ class LoadAngleSection(StrictModel):
 
 
 class ProductConfig(StrictModel):
-    """A product file: one type of unit, how it is calibrated, and its limits.
-
-    Attributes
-    ----------
-    imu : name of the IMU profile
-    bench_grade : grade of a virtual unit
-    serial_pattern : regular expression for the whole serial number
-    schedule : parameters of each stage's method
-    targets : sigmas at which a repeated stage may stop, SI
-    end_on_failure : skip the remaining stages after a missed limit
-    advice : what to do after the first, second, ... consecutive failure; the last entry applies to all later ones
-    attempts_allowed : consecutive failures after which a unit is not calibrated again
-    """
+    """A product file: one type of unit, how it is calibrated, and its limits."""
 
     name: str
-    imu: str
-    bench_grade: Literal["nav", "tactical", "mems"] = "nav"
-    serial_pattern: str
+    imu: str  #: Name of the IMU profile.
+    bench_grade: Literal["nav", "tactical", "mems"] = "nav"  #: Grade of a virtual unit.
+    serial_pattern: str  #: Regular expression for the whole serial number.
     stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
-    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
-    targets: dict[str, float] = Field(default_factory=dict)
+    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Parameters of each stage's method.
+    targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
-    end_on_failure: bool = False
+    end_on_failure: bool = False  #: Skip the remaining stages after a missed limit.
+    #: What to do after the first, second, ... consecutive failure; the last entry applies to all later ones.
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
+    #: Consecutive failures after which a unit is not calibrated again.
     attempts_allowed: int | None = Field(default=None, ge=1)
 
     @field_validator("serial_pattern")
@@ -250,21 +222,13 @@ def manual_product() -> Path | None:
 
 @dataclass(frozen=True)
 class LinkDefaults:
-    """Link settings of a device profile.
+    """Link settings of a device profile."""
 
-    Attributes
-    ----------
-    profile : name of its file
-    timeout : host time for an answer, s; None for a device that is never queried
-    unit : Modbus unit number
-    by_hand : a table turned by hand, which has no link
-    """
-
-    profile: str
+    profile: str  #: Name of its file.
     serial: SerialSettings
-    timeout: float | None
-    unit: int | None
-    by_hand: bool = False
+    timeout: float | None  #: Host time for an answer, s; None for a device that is never queried.
+    unit: int | None  #: Modbus unit number.
+    by_hand: bool = False  #: A table turned by hand, which has no link.
 
     @property
     def line(self) -> str:

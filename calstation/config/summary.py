@@ -24,37 +24,24 @@ class StageSummary:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """A planned run.
+    """A planned run."""
 
-    Attributes
-    ----------
-    station, product : names
-    bench : settings of the virtual bench; None for hardware
-    table : name
-    outer_axis, inner_axis : in b at home
-    serial_pattern : regular expression for the whole serial number
-    stages : in order
-    transfer : approximate duration of writing and verifying the registers, s; None for a unit without registers
-    targets : largest sigma that the product allows after these stages, SI, by group with an estimate and a limit
-    attempts_allowed : consecutive failures after which a unit is set aside; None for any number
-    load_angle : of the table while units are changed, degrees
-    by_hand : the table is turned by hand
-    positions : direction of gravity in b at every manual position, unit vectors
-    """
-
-    station: str
-    product: str
-    bench: Mapping[str, object] | None
-    table: str
-    outer_axis: tuple[float, float, float]
-    inner_axis: tuple[float, float, float]
-    serial_pattern: str
+    station: str  #: Name.
+    product: str  #: Name.
+    bench: Mapping[str, object] | None  #: Settings of the virtual bench; None for hardware.
+    table: str  #: Name.
+    outer_axis: tuple[float, float, float]  #: Unit vector in b at home.
+    inner_axis: tuple[float, float, float]  #: Unit vector in b at home.
+    serial_pattern: str  #: Regular expression for the whole serial number.
     stages: tuple[StageSummary, ...]
+    #: Approximate duration of writing and verifying the registers, s; None for a unit without registers.
     transfer: float | None
+    #: Largest sigma that the product allows after these stages, SI, by group with an estimate and a limit.
     targets: Mapping[str, float]
-    attempts_allowed: int | None
-    load_angle: tuple[float, float]
+    attempts_allowed: int | None  #: Consecutive failures after which a unit is set aside; None for any number.
+    load_angle: tuple[float, float]  #: Of the table while units are changed, degrees.
     by_hand: bool = False
+    #: Direction of gravity in b at every manual position, unit vectors.
     positions: tuple[tuple[float, float, float], ...] = ()
 
     @property

@@ -16,23 +16,14 @@ from calstation.records import write_atomic
 
 @dataclass(frozen=True)
 class Version:
-    """One version of a file.
+    """One version of a file."""
 
-    Attributes
-    ----------
-    kind, name : as in `library.find`
-    number : from 1
-    saved_utc : ISO 8601
-    author : None for a file that was changed outside the program
-    sha256 : of the file's bytes
-    """
-
-    kind: str
-    name: str
-    number: int
+    kind: str  #: As in `library.find`.
+    name: str  #: As in `library.find`.
+    number: int  #: Counts from 1.
     saved_utc: str
-    author: str | None
-    sha256: str
+    author: str | None  #: None for a file that was changed outside the program.
+    sha256: str  #: Digest of the text.
 
 
 def list_versions(kind: str, name: str) -> tuple[Version, ...]:

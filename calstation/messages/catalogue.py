@@ -16,30 +16,19 @@ _KEYS = {"text", "remedy", "window", "zh", "zh_remedy", "severity", "source", "r
 
 @dataclass(frozen=True)
 class Entry:
-    """One message.
+    """One message."""
 
-    Attributes
-    ----------
-    code : family and name, ``table.no_answer``
-    text : what happened, with the names of its values in braces
-    remedy : what to do; may be empty
-    window : what to do, where the window offers another way than the command line; empty where it does not
-    zh, zh_remedy : text and remedy in Chinese, as the window shows them
-    severity : ``info``, ``warning`` or ``error``
-    source : where the cause is: a code of the family ``source``, such as ``table``, or a value in braces that has one;
-        empty if it needs no name
-    resettable : whether an operator may reset the fault on the device
-    """
-
-    code: str
-    text: str
-    remedy: str = ""
-    window: str = ""
-    zh: str = ""
-    zh_remedy: str = ""
+    code: str  #: Family and name, ``table.no_answer``.
+    text: str  #: What happened, with the names of its values in braces.
+    remedy: str = ""  #: What to do; may be empty.
+    window: str = ""  #: What to do, where the window offers another way than the command line; empty where it does not.
+    zh: str = ""  #: Text in Chinese.
+    zh_remedy: str = ""  #: Remedy in Chinese, as the window shows it.
     severity: Severity = "error"
+    #: Where the cause is: a code of the family ``source``, such as ``table``, or a value in braces that has one; empty
+    #: if it needs no name.
     source: str = ""
-    resettable: bool = False
+    resettable: bool = False  #: Whether an operator may reset the fault on the device.
 
 
 def families() -> tuple[str, ...]:

@@ -14,19 +14,12 @@ _WORST: tuple[State, ...] = ("wrong", "look", "ok")
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of a test.
-
-    Attributes
-    ----------
-    id : what was found
-    values : what stands in the braces of its sentences
-    entry : its key in the catalogue if several entries have this id; empty otherwise
-    """
+    """One line of a test."""
 
     id: str
     state: State
-    values: Mapping[str, Value] = field(default_factory=dict)
-    entry: str = ""
+    values: Mapping[str, Value] = field(default_factory=dict)  #: What stands in the braces of its sentences.
+    entry: str = ""  #: Its key in the catalogue if several entries have this id; empty otherwise.
 
     @property
     def message(self) -> Text:

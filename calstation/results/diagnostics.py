@@ -21,23 +21,14 @@ _SOLVING = 0.9
 
 @dataclass(frozen=True)
 class StageDiagnostics:
-    """Diagnostics of one stage.
-
-    Attributes
-    ----------
-    first_seq : of the stage
-    sample_rate : 1/s
-    consistency, observability, details : as in the result
-    innovations : None if the method reports none
-    rests : residuals at its rests with the final solution
-    """
+    """Diagnostics of one stage."""
 
     stage: str
     first_seq: int
-    sample_rate: float
+    sample_rate: float  #: Samples per second.
     consistency: Consistency
-    innovations: Innovations | None
-    rests: RestResiduals
+    innovations: Innovations | None  #: None if the method has none.
+    rests: RestResiduals  #: Residuals at its rests with the final solution.
     observability: Mapping[str, Any] = field(default_factory=dict)
     details: Mapping[str, Any] = field(default_factory=dict)
 

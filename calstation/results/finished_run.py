@@ -14,19 +14,12 @@ from calstation.results.result import Result, load_result
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A result and what it is compared with.
-
-    Attributes
-    ----------
-    log : None if it is missing
-    previous : the unit's latest earlier value of each parameter, SI
-    solved_now : the log held no result and has been solved
-    """
+    """A result and what it is compared with."""
 
     result: Result
-    log: Path | None
-    previous: Mapping[str, float]
-    solved_now: bool = False
+    log: Path | None  #: None if it is missing.
+    previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
+    solved_now: bool = False  #: The log held no result and has been solved.
 
     @property
     def result_json(self) -> dict[str, Any]:

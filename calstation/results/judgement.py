@@ -39,17 +39,11 @@ from procedures import DEFAULT_STAGES
 
 @dataclass(frozen=True)
 class Judgement:
-    """Checks of the solutions against the product's limits.
-
-    Attributes
-    ----------
-    passed : None without limits
-    not_compared : parameters with a limit that no stage estimated; they do not fail the unit
-    """
+    """Checks of the solutions against the product's limits."""
 
     checks: tuple[Check, ...]
-    passed: bool | None
-    not_compared: tuple[str, ...] = ()
+    passed: bool | None  #: None without limits.
+    not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated; they do not fail the unit.
 
     def with_more(self, checks: list[Check]) -> "Judgement":
         """Add checks; one that is not passed fails the judgement."""
@@ -85,29 +79,18 @@ def is_partial(meta: LogMeta) -> bool:
 
 @dataclass(frozen=True)
 class Ending:
-    """How a run ended, or that a log was solved again.
-
-    Attributes
-    ----------
-    outcome : as in the result JSON
-    log_file : path as text
-    first_seq, last_seq : range solved; None for all of the log
-    registers : as in the result JSON
-    stop_reason : who or what stopped a stopped run
-    advice : what to do next, see `calstation.runs.verdict`
-    finished_stages : of an incomplete run, those that were solved before it died
-    """
+    """How a run ended, or that a log was solved again."""
 
     outcome: str
     log_file: str
     facts: LogFacts
-    first_seq: int | None = None
-    last_seq: int | None = None
-    registers: Mapping[str, Any] | None = None
+    first_seq: int | None = None  #: First sequence number solved; None for that of the log.
+    last_seq: int | None = None  #: Last sequence number solved; None for that of the log.
+    registers: Mapping[str, Any] | None = None  #: As in the result JSON.
     error: CalstationError | None = None
-    stop_reason: str | None = None
-    advice: str | None = None
-    finished_stages: tuple[str, ...] | None = None
+    stop_reason: str | None = None  #: Who or what stopped a stopped run.
+    advice: str | None = None  #: What to do next, see `calstation.runs.verdict`.
+    finished_stages: tuple[str, ...] | None = None  #: Of an incomplete run, those that were solved before it died.
 
 
 def build_result(

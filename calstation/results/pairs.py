@@ -114,21 +114,13 @@ def _seconds(block: SampleBlock, rate: float) -> Iterator[SampleBlock]:
 
 @dataclass(frozen=True)
 class PairProgress:
-    """Progress of a replayed recording.
+    """Progress of a replayed recording."""
 
-    Attributes
-    ----------
-    time, duration : replayed, and of the whole recording, s
-    state : waiting, checking or calibrating
-    motion : share of the motion that a calibration needs, 0 to 1
-    happened : events so far
-    """
-
-    time: float
-    duration: float
-    state: str
-    motion: float
-    happened: tuple[PairEvent, ...]
+    time: float  #: Replayed so far, s.
+    duration: float  #: Of the whole recording, s.
+    state: str  #: ``waiting``, ``checking`` or ``calibrating``.
+    motion: float  #: Share of the motion that a calibration needs, 0 to 1.
+    happened: tuple[PairEvent, ...]  #: Events so far.
 
     def to_note(self) -> str:
         """As the note of a job's progress."""

@@ -37,81 +37,49 @@ _FEEDING = 0.95
 
 @dataclass(frozen=True)
 class Violation:
-    """A planned step that exceeds the table.
-
-    Attributes
-    ----------
-    step, label : number of the stage's move, from 1, and its label
-    kind : rate, acceleration or travel; plan if no motion was found
-    joint : outer or inner, "" for both
-    value, low, high : needed and allowed, rad, rad/s or rad/s²
-    text : the run's error
-    more : further moves of the stage with the same violation
-    """
+    """A planned step that exceeds the table."""
 
     stage: str
-    step: int
-    label: tuple[str | float, ...]
-    kind: str
-    text: Text
-    joint: str = ""
-    value: float = 0.0
-    low: float = 0.0
-    high: float = 0.0
-    more: int = 0
+    step: int  #: Number of the stage's move, from 1.
+    label: tuple[str | float, ...]  #: Label of the move.
+    kind: str  #: ``rate``, ``acceleration`` or ``travel``; ``plan`` if no motion was found.
+    text: Text  #: The run's error.
+    joint: str = ""  #: ``outer`` or ``inner``; empty for both.
+    value: float = 0.0  #: Needed by the move, rad, rad/s or rad/s².
+    low: float = 0.0  #: Lowest allowed value.
+    high: float = 0.0  #: Highest allowed value.
+    more: int = 0  #: Further moves of the stage with the same violation.
 
 
 @dataclass(frozen=True)
 class StagePreview:
-    """Preview of a stage.
-
-    Attributes
-    ----------
-    begin, end : s since the start of the first stage
-    reason : what ends it: plan, rounds, duration or targets; "" if MOST_ROUNDS are not enough
-    rounds : complete rounds
-    moves : of the table
-    estimated : names
-    sigma : of the 30 parameters at its end, SI, shape (30,); None if not computed
-    error : why not
-    observability : as of a solution
-    """
+    """Preview of a stage."""
 
     stage: str
-    begin: float
-    end: float
-    reason: str
-    rounds: int
-    moves: int
-    estimated: tuple[str, ...]
-    sigma: FloatArray | None = None
-    error: Text | None = None
+    begin: float  #: Since the start of the first stage, s.
+    end: float  #: Since the start of the first stage, s.
+    reason: str  #: What ends it: plan, rounds, duration or targets; "" if MOST_ROUNDS are not enough.
+    rounds: int  #: Complete rounds.
+    moves: int  #: Number of moves of the table.
+    estimated: tuple[str, ...]  #: Names of the parameters.
+    sigma: FloatArray | None = None  #: Of the parameters at its end, SI, shape (30,); None if not computed.
+    error: Text | None = None  #: Why `sigma` was not computed.
     observability: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Preview:
-    """Preview of a run.
-
-    Attributes
-    ----------
-    stages : in order
-    time, outer, inner : vertices of the joints' trajectory, s and rad, each shape (n,)
-    violations : of the table's limits; no sigma is computed with any
-    before : sigmas before the first stage, SI, shape (30,)
-    limits : largest allowed sigma of estimated parameters, SI
-    targets : sigma at which a repeated stage may stop, per parameter, SI
-    travel : lowest and highest angle of each joint, rad, outer then inner
-    """
+    """Preview of a run."""
 
     stages: tuple[StagePreview, ...]
-    time: FloatArray
-    outer: FloatArray
-    inner: FloatArray
-    violations: tuple[Violation, ...]
-    before: FloatArray
-    limits: Mapping[str, float]
-    targets: Mapping[str, float]
+    time: FloatArray  #: Of the vertices of the trajectory, s, shape (n,).
+    outer: FloatArray  #: Angle of the joint at each vertex, rad, shape (n,).
+    inner: FloatArray  #: Angle of the joint at each vertex, rad, shape (n,).
+    violations: tuple[Violation, ...]  #: Of the table's limits; with any, no sigma is computed.
+    before: FloatArray  #: Sigmas before the first stage, SI, shape (30,).
+    limits: Mapping[str, float]  #: Largest allowed sigma of estimated parameters, SI.
+    targets: Mapping[str, float]  #: Sigma at which a repeated stage may stop, per parameter, SI.
+    #: Lowest and highest angle of each joint, rad, outer then inner.
     travel: tuple[tuple[float, float], tuple[float, float]]
 
     @property

@@ -80,23 +80,14 @@ class Verification(_Section):
 
 
 class Registers(_Section):
-    """The unit's registers before and after the run, by parameter, SI.
-
-    Attributes
-    ----------
-    new : None where nothing was written
-    verified : the unit's output was compared and agrees
-    kept : registers that were left as they were
-    proof : the comparisons
-    proved_on : what was compared: ``turn``, ``rest`` or ``read_back``
-    """
+    """The unit's registers before and after the run, by parameter, SI."""
 
     old: dict[str, Number] = Field(default_factory=dict)
-    new: dict[str, Number] | None = None
-    verified: bool = False
-    kept: dict[str, KeptRegister] = Field(default_factory=dict)
-    proof: list[Verification] = Field(default_factory=list)
-    proved_on: str | None = None
+    new: dict[str, Number] | None = None  #: None if nothing was written.
+    verified: bool = False  #: The unit's output was compared and agrees.
+    kept: dict[str, KeptRegister] = Field(default_factory=dict)  #: Registers that were left as they were.
+    proof: list[Verification] = Field(default_factory=list)  #: The comparisons.
+    proved_on: str | None = None  #: What was compared: ``turn``, ``rest`` or ``read_back``.
     written_utc: str | None = None
 
 
@@ -138,61 +129,46 @@ class Software(_Section):
 
 
 class Result(_Section):
-    """A result, see the contract. Sections that the JSON leaves out have their defaults.
-
-    Attributes
-    ----------
-    stages : those that were solved
-    partial : the run left out stages of the product
-    passed : None without limits
-    unobservable : parameters that the data did not determine
-    not_compared : parameters with a limit that no stage estimated
-    observability, details : of each stage, as its method reports them
-    advice : what to do next: reseat, repeat, set_aside or resume
-    configuration : the files used, by kind
-    error : the fault that ended the run, in English
-    error_code, error_values : its entry in the message catalogue, and what stands in the braces of the entry
-    finished_stages : of an incomplete run, those that were solved before it died
-    missing_data : why a stage could not be solved, by stage
-    closed_utc, closed_by : when and by whom it was decided not to resume an incomplete run
-    """
+    """A result, see the contract. Sections that the JSON leaves out have their defaults."""
 
     schema_name: Literal["calstation.result/1"] = Field(alias="schema")
     unit: Unit
-    stages: list[str]
-    partial: bool = Field(default=False, alias="part")
-    passed: bool | None = None
+    stages: list[str]  #: Solved stages.
+    partial: bool = Field(default=False, alias="part")  #: The run left out stages of the product.
+    passed: bool | None = None  #: None without limits.
     parameters: dict[str, Parameter]
-    unobservable: list[str] = Field(default_factory=list)
+    unobservable: list[str] = Field(default_factory=list)  #: Parameters that the data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
-    not_compared: list[str] = Field(default_factory=list)
+    not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage estimated.
     consistency: dict[str, StageConsistency] = Field(default_factory=dict)
+    #: By stage, as its method reports them; so are the details.
     observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     details: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     outcome: str
-    advice: str | None = None
+    advice: str | None = None  #: What to do next: reseat, repeat, set_aside or resume.
     attempt: int = 1
     operator: str | None = None
     station: str | None = None
     product: str | None = None
     configuration_sha256: str = ""
-    configuration: dict[str, FileSection] = Field(default_factory=dict)
+    configuration: dict[str, FileSection] = Field(default_factory=dict)  #: The files used, by kind.
     temperature_c: Temperature | None = None
     registers: Registers | None = None
     log: LogSection
     software: Software | None = None
     started_utc: str | None = None
     duration_s: Number = 0.0
-    error: str | None = None
-    error_code: str | None = None
-    error_values: dict[str, JsonValue] | None = None
+    error: str | None = None  #: The fault that ended the run, in English.
+    error_code: str | None = None  #: Catalogue code of the fault.
+    error_values: dict[str, JsonValue] | None = None  #: Values of the fault's message.
     stop_reason: str | None = None
-    finished_stages: list[str] | None = None
+    finished_stages: list[str] | None = None  #: Of an incomplete run, those that were solved before it died.
     latitude_untold: LatitudeUnknown | None = None
     resumed_from: str | None = None
+    #: Why a stage could not be solved, by stage.
     missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
-    closed_utc: str | None = None
-    closed_by: str | None = None
+    closed_utc: str | None = None  #: When it was decided not to resume an incomplete run.
+    closed_by: str | None = None  #: Who decided it.
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Result":

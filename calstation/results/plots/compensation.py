@@ -26,38 +26,23 @@ _SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class Applied:
-    """Samples compensated with the previous and with the new parameters.
+    """Samples compensated with the previous and with the new parameters."""
 
-    Attributes
-    ----------
-    path : of the recording; None for samples of the connected unit
-    serial : of the unit
-    time : s since the start, shape (k,)
-    length_before, length_after : mean magnitude of the force minus gravity, m/s², shape (k,)
-    rate_before, rate_after : magnitude of the mean rate, rad/s, shape (k,)
-    rests : start and end of each, s, shape (r, 2)
-    rest_length, rest_rate : means of each rest before and after, m/s² and rad/s, shape (r, 2)
-    length_rms, rate_rms : over all rests, before and after, m/s² and rad/s; the rate includes earth rate
-    earth : earth rate, rad/s
-    corrected : the unit's registers have corrected the samples; before and after are equal
-    named : the unit reported its serial number itself
-    """
-
-    path: Path | None
+    path: Path | None  #: Recording; None for samples of the connected unit.
     serial: str
-    time: FloatArray
-    length_before: FloatArray
-    length_after: FloatArray
-    rate_before: FloatArray
-    rate_after: FloatArray
-    rests: FloatArray
-    rest_length: FloatArray
-    rest_rate: FloatArray
-    length_rms: tuple[float, float]
-    rate_rms: tuple[float, float]
-    earth: float = RATE
-    corrected: bool = False
-    named: bool = True
+    time: FloatArray  #: Since the start, s, shape (k,).
+    length_before: FloatArray  #: Mean magnitude of the force minus gravity, m/s², shape (k,).
+    length_after: FloatArray  #: Mean magnitude of the force minus gravity, m/s², shape (k,).
+    rate_before: FloatArray  #: Magnitude of the mean rate, rad/s, shape (k,).
+    rate_after: FloatArray  #: Magnitude of the mean rate, rad/s, shape (k,).
+    rests: FloatArray  #: Start and end of each, s, shape (r, 2).
+    rest_length: FloatArray  #: Mean of each rest before and after, m/s², shape (r, 2).
+    rest_rate: FloatArray  #: Mean of each rest before and after, rad/s, shape (r, 2).
+    length_rms: tuple[float, float]  #: Over all rests, before and after, m/s².
+    rate_rms: tuple[float, float]  #: Over all rests, before and after, including earth rate, rad/s.
+    earth: float = RATE  #: Earth rate, rad/s.
+    corrected: bool = False  #: The unit's registers have corrected the samples; before and after are equal.
+    named: bool = True  #: The unit reported its serial number itself.
 
 
 def apply_to_recording(tell: Callable[..., None], path: Path, before: FloatArray, found: FloatArray) -> Applied:

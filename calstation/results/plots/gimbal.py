@@ -12,41 +12,27 @@ from calstation.physics import FloatArray
 
 @dataclass(frozen=True)
 class GimbalAxis:
-    """Turns of one axis.
-
-    Attributes
-    ----------
-    drift : larger drift of the other two joints in each turn, rad, shape (turns,)
-    predicted : drift predicted from the first one and the gain, rad, shape (turns,)
-    gain, largest, best : used, largest convergent, and fastest convergent gain, rad/rad
-    contraction, best_contraction : remaining share of the error per turn at `gain` and `best`
-    done : the last drift is below the threshold
-    """
+    """Turns of one axis."""
 
     axis: str
     angle: float
-    drift: FloatArray
-    predicted: FloatArray
-    gain: float
-    largest: float
-    best: float
-    contraction: float
-    best_contraction: float
-    done: bool
+    drift: FloatArray  #: Larger drift of the other two joints in each turn, rad, shape (turns,).
+    predicted: FloatArray  #: Drift predicted from the first one and the gain, rad, shape (turns,).
+    gain: float  #: Used, rad/rad.
+    largest: float  #: Largest convergent gain, rad/rad.
+    best: float  #: Fastest convergent gain, rad/rad.
+    contraction: float  #: Remaining share of the error per turn at `gain`.
+    best_contraction: float  #: Remaining share of the error per turn at `best`.
+    done: bool  #: The last drift is below the threshold.
 
 
 @dataclass(frozen=True)
 class GimbalPlotData:
-    """All axes in the order of their turns.
-
-    Attributes
-    ----------
-    threshold : of the drift, rad
-    least_squares : value and sigma of each misalignment from all samples at once, rad
-    """
+    """All axes in the order of their turns."""
 
     axes: tuple[GimbalAxis, ...]
-    threshold: float
+    threshold: float  #: Of the drift, rad.
+    #: Value and sigma of each misalignment from all samples at once, rad.
     least_squares: Mapping[str, tuple[float, float]]
 
 

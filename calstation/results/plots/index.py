@@ -48,33 +48,20 @@ class Marks:
 
 @dataclass(frozen=True)
 class LogIndex:
-    """Contents of a log as the log page needs them.
-
-    Attributes
-    ----------
-    path, meta, outcome, facts : of the log
-    stored : result JSON of its run, or None
-    folder : of the min-max pyramid
-    spans : its stages in order
-    steps : first sequence number of each move, twice
-    gaps : the samples before and after
-    spoilt : first and last invalid sample
-    spoilt_samples : number of invalid samples
-    scale : units of `CHANNELS` per count, shape (6,)
-    """
+    """Contents of a log as the log page needs them."""
 
     path: Path
     meta: LogMeta
     outcome: str | None
-    stored: dict[str, Any] | None
+    stored: dict[str, Any] | None  #: Result JSON of its run.
     facts: LogFacts
-    folder: Path
-    spans: tuple[StageSpan, ...]
-    steps: Marks
-    gaps: Marks
-    spoilt: Marks
-    spoilt_samples: int
-    scale: FloatArray
+    folder: Path  #: Folder of the min-max pyramid.
+    spans: tuple[StageSpan, ...]  #: Stages in order.
+    steps: Marks  #: First sequence number of each move, twice.
+    gaps: Marks  #: Samples before and after each gap.
+    spoilt: Marks  #: First and last sample of each invalid range.
+    spoilt_samples: int  #: Number of invalid samples.
+    scale: FloatArray  #: Unit of `CHANNELS` per count, shape (6,).
 
     @property
     def rate(self) -> float:

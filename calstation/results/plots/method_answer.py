@@ -34,39 +34,26 @@ _READ, _SOLVED = 0.3, 0.8
 
 @dataclass(frozen=True)
 class Recording:
-    """A recording before it is solved.
-
-    Attributes
-    ----------
-    duration : s
-    truth : true parameters, SI, of a recording of the virtual bench
-    """
+    """A recording before it is solved."""
 
     path: Path
     serial: str
     rate: float
-    duration: float
-    truth: Mapping[str, float]
+    duration: float  #: Seconds.
+    truth: Mapping[str, float]  #: True parameters, SI, of a recording of the virtual bench.
 
 
 @dataclass(frozen=True)
 class MethodAnswer:
-    """Solution of a recording.
-
-    Attributes
-    ----------
-    resolved : result and messages
-    before : previous value and sigma of each parameter, SI; no sigma for a stored value
-    schedule : of the method, as in a product file
-    picture : plot data of the method
-    """
+    """Solution of a recording."""
 
     recording: Recording
     stage: str
     resolved: Resolved
+    #: Previous value and sigma of each parameter, SI; no sigma for a stored value.
     before: Mapping[str, tuple[float, float | None]]
-    schedule: Mapping[str, Any]
-    picture: PositionPlotData | GimbalPlotData | PairPlotData
+    schedule: Mapping[str, Any]  #: Of the method, as in a product file.
+    picture: PositionPlotData | GimbalPlotData | PairPlotData  #: Plot data of the method.
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:

@@ -26,19 +26,12 @@ _BIN = 2 * 4 * len(CHANNELS)
 
 @dataclass(frozen=True)
 class Columns:
-    """Lowest and highest values of consecutive columns of samples.
+    """Lowest and highest values of consecutive columns of samples."""
 
-    Attributes
-    ----------
-    seq : first sequence number of each column, shape (k,)
-    low, high : in the units of `CHANNELS`, NaN if unknown, shape (k, 8)
-    samples : in a column; the last may have fewer
-    """
-
-    seq: IntArray
-    low: Values
-    high: Values
-    samples: int
+    seq: IntArray  #: First sequence number of each column, shape (k,).
+    low: Values  #: In the units of `CHANNELS`, NaN if unknown, shape (k, 8).
+    high: Values  #: In the units of `CHANNELS`, NaN if unknown, shape (k, 8).
+    samples: int  #: Number of samples in a column; the last may have fewer.
 
     def __len__(self) -> int:
         return len(self.seq)

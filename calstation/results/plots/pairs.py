@@ -32,54 +32,37 @@ _COLUMNS = 800
 
 @dataclass(frozen=True)
 class PairResiduals:
-    """Residuals of a secondary's sensor against the primary: rms over time bins.
+    """Residuals of a secondary's sensor against the primary: rms over time bins."""
 
-    Attributes
-    ----------
-    time : centres of the bins since the recording's start, s, shape (k,)
-    before, after : rad/s or m/s², shape (k,)
-    rms : over the whole recording, before and after
-    """
-
-    time: FloatArray
-    before: FloatArray
-    after: FloatArray
-    rms: tuple[float, float]
+    time: FloatArray  #: Centres of the bins since the recording's start, s, shape (k,).
+    before: FloatArray  #: With the stored calibration, rad/s or m/s², shape (k,).
+    after: FloatArray  #: With the new calibration, rad/s or m/s², shape (k,).
+    rms: tuple[float, float]  #: Over the whole recording, before and after.
 
 
 @dataclass(frozen=True)
 class StoredPairFile:
-    """The stored calibration of a pair.
-
-    Attributes
-    ----------
-    utc : empty without one
-    values : number of stored values
-    static : residuals of gyro (rad/s) and accel (m/s²) at rest right after the calibration, None if unknown
-    """
+    """The stored calibration of a pair."""
 
     number: int
     serial: str
     file: Path
-    utc: str
-    values: int
+    utc: str  #: Time of the calibration; empty without one.
+    values: int  #: Number of stored values.
+    #: Residuals of gyro (rad/s) and accel (m/s²) at rest right after the calibration, None if unknown.
     static: Mapping[str, float | None]
 
 
 @dataclass(frozen=True)
 class SecondaryPlotData:
-    """One secondary: its number, residuals of both sensors, and check at rest.
-
-    Attributes
-    ----------
-    check : as `estimation.pairs.watch.check_values` gives it; None if the body never rested
-    static : residuals of gyro (rad/s) and accel (m/s²) at rest with the new values, None if unknown
-    """
+    """One secondary: its number, residuals of both sensors, and check at rest."""
 
     number: int
     serial: str
     left: Mapping[str, PairResiduals]
+    #: As `estimation.pairs.watch.check_values` gives it; None if the body never rested.
     check: Mapping[str, Any] | None
+    #: Residuals of gyro (rad/s) and accel (m/s²) at rest with the new values, None if unknown.
     static: Mapping[str, float | None]
 
 
@@ -98,19 +81,13 @@ class PairEvent:
 
 @dataclass(frozen=True)
 class PairPlotData:
-    """All secondaries of a recording, and their stored calibrations.
-
-    Attributes
-    ----------
-    happened : events of a calibration by triggers
-    duration : of the recording, s
-    """
+    """All secondaries of a recording, and their stored calibrations."""
 
     primary: str
     secondaries: tuple[SecondaryPlotData, ...]
     kept: tuple[StoredPairFile, ...]
-    happened: tuple[PairEvent, ...]
-    duration: float
+    happened: tuple[PairEvent, ...]  #: Events of a calibration by triggers.
+    duration: float  #: Of the recording, s.
 
 
 def pair_plot_data(data: StageData, context: SolveContext, prior: Belief, details: Mapping[str, Any]) -> PairPlotData:

@@ -12,29 +12,19 @@ from calstation.records import ProductSection
 
 @dataclass(frozen=True)
 class PositionPlotData:
-    """Rests and motions of a recording, with the parameters before and after the calibration.
-
-    Attributes
-    ----------
-    up : direction of gravity's reaction in b at each rest, unit vectors, shape (n, 3)
-    rest_time, rest_length : start since the recording's start, and duration, s, shape (n,)
-    force_before, force_after : magnitude of the force at each rest minus gravity, m/s², shape (n,)
-    motion_time : s, shape (m,)
-    angle_before, angle_after : between gravity after each motion and its propagation by the gyros, rad, shape (m,)
-    force_limit, angle_limit : of the product's checks, m/s² and rad
-    """
+    """Rests and motions of a recording, with the parameters before and after the calibration."""
 
     gravity: float
-    up: FloatArray
-    rest_time: FloatArray
-    rest_length: FloatArray
-    force_before: FloatArray
-    force_after: FloatArray
-    motion_time: FloatArray
-    angle_before: FloatArray
-    angle_after: FloatArray
-    force_limit: float | None
-    angle_limit: float | None
+    up: FloatArray  #: Direction of gravity's reaction in b at each rest, unit vectors, shape (n, 3).
+    rest_time: FloatArray  #: Start of each rest since the recording's start, s, shape (n,).
+    rest_length: FloatArray  #: Duration of each rest, s, shape (n,).
+    force_before: FloatArray  #: Magnitude of the force at each rest minus gravity, m/s², shape (n,).
+    force_after: FloatArray  #: Magnitude of the force at each rest minus gravity, m/s², shape (n,).
+    motion_time: FloatArray  #: Since the recording's start, s, shape (m,).
+    angle_before: FloatArray  #: Between gravity after each motion and its propagation by the gyros, rad, shape (m,).
+    angle_after: FloatArray  #: Between gravity after each motion and its propagation by the gyros, rad, shape (m,).
+    force_limit: float | None  #: Of the product's checks, m/s².
+    angle_limit: float | None  #: Of the product's checks, rad.
 
 
 def position_plot_data(
