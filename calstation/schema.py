@@ -4,7 +4,7 @@ import difflib
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -13,9 +13,10 @@ from pydantic_core import ErrorDetails
 
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.messages import Text, os_reason, render, sentence
-from calstation.messages import known as known_code
+from calstation.messages import entry as catalogue_entry
 
-Place = tuple[int | str, ...]
+#: Keys and element numbers that lead to a value, as in pydantic's ``loc``.
+KeyPath = tuple[str | int, ...]
 
 
 class StrictModel(BaseModel):
@@ -36,12 +37,12 @@ class EntryError(ValueError):
 
     def __init__(self, code: str, *place: str | int, **values: Any) -> None:
         super().__init__(code)
-        self.code = code if known_code(code) else ""
+        self.code = catalogue_entry(code).code
         self.place = place
         self.values = values
 
     def __str__(self) -> str:
-        return render(self.code, self.values).line if self.code else str(self.args[0])
+        return render(self.code, self.values).line
 
 
 @contextmanager
@@ -50,9 +51,9 @@ def entry(*place: str | int) -> Iterator[None]:
     try:
         yield
     except EntryError as exc:
-        raise EntryError(exc.code or str(exc), *place, *exc.place, **exc.values) from None
+        raise EntryError(exc.code, *place, *exc.place, **exc.values) from None
     except ValueError as exc:
-        raise EntryError(str(exc), *place) from None
+        raise EntryError("entry.other", *place, words=str(exc)) from None
 
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -102,7 +103,7 @@ def validate(
     CalstationError
         Of class `error`, with the first wrong entry and its remedy.
     """
-    found = complaints(model, data)
+    found = problems_of(model, data)
     if len(found) > 1:
         raise error("entry.in_file_and_more", file=source, what=found[0].as_text, more=len(found) - 1)
     if found:
@@ -116,20 +117,30 @@ def load(model: type[Model], path: Path, error: type[CalstationError] = Configur
 
 
 @dataclass(frozen=True)
-class Complaint:
-    """One thing that a model finds wrong."""
+class Problem:
+    """One error in the data or text of a file."""
 
-    place: Place  #: Keys and element numbers that lead to the entry; () if the whole is meant.
-    kind: str  #: Pydantic's, e.g. ``missing`` or ``greater_than``; ``value_error`` for the rules of an EntryError.
-    code: str  #: Code in the message catalogue: of family ``entry`` for pydantic's kinds, else that of the EntryError.
-    values: Mapping[str, Any] = field(default_factory=dict)  #: Values of the catalogue entry.
+    place: KeyPath  #: The entry; () for the whole file.
+    #: Pydantic's, e.g. ``missing`` or ``greater_than``; ``toml`` for invalid TOML, ``value_error`` for other rules.
+    kind: str
+    what: Text  #: The message without the name of the entry.
+    line: int = 0  #: Counts from 1.
+
+    @classmethod
+    def of(cls, error: EntryError, *prefix: str | int) -> "Problem":
+        """The problem of a broken rule; `prefix` leads to where the rule was checked."""
+        return cls((*prefix, *error.place), "value_error", Text(error.code, error.values))
+
+    @property
+    def values(self) -> Mapping[str, Any]:
+        """Values of the message, and the name of the entry as `field`."""
+        return {"field": field_name(self.place), **self.what.values}
 
     @property
     def as_text(self) -> Text:
         """The message, preceded by the name of the entry if there is one."""
-        what = Text(self.code, self.values)
         name = field_name(self.place)
-        return Text.of("entry.at", field=name, what=what) if name else what
+        return Text.of("entry.at", field=name, what=self.what) if name else self.what
 
     @property
     def text(self) -> str:
@@ -137,18 +148,18 @@ class Complaint:
         return sentence(self.as_text)
 
 
-def complaints(model: type[BaseModel], data: Any) -> list[Complaint]:
+def problems_of(model: type[BaseModel], data: Any) -> list[Problem]:
     """All that `model` finds wrong with `data`; a misspelt name comes before the missing one it stands for."""
     try:
         model.model_validate(data)
     except ValidationError as exc:
         details = exc.errors(include_url=False, include_context=True)
         details.sort(key=lambda d: d["type"] != "extra_forbidden")
-        return [_complaint(d, data, model) for d in details]
+        return [_problem(d, data, model) for d in details]
     return []
 
 
-def field_name(place: Place) -> str:
+def field_name(place: KeyPath) -> str:
     """Name of an entry as a reader of the file knows it, e.g. ``frame.fields[2].type``."""
     text = ""
     for part in place:
@@ -164,14 +175,14 @@ def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) ->
     return otherwise or Text("entry.remove_it")
 
 
-def _complaint(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Complaint:
+def _problem(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Problem:
     error = detail.get("ctx", {}).get("error")
     if isinstance(error, EntryError):
-        kind = "missing" if error.code == "entry.missing" else detail["type"]
-        code, values = (error.code, error.values) if error.code else ("entry.other", {"words": str(error)})
-        return Complaint((*detail["loc"], *error.place), kind, code, values)
+        problem = Problem.of(error, *detail["loc"])
+        return replace(problem, kind="missing") if error.code == "entry.missing" else problem
     code, values = _pydantic_message(detail, data, model)
-    return Complaint(detail["loc"], detail["type"], code, {"value": detail["input"], **detail.get("ctx", {}), **values})
+    values = {"value": detail["input"], **detail.get("ctx", {}), **values}
+    return Problem(detail["loc"], detail["type"], Text(code, values))
 
 
 def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> tuple[str, dict[str, Any]]:
@@ -200,7 +211,7 @@ def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -
     return "entry.other", {"words": f"{value!r}: {detail['msg']}"}
 
 
-def _siblings(data: Any, location: Place, model: type[BaseModel]) -> list[str]:
+def _siblings(data: Any, location: KeyPath, model: type[BaseModel]) -> list[str]:
     """Field names that the table at `location` could have but lacks, as far as plain nesting shows."""
     present = data
     for part in location[:-1]:

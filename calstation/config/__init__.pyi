@@ -2,8 +2,6 @@ from . import access as access
 from . import editing as editing
 from . import library as library
 from . import versions as versions
-from .editing import KeyPath as KeyPath
-from .editing import Problem as Problem
 from .editing import check as check
 from .editing import detect_kind as detect_kind
 from .editing import line_of as line_of

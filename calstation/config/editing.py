@@ -17,12 +17,9 @@ from calstation.config.product_rules import register_conflicts, unknown_targets
 from calstation.config.station import ProductConfig, StationConfig, schedule_values
 from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
-from calstation.messages import Text, os_reason, sentence
-from calstation.schema import EntryError, complaints, field_name, read_toml
+from calstation.messages import Text, os_reason
+from calstation.schema import EntryError, KeyPath, Problem, problems_of, read_toml
 from procedures import method
-
-#: Keys and element numbers that lead to a value, as in pydantic's ``loc``.
-KeyPath = tuple[str | int, ...]
 
 #: Model of each kind of file.
 MODELS: dict[str, type[BaseModel]] = {
@@ -45,39 +42,6 @@ _MARKER = "\ue000"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _TOML_POSITION = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)")
-
-
-@dataclass(frozen=True)
-class Problem:
-    """One error in a text."""
-
-    place: KeyPath  #: The entry; () for the whole text.
-    #: Pydantic's, e.g. ``missing`` or ``greater_than``; ``toml`` for invalid TOML, ``value_error`` for other rules.
-    kind: str
-    what: Text  #: The message without the name of the entry.
-    line: int = 0  #: Counts from 1.
-
-    @classmethod
-    def of(cls, error: EntryError, *prefix: str | int) -> "Problem":
-        """The problem of a broken rule; `prefix` leads to where the rule was checked."""
-        what = Text(error.code, error.values) if error.code else Text.of("entry.other", words=str(error))
-        return cls((*prefix, *error.place), "value_error", what)
-
-    @property
-    def values(self) -> Mapping[str, Any]:
-        """Values of the message, and the name of the entry as `field`."""
-        return {"field": field_name(self.place), **self.what.values}
-
-    @property
-    def as_text(self) -> Text:
-        """The message, preceded by the name of the entry."""
-        name = field_name(self.place)
-        return Text.of("entry.at", field=name, what=self.what) if name else self.what
-
-    @property
-    def text(self) -> str:
-        """The message in English, in one line."""
-        return sentence(self.as_text)
 
 
 @dataclass(frozen=True)
@@ -123,7 +87,7 @@ def check(kind: str, text: str) -> list[Problem]:
 def check_data(kind: str, data: Mapping[str, Any]) -> list[Problem]:
     """All errors in the data of a file, without lines."""
     model = MODELS[kind]
-    problems = _complaints((), model, data)
+    problems = problems_of(model, data)
     if problems:
         return problems
     checked = model.model_validate(data)
@@ -138,7 +102,7 @@ def _check_station(station: StationConfig) -> list[Problem]:
     if station.bench is not None:
         from calstation.bench import BenchConfig
 
-        problems += _complaints(("bench",), BenchConfig, station.bench)
+        problems += _problems_at(("bench",), BenchConfig, station.bench)
     return problems
 
 
@@ -155,11 +119,10 @@ def _check_product(product: ProductConfig) -> list[Problem]:
         try:
             chosen = method(stage)
         except ConfigurationError as exc:
-            what = exc.as_text if exc.code else Text.of("entry.other", words=str(exc))
-            problems.append(Problem(place, "value_error", what))
+            problems.append(Problem(place, "value_error", exc.as_text))
             continue
         values = schedule_values(product, stage, {})
-        problems += _complaints(place, chosen.schedule, values)
+        problems += _problems_at(place, chosen.schedule, values)
         targets = values.get("targets")
         if stage in product.schedule and isinstance(targets, dict) and targets != product.targets:
             problems += map(Problem.of, unknown_targets(targets, "schedule", stage, "targets"))
@@ -174,9 +137,9 @@ def _register_conflicts(product: ProductConfig) -> Iterator[EntryError]:
     yield from register_conflicts(product, profile)
 
 
-def _complaints(place: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
+def _problems_at(place: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
     """What a model finds wrong with the data at `place`."""
-    return [Problem((*place, *c.place), c.kind, Text(c.code, c.values)) for c in complaints(model, data)]
+    return [replace(problem, place=(*place, *problem.place)) for problem in problems_of(model, data)]
 
 
 def _unknown_profile(kind: str, name: str, *place: str) -> Iterator[Problem]:

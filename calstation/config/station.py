@@ -13,9 +13,8 @@ from calstation.config import library
 from calstation.devices.links import SOCKETS, host_and_port
 from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.messages import Text
 from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
-from calstation.schema import EntryError, StrictModel, field_name, load
+from calstation.schema import EntryError, Problem, StrictModel, load
 from procedures import DEFAULT_STAGES, method
 
 #: What to do with a unit outside its limits: mount it again, repeat as it is, or set it aside.
@@ -161,19 +160,13 @@ class ProductConfig(StrictModel):
         return limits
 
 
-def entry_text(error: EntryError) -> Text:
-    """The message of a broken rule, preceded by the name of its entry."""
-    what = Text(error.code, error.values) if error.code else Text.of("entry.other", words=str(error))
-    return Text.of("entry.at", field=field_name(error.place), what=what) if error.place else what
-
-
 @contextmanager
 def in_file(path: Path) -> Iterator[None]:
     """Turn a broken rule of the entries into a ConfigurationError that names the file and the entry."""
     try:
         yield
     except EntryError as exc:
-        raise ConfigurationError("entry.in_file", file=path, what=entry_text(exc)) from exc
+        raise ConfigurationError("entry.in_file", file=path, what=Problem.of(exc).as_text) from exc
 
 
 def load_station(path: Path | None) -> tuple[Path, StationConfig]:

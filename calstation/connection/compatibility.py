@@ -9,7 +9,6 @@ from dataclasses import replace
 
 from calstation.config import (
     ManualRigError,
-    Problem,
     ResolvedConfiguration,
     StationConfig,
     check_manual_rig,
@@ -27,7 +26,7 @@ from calstation.connection.devices import port_conflict
 from calstation.devices.profiles import load_table_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Finding, Value
-from calstation.schema import validate
+from calstation.schema import Problem, validate
 from procedures import method
 
 #: The station that new ones are copied from.

@@ -313,7 +313,7 @@ def _do(connection: "Connection[Any, Any]", call: bytes) -> None:
         result = work(_progress_of(connection), *args, **kwargs)
         answer = bytes(ForkingPickler.dumps(("done", result)))
     except CalstationError as error:
-        answer = bytes(ForkingPickler.dumps(("failed", CalstationError(error.args[0], **error.values))))
+        answer = bytes(ForkingPickler.dumps(("failed", CalstationError(error.code, **error.values))))
     except Exception as error:  # reported to the owner in its process
         logger.exception("a job ended by a mistake of the program")
         answer = bytes(ForkingPickler.dumps(("failed", _internal(error))))

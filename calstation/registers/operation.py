@@ -319,7 +319,7 @@ def _offering_at_rest() -> Iterator[None]:
     try:
         yield
     except CalstationError as error:
-        if error.code and catalogue_entry(error.code).source == "imu":
+        if catalogue_entry(error.code).source == "imu":
             raise
         kind = DeviceFaultError if isinstance(error, DeviceFaultError) else ConfigurationError
         code = "transfer.at_rest_possible_after_reset" if error.resettable else "transfer.at_rest_possible"

@@ -111,8 +111,8 @@ def build_result(
     files = (run.files if run else None) or {}
     more = {
         "error": None if ending.error is None else str(ending.error),
-        "error_code": None if ending.error is None else ending.error.code or None,
-        "error_values": values_to_json(ending.error.values) if ending.error and ending.error.code else None,
+        "error_code": None if ending.error is None else ending.error.code,
+        "error_values": values_to_json(ending.error.values) if ending.error else None,
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
         "latitude_untold": latitude_untold(meta, solutions),

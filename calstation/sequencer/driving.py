@@ -92,7 +92,7 @@ class Driving:
             self.go(State.STOPPED)
             return None
         except CalstationError as error:
-            logger.error("fault %s: %s", error.code or type(error).__name__, error)
+            logger.error("fault %s: %s", error.code, error)
             self._stop_safely()
             self.go(State.FAULT)
             self._context.emit(Fault.of(error))

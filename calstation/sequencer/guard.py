@@ -133,7 +133,7 @@ def _attempt(action: Callable[[], None], failures: list[Text]) -> None:
 
 def reason_of(error: Exception) -> Text:
     """An error as a message that can stand inside another one."""
-    if isinstance(error, CalstationError) and error.code:
+    if isinstance(error, CalstationError):
         return error.as_text
     if isinstance(error, OSError):
         return os_reason(error)

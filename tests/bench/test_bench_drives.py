@@ -47,13 +47,13 @@ class Unit:
 
     def read(self, address, count):
         if self.gone:
-            raise DeviceFaultError("gone")
+            raise DeviceFaultError("link.lost", device="table", port="memory", reason="no power")
         self.drive.refresh()
         return self.drive.words[address : address + count]
 
     def write(self, address, values, repeat=True):
         if self.gone:
-            raise DeviceFaultError("gone")
+            raise DeviceFaultError("link.lost", device="table", port="memory", reason="no power")
         self.said.append((address, list(values), repeat))
         self.drive.write(address, values)
 
@@ -130,7 +130,7 @@ def test_a_stop_reaches_the_axis_whose_drive_still_answers(pair):
     table.move(*np.deg2rad([300.0, 300.0, 20.0, 40.0]))
     pair.pass_time(2.0)
     pair.units[0].gone = True
-    with pytest.raises(DeviceFaultError, match="gone"):
+    with raises_code(DeviceFaultError, "link.lost"):
         table.stop()
     assert (40, [0, 0], True) in pair.units[1].said
     pair.units[0].gone = False

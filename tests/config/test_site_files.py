@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from calstation.config import library
 from calstation.config.editing import (
     MODELS,
-    Problem,
     check,
     edit_toml,
     line_of,
@@ -22,7 +21,7 @@ from calstation.config.editing import (
 )
 from calstation.config.site_check import normal_gravity_at, site_advice
 from calstation.errors import ConfigurationError
-from calstation.schema import load
+from calstation.schema import Problem, load
 
 THERE, HEADER = "the changed line", "its table's header"
 SHIPPED = [(kind, path) for kind in MODELS for path in (library.shipped_folder() / kind).glob("*.toml")]
@@ -213,17 +212,17 @@ def test_every_value_of_a_text_has_a_line_that_holds_it(data: dict[str, object])
     text = tomli_w.dumps(data, multiline_strings=False)
     lines = text.splitlines()
 
-    def walk(value: object, site_folder: tuple[str | int, ...]) -> None:
+    def walk(value: object, place: tuple[str | int, ...]) -> None:
         if isinstance(value, dict):
             for key, inner in value.items():
-                walk(inner, (*site_folder, key))
+                walk(inner, (*place, key))
         elif isinstance(value, list):
             for i, inner in enumerate(value):
-                walk(inner, (*site_folder, i))
+                walk(inner, (*place, i))
         else:
-            line = lines[line_of(text, site_folder) - 1]
+            line = lines[line_of(text, place) - 1]
             assert repr(value).lower() in line.lower() or isinstance(value, str)
-            assert isinstance(site_folder[-1], int) or site_folder[-1] in line
+            assert isinstance(place[-1], int) or place[-1] in line
 
     walk(data, ())
 

@@ -8,7 +8,7 @@ import numpy as np
 from calstation.config import library
 from calstation.devices.profiles.frame import CHANNELS, FrameSection, span
 from calstation.devices.profiles.imu import ImuProfile
-from calstation.schema import complaints
+from calstation.schema import problems_of
 
 
 def frame(*types: dict[str, Any], **changes: Any) -> FrameSection:
@@ -57,7 +57,7 @@ def test_only_a_channel_has_a_reach() -> None:
     text = path.read_text(encoding="utf-8").replace(
         '{ name = "temperature", type = "f32" }', '{ name = "temperature", type = "f32", reach = 80.0 }'
     )
-    (found,) = complaints(ImuProfile, tomllib.loads(text))
-    assert found.code == "profile.only_of_channels"
+    (found,) = problems_of(ImuProfile, tomllib.loads(text))
+    assert found.what.code == "profile.only_of_channels"
     assert found.place[0] == "frame"
     assert found.place[-1] == "reach"

@@ -11,7 +11,7 @@ from fastcrc import crc16
 from calstation.devices.imu.frames import FrameDecoder, Frames
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.profiles.frame import FrameSection
-from calstation.schema import complaints, field_name
+from calstation.schema import field_name, problems_of
 
 CHANNELS = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 
@@ -262,8 +262,8 @@ def edited(base: dict[str, Any], where: str, value: Any) -> dict[str, Any]:
     ],
 )
 def test_a_wrong_frame_is_told_by_its_entry(base: dict[str, Any], where: str, value: Any, told: str) -> None:
-    first = complaints(FrameSection, edited(base, where, value))[0]
-    assert f"{field_name(first.place)} {first.code}" == told
+    first = problems_of(FrameSection, edited(base, where, value))[0]
+    assert f"{field_name(first.place)} {first.what.code}" == told
 
 
 def test_every_frame_format_above_is_a_right_one() -> None:

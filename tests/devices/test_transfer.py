@@ -38,7 +38,7 @@ class Noted:
 
     def note(self, step: Step) -> None:
         if step == self.full_at:
-            raise ConfigurationError("disk full")
+            raise ConfigurationError("configuration.unwritable", file="journal", reason="disk full")
         self.steps.append(step)
 
     def close(self, closing: Closing) -> None:
@@ -89,7 +89,7 @@ class RegisterUnit:
 
     def _alive(self, call: str) -> None:
         if self.cut:
-            raise DeviceFaultError("IMU: port was lost")
+            raise DeviceFaultError("link.lost", device="imu", port="memory", reason="no power")
         self.calls.append(call)
 
 
@@ -165,7 +165,7 @@ def test_a_link_lost_over_the_commit_leaves_it_to_the_next_start() -> None:
     def commit_and_lose() -> None:
         commit()
         unit.cut = True
-        raise DeviceFaultError("IMU: port was lost")
+        raise DeviceFaultError("link.lost", device="imu", port="memory", reason="no power")
 
     unit.commit = commit_and_lose  # type: ignore[method-assign]
     with raises_code(DeviceFaultError, "imu.holds_unknown"):

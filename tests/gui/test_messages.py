@@ -5,11 +5,10 @@ from collections.abc import Iterator
 import pytest
 from PySide6.QtWidgets import QApplication
 
-from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.errors import DeviceFaultError
 from calstation.gui.text import language
 from calstation.gui.text.messages import (
     duration_text,
-    error_text,
     event_sentence,
     fault_text,
     step_sentence,
@@ -27,17 +26,17 @@ def english(qapp: QApplication) -> Iterator[None]:
 def test_an_error_is_source_reason_and_remedy_in_both_languages() -> None:
     fault = Fault.of(DeviceFaultError("program.internal", detail="KeyError: 3"))
     text = fault_text(fault)
-    assert (text.source, text.site_folder) == ("program", "Program")
+    assert (text.source, text.place) == ("program", "Program")
     assert text.reason == "Internal error: KeyError: 3."
     assert text.remedy.startswith("Start the run again.")
     language.use("zh_CN")
     text = fault_text(fault)
-    assert (text.source, text.site_folder) == ("program", "程序")
+    assert (text.source, text.place) == ("program", "程序")
     assert text.reason == "程序内部错误：KeyError: 3。"
 
 
-def test_an_error_without_a_code_is_shown_as_it_is() -> None:
-    assert error_text(ConfigurationError("free text of another program")).reason == "free text of another program"
+def test_a_fault_without_a_code_is_shown_as_it_is() -> None:
+    assert fault_text(Fault("internal", "free text", 3)).reason == "free text"
 
 
 def test_steps_events_and_terms_follow_the_language() -> None:

@@ -17,7 +17,7 @@ def add(tell: ProgressCallback, a: int, b: int = 0) -> int:
 
 def complain(tell: ProgressCallback) -> None:
     """An error that a person can understand."""
-    raise InputError("log.h5: no such file; give the path of an existing log")
+    raise InputError("entry.not_found", file="log.h5")
 
 
 def blunder(tell: ProgressCallback) -> None:

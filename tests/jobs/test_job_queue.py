@@ -48,7 +48,7 @@ def test_an_error_is_one_clear_sentence(job_queue: JobQueue) -> None:
     jobs = [job_queue.submit(work) for work in (works.complain, works.blunder, works.unpicklable)]
     clear, mistake, lost = (ended(job) for job in jobs)
     assert [job.state for job in jobs] == ["failed"] * 3
-    assert str(clear.error) == "log.h5: no such file; give the path of an existing log"
+    assert str(clear.error) == "log.h5: No such file. Give the path of an existing TOML file."
     for job in (mistake, lost):
         assert job.error is not None
         assert job.error.code == "program.internal"

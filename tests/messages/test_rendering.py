@@ -8,6 +8,7 @@ import pytest
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.messages import catalogue
 from calstation.messages.rendering import Text, os_reason, render, term, values_from_json, values_to_json
+from calstation.schema import EntryError
 
 
 def test_every_family_can_be_read() -> None:
@@ -54,6 +55,13 @@ def test_terms_are_translated_and_unknown_ones_are_readable() -> None:
 def test_a_missing_value_is_a_mistake_of_the_program() -> None:
     with pytest.raises(KeyError):
         render("program.internal", {})
+
+
+@pytest.mark.parametrize("kind", [CalstationError, EntryError])
+@pytest.mark.parametrize("code", ["", "the table does not answer", "table.never_written"])
+def test_an_error_needs_a_code_of_the_catalogue(kind: type[CalstationError] | type[EntryError], code: str) -> None:
+    with pytest.raises(KeyError):
+        kind(code)
 
 
 def test_a_resettable_fault_says_so_itself() -> None:

@@ -103,7 +103,7 @@ class FakeTable:
 
     def _answer(self) -> None:
         if self.dead:
-            raise DeviceFaultError("table: no answer")
+            raise DeviceFaultError("link.lost", device="table", port="FAKE", reason="no answer")
 
     def identify(self) -> TableIdentity:
         self._answer()
@@ -205,14 +205,14 @@ class FakeImu:
     def wake(self, check_cancelled: Any, *, corrected: bool = False) -> ImuIdentity:
         check_cancelled()
         if self.deaf:
-            raise DeviceFaultError("IMU: no answer")
+            raise DeviceFaultError("link.lost", device="imu", port="FAKE", reason="no answer")
         self.start(corrected=corrected)
         return self.identify()
 
     def read(self) -> SampleBatch:
         end = int(self.clock.time * RATE + 1e-6)
         if self.off and self.babble:
-            raise NoFramesError("IMU: no frame is recognised; check baud")
+            raise NoFramesError("imu.no_frames", port="FAKE")
         if self.silent or self.off:
             self.sent = end
         seq = np.arange(self.sent, end) + 1

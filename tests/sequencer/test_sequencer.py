@@ -189,7 +189,7 @@ def test_saturation_repeats_the_step() -> None:
         ("fault", "drive", "table.latched_drive"),
         ("interlock", False, "motion.interlock_opened"),
         ("enabled", False, "motion.switched_off"),
-        ("dead", True, ""),
+        ("dead", True, "link.lost"),
     ],
 )
 def test_a_table_that_fails_is_a_fault_and_a_safe_stop(attribute: str, value: object, expected: str) -> None:

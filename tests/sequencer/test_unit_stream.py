@@ -206,4 +206,4 @@ def test_a_table_fault_meanwhile_does_not_wait_for_it_either() -> None:
     after(scene, StageStarted, 1.0, scene.imu.restart)
     ended = scene.run()
     assert ended.state is State.FAULT
-    assert "table: no answer" in str(ended.error)
+    assert "Port FAKE was lost (no answer)" in str(ended.error)

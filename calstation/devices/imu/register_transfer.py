@@ -16,7 +16,6 @@ from typing import Protocol
 from calstation.devices import Imu
 from calstation.devices.imu.registers import RegisterMap
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.messages import Text
 
 
 class Step(StrEnum):
@@ -203,7 +202,7 @@ def _put(imu: Imu, registers: RegisterMap, entry: Entry, wanted: Mapping[str, fl
 
 def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: CalstationError) -> CalstationError:
     """The error with what the unit holds now. The entry is closed if these are the old values, else it stays open."""
-    kind, values = type(error), {**error.values, "serial": entry.serial, "cause": _cause(error)}
+    kind, values = type(error), {**error.values, "serial": entry.serial, "cause": error.as_text}
     try:
         holds = recognise(imu, entry, registers)
     except CalstationError:
@@ -213,10 +212,6 @@ def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: Calstation
             entry.close(Closing.KEPT)
         return kind("imu.holds_old", **values)
     return kind("imu.holds_new" if holds is Holds.NEW else "imu.holds_neither", **values)
-
-
-def _cause(error: CalstationError) -> Text:
-    return error.as_text if error.code else Text.of("os.other", words=str(error))
 
 
 def _compare(

@@ -8,8 +8,9 @@ from typing import Any
 from pydantic import BaseModel
 from PySide6.QtCore import QObject, QSettings, Signal
 
-from calstation.config import KeyPath, Problem, computer_user, editing, library, versions
+from calstation.config import computer_user, editing, library, versions
 from calstation.errors import ConfigurationError
+from calstation.schema import KeyPath, Problem
 
 
 class Draft(QObject):

@@ -6,13 +6,12 @@ from typing import Any
 
 from PySide6.QtWidgets import QFrame, QGridLayout, QSizePolicy, QWidget
 
-from calstation.config import KeyPath, Problem
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.inputs import Editor
 from calstation.gui.text import bind, on_language_change, say, show
 from calstation.gui.widgets import Item, Words, column, enable, label, row, theme
 from calstation.messages import known
-from calstation.schema import field_name
+from calstation.schema import KeyPath, Problem, field_name
 
 #: Widths of a field's label and of its input, px.
 LABEL, EDITOR = 22 * theme.GRID, 30 * theme.GRID

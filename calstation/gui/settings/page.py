@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.config import DEFAULT_STATION, KeyPath, editing, library
+from calstation.config import DEFAULT_STATION, editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import problem_text_with_name, set_tab_order
@@ -29,6 +29,7 @@ from calstation.gui.settings.table_section import TableSection
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, error_text, on_language_change
 from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, theme
+from calstation.schema import KeyPath
 
 _NAV = 26 * theme.GRID
 _LINK = ("port", "timeout_s", "serial")

@@ -8,7 +8,6 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.config import (
-    KeyPath,
     StationConfig,
     confirmation_key,
     normal_gravity_at,
@@ -20,6 +19,7 @@ from calstation.gui.settings.fields import Field, Form, Row, panel, set_tab_orde
 from calstation.gui.settings.inputs import ChoiceBox, NumberEdit
 from calstation.gui.text import on_language_change
 from calstation.gui.widgets import Words, button, column, enable, label, row, theme
+from calstation.schema import KeyPath
 
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
 _CONFIRMED: KeyPath = ("site", "confirmed_on")

@@ -86,7 +86,7 @@ def fault_text(fault: Fault) -> ErrorText:
 
 def error_text(error: CalstationError) -> ErrorText:
     """The text of an error."""
-    return _coded(error.code, error.values) if error.code else free_text(str(error))
+    return _coded(error.code, error.values)
 
 
 def free_text(text: str) -> ErrorText:
