@@ -479,9 +479,12 @@ def test_an_operator_resets_what_the_table_has_latched(
         verdict = VerdictPanel(operator.app)
         operator._bot.addWidget(verdict)
         verdict.show()
-        verdict.show_end("fault", None, Fault.of(DeviceFaultError("program.internal", detail="x")), ())
+        run = operator.app.run
+        run.state, run.fault = "fault", Fault.of(DeviceFaultError("program.internal", detail="x"))
+        verdict.show_end(run)
         assert not verdict.reset.isVisible()
-        verdict.show_end("fault", None, Fault.of(LATCHED), ())
+        run.fault = Fault.of(LATCHED)
+        verdict.show_end(run)
         assert verdict.action_label.text() == "Close the cover, then press “Reset the fault”."
         for closed, words in (
             (0, "the interlock is open"),

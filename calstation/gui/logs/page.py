@@ -31,7 +31,7 @@ from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.logs.stage_choice import StageChoice
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import error_text, term
+from calstation.gui.text import error_text, on_language_change, term
 from calstation.gui.widgets import Choice, EmptyState, JobRow, JobWatch, NoticeBar, theme
 from calstation.results import History, Resolved, offline_solve
 from calstation.results.plots import Columns, LogIndex, log_index, samples
@@ -85,7 +85,7 @@ class OfflinePage(Page):
         box.addWidget(self.source)
         box.addWidget(self._body, 1)
         self._connect()
-        self.retranslate()
+        on_language_change(self, self.retranslate)
         self._allow()
 
     def title(self) -> str:

@@ -1,34 +1,41 @@
 """The operator page: load, scan, START, watch, verdict."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import (
-    QFrame,
-    QLabel,
-    QProgressBar,
-    QStackedWidget,
-    QWidget,
-)
+from PySide6.QtWidgets import QFrame, QLabel, QProgressBar, QStackedWidget
 
-from calstation.config import DEFAULT_PRODUCT, ManualRigError, RunRequest, library, run_summary
+from calstation.config import (
+    DEFAULT_PRODUCT,
+    ManualRigError,
+    RunRequest,
+    RunSummary,
+    compatible_products,
+    library,
+    run_summary,
+)
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
-from calstation.gui.operator.resuming import Resuming
+from calstation.gui.operator.questions import ask, rendered
 from calstation.gui.operator.stage_list import StageList
-from calstation.gui.operator.starting import CompatibilityNotice, Starting
+from calstation.gui.operator.starting import Resuming, Starting
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import KINDS, error_text, event_sentence, fault_text, say, step_sentence, term
-from calstation.gui.widgets import Choice, NoticeBar, StateBadge, Words, column, row, theme
+from calstation.gui.text import KINDS, event_sentence, fault_text, on_language_change, say, step_sentence, term
+from calstation.gui.widgets import Choice, NoticeBar, StateBadge, column, row, theme
+from calstation.messages import Text
 from calstation.sequencer import Command
 
 #: Steps of the progress bar.
 _STEPS = 1000
+
+#: Most compatible products that get a button; all are named.
+_MOST_PRODUCTS = 2
 
 
 class OperatorPage(Page):
@@ -42,37 +49,27 @@ class OperatorPage(Page):
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
-        self._problem: Words | None = None
+        self._problem: Text | None = None
         self._opened = False
         self._shown: tuple[object, ...] = ()
         self.header: RunHeader = RunHeader()
         self._stages = StageList(app.run)
-        self._loading, self._verdict = Loading(), VerdictPanel(app)
-        self._live = LiveView(app.run)
+        self._loading, self._live, self._verdict = Loading(), LiveView(app.run), VerdictPanel(app)
         self.closing, self.notice = NoticeBar(), NoticeBar()
         self._starting = Starting(app, self.header, self.notice)
         self._resuming = Resuming(app, self.header, self.notice, self._starting)
-        self._views = _stack(self._loading, self._live, self._verdict)
-        self._progress = QProgressBar()
-        self._progress.setObjectName("run_progress")
-        self._progress.setRange(0, _STEPS)
-        self._progress.setTextVisible(False)
-        self._progress.setFixedHeight(theme.GRID)
-        self._message = QLabel()
-        self._message.setObjectName("message_label")
-        self._message.setFont(theme.font(theme.SECTION))
-        self._badge = StateBadge(theme.SECTION)
-        self._build()
+        self._views, self._progress = QStackedWidget(), QProgressBar()
+        for view in (self._loading, self._live, self._verdict):
+            self._views.addWidget(view)
+        self._message, self._badge = QLabel(), StateBadge(theme.SECTION)
+        self._lay_out()
         self._connect()
         self._read_products()
+        on_language_change(self, self._refresh)
 
     def title(self) -> str:
         """The text of the tab."""
         return self.tr("Operator")
-
-    def retranslate(self) -> None:
-        """Show all texts in the current language."""
-        self._refresh()
 
     def showEvent(self, event: QShowEvent) -> None:
         """Be ready for a scan; when first shown, offer interrupted runs."""
@@ -89,29 +86,28 @@ class OperatorPage(Page):
         if self.isVisible() and not run.going and run.fault is None and not self.notice.asking:
             self.header.focus_serial()
 
-    def _build(self) -> None:
+    def _lay_out(self) -> None:
+        self._progress.setObjectName("run_progress")
+        self._progress.setRange(0, _STEPS)
+        self._progress.setTextVisible(False)
+        self._progress.setFixedHeight(theme.GRID)
+        self._message.setObjectName("message_label")
+        self._message.setFont(theme.font(theme.SECTION))
         self._stages.setFixedWidth(38 * theme.GRID)
-        right = column(self.closing, self.notice, (self._views, 1))
         foot = QFrame()
         foot.setProperty("kind", "panel")
-        foot_margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        row((self._message, 1), self._badge, on=foot, margins=foot_margins)
-        column(
-            (row(self._stages, (right, 1)), 1),
-            self._progress,
-            foot,
-            on=self,
-            margins=(2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID),
-        )
+        margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        row((self._message, 1), self._badge, on=foot, margins=margins)
+        right = column(self.closing, self.notice, (self._views, 1))
+        page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
+        column((row(self._stages, (right, 1)), 1), self._progress, foot, on=self, margins=page_margins)
 
     def _connect(self) -> None:
-        fields, app = self.header, self.app
-        fields.pause_pressed.connect(self._pause)
+        header, app = self.header, self.app
+        header.pause_pressed.connect(self._pause)
+        header.product_chosen.connect(self._choose_product)
+        header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
         self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.ENOUGH))
-        fields.product_chosen.connect(self._choose_product)
-        fields.enter_refused.connect(
-            lambda: self._message.setText(self.tr("Enter does not start: press Space or click START."))
-        )
         self._verdict.acknowledged.connect(self._acknowledge)
         self._verdict.details_wanted.connect(app.open_run)
         self._verdict.station_wanted.connect(self.station_wanted)
@@ -168,58 +164,50 @@ class OperatorPage(Page):
     def _plan(self) -> None:
         """Read station and product again; show what is wrong with them and disable START."""
         app = self.app
-        choices: list[Choice] = []
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
-        try:
-            planned = run_summary(
-                RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
-            )
-            self._problem = None
-        except ManualRigError as error:
-            planned = None
-            notice = CompatibilityNotice(app, error)
-            self._problem, choices = notice.words, notice.choices()
-        except CalstationError as error:
-            planned = None
-            problem = error
-            self._problem = lambda: error_text(problem).sentences
+        planned, choices = self._summarise()
         self._starting.run_summary = planned
         self._stages.plan(planned)
         self._loading.plan(planned)
         if self._problem is not None:
-            self.notice.ask(
-                "caution",
-                lambda: self.tr("This station and product cannot run"),
-                self._problem,
-                [
-                    *choices,
-                    Choice("station_choice", lambda: self.tr("Open the station page"), self.station_wanted.emit),
-                ],
-            )
+            ask(self.notice, "caution", self._problem, {"station": self.station_wanted.emit}, others=choices)
         else:
             self.notice.dismiss()
             self._starting.suggest()
             if app.stages is not None:
-                self._show_choice(app.stages)
+                question = Text.of("question.selected_stages", stages=app.stages)
+                ask(self.notice, "caution", question, {"whole": lambda: app.choose(None, None)})
         self._refresh()
 
-    def _show_choice(self, stages: tuple[str, ...]) -> None:
-        """Show an engineer's choice of stages, which can be undone here."""
-        self.notice.ask(
-            "caution",
-            lambda: self.tr("Not the whole calibration of this product"),
-            lambda: self.tr("As chosen on the Engineer page: {stages}.").format(
-                stages=", ".join(term("stage", stage) for stage in stages)
-            ),
-            [
+    def _summarise(self) -> tuple[RunSummary | None, list[Choice]]:
+        """The next run, or None with buttons that choose a product the station can calibrate; sets the problem."""
+        app = self.app
+        self._problem = None
+        try:
+            request = RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
+            return run_summary(request), []
+        except ManualRigError as error:
+            manual = error.code != "product.needs_manual_table"
+            found = compatible_products(app.station_path, app.product_path)
+            names = ", ".join(name for name, _ in found)
+            why = Text.of("window.manual_station" if manual else "window.driven_station")
+            products = Text.of(
+                "window.compatible_products" if found else "window.no_compatible_product",
+                names=names,
+            )
+            self._problem = Text.of("question.wrong_table", why=why, products=products)
+            return None, [
                 Choice(
-                    "whole_choice",
-                    lambda: self.tr("Whole calibration"),
-                    lambda: self.app.choose(None, None),
+                    f"product_choice_{name}",
+                    partial(say, "window.choose_product", name=name),
+                    partial(app.set_product, path),
                 )
-            ],
-        )
+                for name, path in found[:_MOST_PRODUCTS]
+            ]
+        except CalstationError as error:
+            self._problem = Text.of("question.cannot_run", why=error.as_text)
+            return None, []
 
     # ---- during the run
 
@@ -239,7 +227,7 @@ class OperatorPage(Page):
     def _stop_pressed(self) -> None:
         if not self.app.run.going and not self._problem:
             self.notice.dismiss()
-            self._message.setText(self.tr("Nothing is running."))
+            self._message.setText(say("operator.nothing_running"))
 
     def _running_changed(self, running: bool) -> None:
         if running:
@@ -267,55 +255,34 @@ class OperatorPage(Page):
         if run.state == "stopped":
             self._resuming.offer(self.header.serial)
 
-    # ---- closing the window
-
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
-        """Ask before the window closes during a run.
-
-        Parameters
-        ----------
-        stop_and_close : stops the run safely, then closes the window
-        close_now : closes the window at once
-        """
+        """Ask before the window closes during a run: stop safely first, and only then offer to close at once."""
 
         def stop() -> None:
             stop_and_close()
             if self.app.engine_link.running:
-                self.closing.ask(
-                    "stopped",
-                    lambda: self.tr("Stopping safely, then closing"),
-                    lambda: self.tr("The table comes to rest first."),
-                    [Choice("close_now_choice", lambda: self.tr("Close now"), close_now)],
-                )
+                ask(self.closing, "stopped", Text.of("question.closing"), {"close_now": close_now})
 
-        self.closing.ask(
-            "caution",
-            lambda: (
-                self.tr("Registers are being written")
-                if self.app.run.register_operation
-                else self.tr("A calibration is in progress")
-            ),
-            lambda: (
-                self.tr("Closing stops the table safely; a write in progress is completed first.")
-                if self.app.run.register_operation
-                else self.tr("Closing stops the table safely; the run can be resumed later.")
-            ),
-            [
-                Choice("close_choice", lambda: self.tr("Stop and close"), stop),
-                Choice("stay_choice", lambda: self.tr("Continue"), lambda: None, primary=True),
-            ],
-        )
+        writing = self.app.run.register_operation
+        question = Text.of("question.close_during_writing" if writing else "question.close_during_run")
+        ask(self.closing, "caution", question, {"close": stop, "stay": lambda: None}, primary="stay")
 
     # ---- status of the run
 
     def _refresh(self) -> None:
-        run, fields = self.app.run, self.header
+        run, header = self.app.run, self.header
         busy = self.app.engine_link.running
-        fields.set_running(
-            say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
+        why_busy = say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
+        header.set_running(why_busy)
+        if self._problem is not None:
+            header.set_start(rendered(self._problem).remedy)
+        else:
+            header.set_start(say("operator.fault_open") if run.fault is not None else why_busy)
+        pausable = run.shown in ("running", "paused")
+        header.set_pause(
+            run.state in ("pausing", "paused"),
+            "" if pausable else say(f"no_pause.{run.shown if run.going else 'idle'}"),
         )
-        fields.set_start(self._why_no_start())
-        fields.set_pause(run.state in ("pausing", "paused"), self._why_no_pause())
         self._badge.show_state(KINDS.get(run.shown, "none"), term("badge", run.shown))
         self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
         self._live.refresh()
@@ -331,52 +298,21 @@ class OperatorPage(Page):
         """Show loading, live view or verdict."""
         run = self.app.run
         if run.state == "idle":
-            self._views.setCurrentIndex(0)
+            self._views.setCurrentWidget(self._loading)
         elif run.verdict is None and run.fault is None and self.app.engine_link.running:
-            self._views.setCurrentIndex(1)
+            self._views.setCurrentWidget(self._live)
         else:
-            self._verdict.show_end(run.state, run.verdict, run.fault, run.remarks)
-            self._views.setCurrentIndex(2)
-
-    def _why_no_start(self) -> str:
-        run = self.app.run
-        if self._problem is not None:
-            return self._problem()
-        if run.fault is not None:
-            return self.tr("Read the fault and press Understood first.")
-        if self.app.engine_link.running:
-            return self._why_busy()
-        return ""
-
-    def _why_busy(self) -> str:
-        return say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
-
-    def _why_no_pause(self) -> str:
-        return {
-            "running": self.tr("Registers are being written.") if self.app.run.register_operation else "",
-            "paused": "",
-            "pausing": self.tr("The table is coming to rest."),
-            "starting": self.tr("The run can be paused once its first stage has started."),
-            "preparing": self.tr("The run can be paused once its first stage has started."),
-            "stopping": self.tr("The run is stopping."),
-        }.get(self.app.run.state, self.tr("Nothing is running."))
+            self._verdict.show_end(run)
+            self._views.setCurrentWidget(self._verdict)
 
     def _message_text(self) -> str:
         run = self.app.run
         if run.fault is not None:
             return fault_text(run.fault).reason
-        if run.state == "idle":
-            return self.tr("Load a unit, scan its serial number, press START.")
-        if run.state == "starting":
-            return self.tr("Starting the engine and connecting.")
-        if run.state == "stopping" and run.run_summary is not None and run.run_summary.by_hand:
-            return self.tr("Stopping.")
-        if run.state == "stopping":
-            return self.tr("Stopping safely: the table comes to rest, then its axes are switched off.")
-        if run.state == "paused" and run.run_summary is not None and run.run_summary.by_hand:
-            return self.tr("Paused. Resume repeats the current position.")
-        if run.state == "paused":
-            return self.tr("Paused; the table is at rest. Resume repeats the current step.")
+        if run.state in ("idle", "starting"):
+            return say(f"operator.{run.state}")
+        if run.state in ("stopping", "paused"):
+            return say(f"operator.{run.state}{'_manual' if run.by_hand else ''}")
         if not run.going:
             return self._verdict.next_action()
         if run.latest is None:
@@ -388,10 +324,3 @@ class OperatorPage(Page):
 def _products() -> list[tuple[str, Path]]:
     """Names and files of all products."""
     return [(name, library.find("products", name)) for name in library.names("products")]
-
-
-def _stack(*pages: QWidget) -> QStackedWidget:
-    stack = QStackedWidget()
-    for page in pages:
-        stack.addWidget(page)
-    return stack

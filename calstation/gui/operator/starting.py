@@ -1,20 +1,24 @@
-"""Starts a run: checks the serial number, asks what must be asked in the notice bar, then starts the engine."""
+"""Starts and resumes runs: checks the serial number, asks what must be asked in the notice bar, starts the engine."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
+from pathlib import Path
 
 from PySide6.QtCore import QObject
 
-from calstation.config import ManualRigError, RunRequest, RunSummary, compatible_products
+from calstation.config import RunRequest, RunSummary, library, load_product
+from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
+from calstation.gui.operator.questions import ask
 from calstation.gui.shell import AppContext
-from calstation.gui.text import say
-from calstation.gui.widgets import Choice, NoticeBar
+from calstation.gui.widgets import JobWatch, NoticeBar
+from calstation.messages import Text
 from calstation.results import History
+from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup
 
-Go = Callable[[], None]
+#: Serial numbers that are tried for the virtual bench.
+_SERIALS_TRIED = 1000
 
 
 class Starting(QObject):
@@ -38,26 +42,35 @@ class Starting(QObject):
 
     def suggest(self) -> None:
         """On the virtual bench, fill in a number that has not passed yet, if the field is empty."""
-        if self.run_summary is not None and self.run_summary.virtual and not self._header.serial:
-            history = self.history()
+        if self.run_summary is None or not self.run_summary.virtual or self._header.serial:
+            return
+        history = self.history()
 
-            def passed(serial: str) -> bool:
-                return history is not None and history.passed_before(serial) is not None
+        def passed(serial: str) -> bool:
+            return history is not None and history.passed_before(serial) is not None
 
-            self._header.set_serial(suggested_serial(self.run_summary, passed))
+        self._header.set_serial(suggested_serial(self.run_summary, passed))
 
     def check(self) -> bool:
         """Check the serial number; a valid one moves the focus to START, which only a separate press activates."""
         header = self._header
         if self.run_summary is None:
             return False
-        if not header.fits(self.run_summary.serial_pattern):
-            self._refuse(header.serial, self.run_summary.serial_pattern)
+        pattern = self.run_summary.serial_pattern
+        if not re.fullmatch(pattern, header.serial):
+            header.note_serial(self.tr("not valid"), wrong=True)
+            question = (
+                Text.of("question.invalid_serial", serial=header.serial, pattern=pattern)
+                if header.serial
+                else Text.of("question.missing_serial", pattern=pattern)
+            )
+            ask(self._notice, "caution", question, {})
+            header.focus_serial()
             return False
         history = self.history()
         before = history.attempts(header.serial) if history is not None else 0
         header.note_serial(self.tr("attempt {count}").format(count=before + 1) if before else "")
-        if self._app.run.state in ("passed", "failed", "stopped", "incomplete"):
+        if self._app.run.ended:
             self._app.run.acknowledge()
         header.start_button.setFocus()
         return True
@@ -67,159 +80,158 @@ class Starting(QObject):
         if self._app.engine_link.running or not self.check() or self.run_summary is None:
             return
         if self._app.job_queue.at_device:
-            self._notice.ask(
-                "caution",
-                lambda: self.tr("Another page is talking to a device"),
-                lambda: self.tr("It takes a few seconds; then press START again."),
-            )
+            ask(self._notice, "caution", Text.of("question.device_busy"), {})
             return
-        serial = self._header.serial
+        app, serial, history = self._app, self._header.serial, self.history()
         request = RunRequest(
             serial,
-            self._app.station_path,
-            self._app.product_path,
-            self._app.stages,
-            self._app.runs_folder,
+            app.station_path,
+            app.product_path,
+            app.stages,
+            app.runs_folder,
             self._header.operator,
-            schedule=self._app.schedule,
+            schedule=app.schedule,
         )
-        history = self.history()
-        if history is not None:
-            failures = history.failures(serial)
-            allowed = self.run_summary.attempts_allowed
-            if allowed is not None and failures >= allowed:
-                self._ask_beyond(serial, failures, request)
-                return
-            passed = history.passed_before(serial)
-            if passed is not None:
-                when = passed.started_utc.replace("T", " ")[:16]
-                self._ask_repeat(serial, when, lambda: self.run(request))
-                return
-        self.run(request)
+        allowed = self.run_summary.attempts_allowed
+        if history is not None and allowed is not None and (failures := history.failures(serial)) >= allowed:
+            self._ask_attempt(failures, request)
+        elif history is not None and (passed := history.passed_before(serial)) is not None:
+            question = Text.of("question.passed_before", serial=serial, when=_minute_text(passed.started_utc))
+            self._ask(question, {"repeat": lambda: self.run(request)})
+        else:
+            self.run(request)
 
     def run(self, request: RunRequest) -> None:
         """Start a run; before a real table moves, ask."""
         if self.run_summary is not None and self.run_summary.virtual:
             self._app.engine_link.start(request)
         else:
-            self._ask_motion(lambda: self._app.engine_link.start(request))
+            station = self.run_summary.station if self.run_summary is not None else ""
+            question = Text.of("question.table_moves", station=station)
+            self._ask(question, {"clear": lambda: self._app.engine_link.start(request)})
 
     def ask_transfer(self, request: RunRequest) -> None:
         """Ask which registers the unit shall have after an interrupted transfer, then run."""
-        self._notice.ask(
-            "caution",
-            lambda: self.tr("Writing the registers of {serial} was interrupted").format(serial=request.serial),
-            lambda: (
-                self.tr(
-                    "Which registers shall the unit have before it is calibrated? New ones are verified first with a "
-                    "turn of the table."
-                )
-                if self.run_summary is not None and not self.run_summary.by_hand
-                else self.tr("Which registers shall the unit have before it is calibrated?")
-            ),
-            [
-                Choice(
-                    "restore_choice",
-                    lambda: self.tr("The old ones, then calibrate"),
-                    lambda: self.run(replace(request, unfinished="restore")),
-                ),
-                Choice(
-                    "finish_choice",
-                    lambda: self.tr("The new ones, then calibrate"),
-                    lambda: self.run(replace(request, unfinished="finish")),
-                ),
-                self._cancel(),
-            ],
+        manual = self.run_summary is None or self.run_summary.by_hand
+        question = Text.of(
+            "question.transfer_interrupted_manual" if manual else "question.transfer_interrupted", serial=request.serial
         )
+        answers = {
+            "restore": lambda: self.run(replace(request, unfinished="restore")),
+            "finish": lambda: self.run(replace(request, unfinished="finish")),
+        }
+        self._ask(question, answers)
 
     def _edited(self) -> None:
         self._header.note_serial("")
         if self.run_summary is not None and not self._app.run.going:
             self._notice.dismiss()
 
-    def _refuse(self, serial: str, pattern: str) -> None:
-        self._header.note_serial(self.tr("not valid"), wrong=True)
-        self._notice.ask(
-            "caution",
-            lambda: (
-                self.tr("The serial number '{serial}' does not fit this product").format(serial=serial)
-                if serial
-                else self.tr("The serial number is missing")
-            ),
-            lambda: self.tr(
-                "Scan it again, or choose the product that belongs to the unit. Its pattern is {pattern}"
-            ).format(pattern=pattern),
+    def _ask_attempt(self, failures: int, request: RunRequest) -> None:
+        """After too many failed attempts only an engineer can allow one more."""
+        if self._app.role.engineer:
+            question = Text.of("question.allow_attempt", serial=request.serial, count=failures)
+            self._ask(question, {"beyond": lambda: self.run(replace(request, beyond_attempts=True))}, "bad")
+        else:
+            question = Text.of("question.set_aside", serial=request.serial, count=failures)
+            self._ask(question, {"unlock": self._app.role.ask}, "bad")
+
+    def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
+        """Ask a question that can also be cancelled."""
+        ask(self._notice, kind, question, {**answers, "cancel": self._header.focus_serial}, primary="cancel")
+
+
+class Resuming(QObject):
+    """Finds interrupted runs in the background and offers them one after another."""
+
+    def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar, starting: Starting) -> None:
+        super().__init__(header)
+        self._app, self._header, self._notice, self._starting = app, header, notice, starting
+        self._wanted: Path | None = None
+        self._serial: str | None = None
+        self._search, self._closing, self._recovery = JobWatch(self), JobWatch(self), JobWatch(self)
+        self._search.done.connect(self._found)
+        self._closing.failed.connect(lambda error: self._refuse(Text.of("question.cannot_resume", why=error.as_text)))
+        app.resume_run.connect(lambda log: self.offer(log=log))
+
+    def start(self) -> None:
+        """When the window opens: close runs that died, hand over waiting results, then offer what can be resumed."""
+        if self._app.runs_folder.is_dir():
+            recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
+            self._recovery.watch(recovery)
+        self.offer()
+
+    def offer(self, serial: str | None = None, log: Path | None = None) -> None:
+        """Offer runs that can be resumed; only those of a unit if `serial` is given, only that of `log` if that is."""
+        self._serial, self._wanted = serial, log
+        if self._app.runs_folder.is_dir():
+            self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
+
+    def _found(self, found: list[Resumable]) -> None:
+        if self._app.engine_link.running or self._starting.run_summary is None:
+            return
+        if self._wanted is None:
+            self._ask([run for run in found if self._serial in (None, run.serial)])
+            return
+        chosen = [run for run in found if run.log.name == self._wanted.name]
+        if chosen:
+            self._notice.dismiss()
+            self._ask(chosen)  # chosen on another page: hands may be on the fixture
+        else:
+            self._refuse(Text.of("question.nothing_to_resume"))
+
+    def _ask(self, runs: list[Resumable]) -> None:
+        if not runs or self._notice.asking:
+            return
+        run, others = runs[0], runs[1:]
+        finished = len(run.finished)
+        stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
+        question = Text.of(
+            "question.resume",
+            serial=run.serial,
+            number=finished + 1,
+            stage=stage,
+            when=_minute_text(run.started_utc),
         )
-        self._header.focus_serial()
+        answers = {
+            "resume": lambda: self._resume(run),
+            "close_incomplete_job": lambda: self._close(run, others),
+            "later": lambda: self._ask(others),
+        }
+        ask(self._notice, "paused", question, answers, primary="resume")
 
-    def _ask_repeat(self, serial: str, when: str, go: Go) -> None:
-        self._notice.ask(
-            "caution",
-            lambda: self.tr("{serial} has already passed").format(serial=serial),
-            lambda: self.tr("On {when} UTC. Calibrate it once more?").format(when=when),
-            [
-                Choice("repeat_choice", lambda: self.tr("Calibrate again"), go),
-                self._cancel(),
-            ],
+    def _resume(self, run: Resumable) -> None:
+        app = self._app
+        product = _product_file(run.product) or app.product_path
+        self._header.set_serial(run.serial)
+        self._starting.run(
+            RunRequest(
+                run.serial,
+                app.station_path,
+                product,
+                run.stages,
+                app.runs_folder,
+                self._header.operator,
+                resume=run.log,
+            )
         )
 
-    def _ask_beyond(self, serial: str, failures: int, request: RunRequest) -> None:
-        """Ask for an engineer after too many failed attempts."""
-        engineer = self._app.role.engineer
-        allow = Choice(
-            "beyond_choice",
-            lambda: self.tr("Allow one more"),
-            lambda: self.run(replace(request, beyond_attempts=True)),
-        )
-        unlock = Choice("unlock_choice", lambda: self.tr("Engineer …"), self._app.role.ask)
-        self._notice.ask(
-            "bad",
-            lambda: self.tr("Set {serial} aside").format(serial=serial),
-            lambda: (
-                self.tr("It was outside its limits {count} times in a row. ").format(count=failures)
-                + (
-                    self.tr("Allow one more attempt?")
-                    if engineer
-                    else self.tr("An engineer can allow one more attempt.")
-                )
-            ),
-            [allow if engineer else unlock, self._cancel()],
-        )
+    def _close(self, run: Resumable, others: list[Resumable]) -> None:
+        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.operator))
+        self._ask(others)
 
-    def _ask_motion(self, go: Go) -> None:
-        station = self.run_summary.station if self.run_summary is not None else ""
-        self._notice.ask(
-            "caution",
-            lambda: self.tr("The table of '{station}' is going to move").format(station=station),
-            lambda: self.tr("Is everyone clear of the table and the unit secured?"),
-            [Choice("clear_choice", lambda: self.tr("All clear, start"), go), self._cancel()],
-        )
-
-    def _cancel(self) -> Choice:
-        return Choice("cancel_choice", lambda: self.tr("Cancel"), self._header.focus_serial, primary=True)
-
-
-#: Most compatible products that get a button; all are named.
-_BUTTONS = 2
-
-#: Serial numbers tried.
-_TRIED = 1000
+    def _refuse(self, reason: Text) -> None:
+        ask(self._notice, "caution", reason, {})
 
 
 def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> str:
-    """A serial number for the virtual bench that has not passed yet; "" for hardware.
-
-    Parameters
-    ----------
-    run_summary : of the next run
-    passed : tells whether a number has passed before
-    """
+    """A serial number for the virtual bench for which `passed` is False; "" for hardware."""
     if run_summary.bench is None:
         return ""
     own = run_summary.bench.get("serial")
     if own is not None:
         return str(own)
-    for number in range(1, _TRIED):
+    for number in range(1, _SERIALS_TRIED):
         serial = f"SN-{number:06d}"
         if not re.fullmatch(run_summary.serial_pattern, serial):
             return ""
@@ -228,30 +240,18 @@ def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> 
     return ""
 
 
-class CompatibilityNotice:
-    """Texts and choices for a product that needs the other kind of table."""
+def _minute_text(utc: str) -> str:
+    """A time in UTC to the minute, ``2026-11-22 07:30``."""
+    return utc.replace("T", " ")[:16]
 
-    def __init__(self, app: AppContext, error: ManualRigError) -> None:
-        self._app, self._error = app, error
-        self._found = compatible_products(app.station_path, app.product_path)
 
-    def words(self) -> str:
-        """What is incompatible, and what is compatible."""
-        why = say(
-            "window.manual_station" if self._error.code != "product.needs_manual_table" else "window.driven_station"
-        )
-        if not self._found:
-            return f"{why} {say('window.no_compatible_product')}"
-        names = ", ".join(name for name, _ in self._found)
-        return f"{why} {say('window.compatible_products', names=names)}"
-
-    def choices(self) -> list[Choice]:
-        """Buttons that choose a compatible product."""
-        return [
-            Choice(
-                f"product_choice_{name}",
-                partial(say, "window.choose_product", name=name),
-                partial(self._app.set_product, path),
-            )
-            for name, path in self._found[:_BUTTONS]
-        ]
+def _product_file(name: str | None) -> Path | None:
+    """The file of a product by the name in it."""
+    for stem in library.names("products"):
+        path = library.find("products", stem)
+        try:
+            if load_product(path)[1].name == name:
+                return path
+        except CalstationError:
+            continue
+    return None

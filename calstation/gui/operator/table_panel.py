@@ -1,145 +1,80 @@
 """The table drawn at its encoder angles, with the angles, the rates and whether it moves."""
 
 import numpy as np
-from PySide6.QtCore import QPointF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPixmap
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QGridLayout, QLabel, QWidget
 
-from calstation.gui.operator.projection import (
-    CIRCLE,
-    VIEWER,
-    basis,
-    box,
-    depth,
-    flat,
-    head,
-    letter,
-    pen,
-    polygon,
-)
+from calstation.gui.operator.drawing import VIEWER, Drawing, basis, depth, screen
 from calstation.gui.text import on_language_change
 from calstation.gui.widgets import StateBadge, column, label, theme
-from calstation.physics import FloatArray, axis_rotation
+from calstation.physics import axis_rotation
 from calstation.sequencer import TableMoved
 
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
-_AXIS = 0.92
+#: Height of the floor that the stand stands on.
+_FLOOR = -0.95
 #: Opacity of a table whose angles are unknown.
 _PALE = 0.5
-#: Half of the width of the drawing, ring radii.
-_EXTENT = 1.38
-
-
-#: Corners of the unit's box on the disc, along two directions of the disc and its normal, ring radii.
+#: Corners of the unit's box on the disc, along two directions of the disc and its normal.
 _CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
 
+Axis = tuple[float, float, float]
 
-class TablePicture(QWidget):
+
+class TablePicture(Drawing):
     """Draws the table at its joint angles: outer ring, inner disc and the axes of the unit."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._outer_axis, self._inner_axis = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0])
-        self._frame = np.array([*basis(self._inner_axis), self._inner_axis])
+        super().__init__(220, parent)
+        self._outer_axis: Axis = (1.0, 0.0, 0.0)
+        self._inner_axis: Axis = (0.0, 0.0, 1.0)
         self._angles = (0.0, 0.0)
-        self._known = False
-        self.setMinimumSize(120, 120)
-        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        self._pale = QGraphicsOpacityEffect(self)
+        self._pale.setOpacity(_PALE)
+        self.setGraphicsEffect(self._pale)
 
-    def sizeHint(self) -> QSize:
-        """Square."""
-        return QSize(220, 220)
-
-    def set_axes(self, outer: tuple[float, float, float], inner: tuple[float, float, float]) -> None:
+    def set_axes(self, outer: Axis, inner: Axis) -> None:
         """The axes as unit vectors in b at home."""
-        self._outer_axis, self._inner_axis = np.array(outer), np.array(inner)
-        self._frame = np.array([*basis(self._inner_axis), self._inner_axis])
+        self._outer_axis, self._inner_axis = outer, inner
         self.update()
 
     def set_angles(self, outer: float, inner: float, *, known: bool = True) -> None:
         """Joint angles, rad; the table is pale while they are unknown."""
-        if (outer, inner, known) != (*self._angles, self._known):
-            self._angles, self._known = (outer, inner), known
+        self._pale.setEnabled(not known)
+        if (outer, inner) != self._angles:
+            self._angles = (outer, inner)
             self.update()
 
-    def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the table, pale if its angles are unknown."""
-        if self._known:
-            self._draw(QPainter(self))
-            return
-        ratio = self.devicePixelRatioF()
-        picture = QPixmap(self.size() * ratio)
-        picture.setDevicePixelRatio(ratio)
-        picture.fill(Qt.GlobalColor.transparent)
-        self._draw(QPainter(picture))
-        painter = QPainter(self)
-        painter.setOpacity(_PALE)
-        painter.drawPixmap(0, 0, picture)
-
-    def _draw(self, painter: QPainter) -> None:
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        scale = min(self.width(), self.height()) / (2.0 * _EXTENT)
-        painter.translate(self.width() / 2.0, self.height() / 2.0)
-        painter.scale(scale, scale)
-        ring = axis_rotation(tuple(self._outer_axis), self._angles[0])
-        unit = ring @ axis_rotation(tuple(self._inner_axis), self._angles[1])
-        normal = ring @ self._inner_axis
+    def draw(self) -> None:
+        """Draw the table from back to front."""
+        c = theme.colours()
+        ring = axis_rotation(self._outer_axis, self._angles[0])
+        unit = ring @ axis_rotation(self._inner_axis, self._angles[1])
+        inner = np.array(self._inner_axis)
+        normal = ring @ inner
+        corners = _CORNERS @ np.array([*basis(inner), inner]) @ unit.T
         facing = float(normal @ VIEWER) >= 0.0
-        self._posts(painter, behind=True)
+        self._draw_posts(behind=True)
         if not facing:
-            self._unit(painter, unit)
-        self._plate(painter, normal, _RING, _HOLE)
-        self._plate(painter, normal, _DISC, 0.0)
+            self.box(corners)
+        self.plate(normal, _RING, c.line, c.muted)
+        self.plate(normal, _HOLE, c.panel, c.muted)
+        self.plate(normal, _DISC, c.window, c.muted)
         if facing:
-            self._unit(painter, unit)
-        self._posts(painter, behind=False)
-        self._axes(painter, unit, normal, facing)
-        painter.end()
+            self.box(corners)
+        self._draw_posts(behind=False)
+        across = normal @ unit if facing else -normal @ unit
+        self.axes(unit, (0.0, 0.0, 0.0), 0.92, [bool(part < -0.3) for part in across])
 
-    def _posts(self, painter: QPainter, *, behind: bool) -> None:
+    def _draw_posts(self, *, behind: bool) -> None:
         """The stand, a post at each end of the outer axis."""
         c = theme.colours()
-        floor = -0.95
-        for side in (1.0, -1.0):
-            end = side * 1.14 * self._outer_axis
-            if (depth(end) > 0.0) is not behind:
-                continue
-            foot = np.array([end[0], end[1], floor])
-            painter.setPen(pen(c.line, 0.10))
-            painter.drawLine(flat(foot), flat(end))
-            painter.setPen(pen(c.muted, 0.07))
-            painter.drawLine(flat(end), flat(side * _RING * self._outer_axis))
-
-    def _plate(self, painter: QPainter, normal: FloatArray, radius: float, hole: float) -> None:
-        c = theme.colours()
-        u, v = basis(normal)
-        edge = np.outer(np.cos(CIRCLE), u) + np.outer(np.sin(CIRCLE), v)
-        painter.setPen(pen(c.muted, 0.018))
-        painter.setBrush(QColor(c.line if hole else c.window))
-        painter.drawPolygon(polygon(radius * edge))
-        if hole:
-            painter.setBrush(QColor(c.panel))
-            painter.drawPolygon(polygon(hole * edge))
-
-    def _unit(self, painter: QPainter, unit: FloatArray) -> None:
-        """The unit as a box on the disc."""
-        box(painter, (_CORNERS @ self._frame) @ unit.T)
-
-    def _axes(self, painter: QPainter, unit: FloatArray, normal: FloatArray, facing: bool) -> None:
-        """x, y and z as arrows, dashed behind the disc."""
-        arrows = sorted(enumerate("xyz"), key=lambda pair: -depth(unit[:, pair[0]]))
-        for i, name in arrows:
-            direction = unit[:, i]
-            tip = _AXIS * direction
-            hidden = (float(direction @ normal) > 0.3) is not facing and abs(float(direction @ normal)) > 0.3
-            colour = theme.AXIS_COLOURS[name]
-            line = pen(colour, 0.045)
-            if hidden:
-                line.setStyle(Qt.PenStyle.DotLine)
-            painter.setPen(line)
-            painter.drawLine(QPointF(0.0, 0.0), flat(tip))
-            head(painter, flat(tip), colour)
-            letter(self, painter, name, flat(1.16 * direction), colour)
+        for axis in (np.array(self._outer_axis), -np.array(self._outer_axis)):
+            if (depth(axis) > 0.0) is behind:
+                end = screen(1.14 * axis)
+                foot = screen(np.array([1.14 * axis[0], 1.14 * axis[1], _FLOOR]))
+                self.line(foot, end, c.line, 0.10)
+                self.line(end, screen(_RING * axis), c.muted, 0.07)
 
 
 class TablePanel(QFrame):
@@ -148,8 +83,7 @@ class TablePanel(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
-        self.picture = TablePicture()
-        self.badge = StateBadge()
+        self.picture, self.badge = TablePicture(), StateBadge()
         self._moved: TableMoved | None = None
         names = (label(lambda: self.tr("outer")), label(lambda: self.tr("inner")))
         self.angle_labels = [QLabel(), QLabel()]
@@ -158,25 +92,16 @@ class TablePanel(QFrame):
         grid.setHorizontalSpacing(theme.GRID)
         grid.setVerticalSpacing(0)
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        for row in range(2):
-            self.angle_labels[row].setFont(theme.font(theme.SECTION, bold=True))
-            for at, cell in enumerate((names[row], self.angle_labels[row], self._rates[row])):
-                grid.addWidget(cell, row, at, right if at else Qt.AlignmentFlag.AlignLeft)
+        for row, (name, angle, rate) in enumerate(zip(names, self.angle_labels, self._rates, strict=True)):
+            angle.setFont(theme.font(theme.SECTION, bold=True))
+            grid.addWidget(name, row, 0)
+            grid.addWidget(angle, row, 1, right)
+            grid.addWidget(rate, row, 2, right)
         grid.setColumnStretch(1, 1)
         grid.setColumnMinimumWidth(2, 9 * theme.GRID)
-        column(
-            self.badge,
-            (self.picture, 1),
-            grid,
-            on=self,
-            spacing=theme.GRID // 2,
-            margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
-        )
+        margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        column(self.badge, (self.picture, 1), grid, on=self, spacing=theme.GRID // 2, margins=margins)
         on_language_change(self, self._show_state)
-
-    def set_axes(self, outer: tuple[float, float, float], inner: tuple[float, float, float]) -> None:
-        """The axes as unit vectors in b at home."""
-        self.picture.set_axes(outer, inner)
 
     def take(self, moved: TableMoved) -> None:
         """Show angles and rates."""

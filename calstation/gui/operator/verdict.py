@@ -1,6 +1,6 @@
 """The verdict of a run: one large word with its shape, the reason, what to do next, and the values that matter."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
 from calstation.gui.operator import advice
-from calstation.gui.shell import AppContext, ResetBar
+from calstation.gui.shell import AppContext, ResetBar, RunStatus
 from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, on_language_change, term
 from calstation.gui.widgets import StateIcon, button, column, draw_state, label, row, state_colour, theme
 from calstation.results import Result
@@ -135,28 +135,15 @@ class VerdictPanel(QFrame):
             margins=(2 * theme.GRID,) * 4,
         )
 
-    def show_end(
-        self,
-        state: str,
-        verdict: Verdict | None,
-        fault: Fault | None,
-        remarks: Sequence[tuple[str, Mapping[str, Any]]],
-    ) -> None:
-        """Show how a run ended.
-
-        Parameters
-        ----------
-        state : outcome of the run
-        verdict : None if it ended without a result
-        fault : None if it ended without a fault
-        remarks : ids and values of messages that still matter
-        """
-        if fault is not self._fault:
+    def show_end(self, run: RunStatus) -> None:
+        """Show how a run ended."""
+        if run.fault is not self._fault:
             self.reset.forget()
-            self.reset.offer(fault is not None and fault_text(fault).resettable)
-        if verdict is not self._verdict:
-            self._result = None if verdict is None else Result.from_json(verdict.result)
-        self._state, self._verdict, self._fault, self._remarks = state, verdict, fault, tuple(remarks)
+            self.reset.offer(run.fault is not None and fault_text(run.fault).resettable)
+        if run.verdict is not self._verdict:
+            self._result = None if run.verdict is None else Result.from_json(run.verdict.result)
+        self._state, self._verdict, self._fault = run.state, run.verdict, run.fault
+        self._remarks = tuple(run.remarks)
         self._refresh()
 
     def next_action(self) -> str:

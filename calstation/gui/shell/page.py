@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 
-from PySide6.QtCore import QEvent
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.shell.context import AppContext
@@ -28,12 +27,3 @@ class Page(QWidget):
     def may_leave(self, go: Callable[[], object]) -> bool:
         """Whether the page may be left now; a page that asks first returns False and calls `go` when it may."""
         return True
-
-    def retranslate(self) -> None:
-        """Show all texts in the current language."""
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Follow the language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)

@@ -134,6 +134,11 @@ class RunStatus(QObject):
         return self.state in MOVING_STATES
 
     @property
+    def by_hand(self) -> bool:
+        """Whether the run is on a manual rig."""
+        return self.run_summary is not None and self.run_summary.by_hand
+
+    @property
     def shown(self) -> str:
         """`state` as it is shown: a running register operation is ``writing``."""
         return "writing" if self.register_operation and self.state == "running" else self.state

@@ -1,0 +1,177 @@
+"""Drawings in the level frame, seen from the front, slightly from the right and above, in a parallel projection."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from PySide6.QtCore import QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPainterPath, QPaintEvent, QPen, QPolygonF
+from PySide6.QtWidgets import QSizePolicy, QWidget
+
+from calstation.gui.widgets import theme
+from calstation.physics import FloatArray
+
+#: Half of the width of a drawing; the radius of globe and table is 1.
+_EXTENT = 1.38
+_AZIMUTH, _ELEVATION = np.deg2rad(28.0), np.deg2rad(24.0)
+_SA, _CA = float(np.sin(_AZIMUTH)), float(np.cos(_AZIMUTH))
+_SE, _CE = float(np.sin(_ELEVATION)), float(np.cos(_ELEVATION))
+#: Direction towards the viewer, shape (3,).
+VIEWER = np.array([_SA * _CE, -_CA * _CE, _SE])
+#: From the level frame to the screen, y downward, shape (3, 2).
+_SCREEN = np.array([[_CA, _SA * _SE], [_SA, -_CA * _SE], [0.0, -_CE]])
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)
+
+#: Faces of a box: the axis across each, and the indices of its corners.
+_FACES = (
+    (0, (0, 1, 3, 2)),
+    (0, (4, 5, 7, 6)),
+    (1, (0, 1, 5, 4)),
+    (1, (2, 3, 7, 6)),
+    (2, (0, 2, 6, 4)),
+    (2, (1, 3, 7, 5)),
+)
+
+
+def depth(point: FloatArray) -> float:
+    """Distance of a point, shape (3,), from the viewer; 0 at the origin."""
+    return float(-point @ VIEWER)
+
+
+def basis(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Two unit vectors, shape (3,), that span the plane across `normal`, shape (3,)."""
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    u = np.cross(normal, helper)
+    u /= np.linalg.norm(u)
+    return u, np.cross(normal, u)
+
+
+def circle(normal: FloatArray) -> FloatArray:
+    """Points of the unit circle across `normal`, shape (n, 3)."""
+    u, v = basis(normal)
+    return np.asarray(np.outer(np.cos(_ANGLES), u) + np.outer(np.sin(_ANGLES), v))
+
+
+def screen(point: FloatArray) -> QPointF:
+    """A point of the level frame, shape (3,), on the screen."""
+    return QPointF(*(point @ _SCREEN).tolist())
+
+
+class Drawing(QWidget):
+    """A square drawing; `draw` paints it with the methods that follow, from back to front."""
+
+    def __init__(self, size: int, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._size = size
+        self._painter = QPainter()
+        self.setMinimumSize(size // 2, size // 2)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+
+    def sizeHint(self) -> QSize:
+        """Square."""
+        return QSize(self._size, self._size)
+
+    def draw(self) -> None:
+        """Paint the drawing."""
+        raise NotImplementedError
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Set up the painter and draw."""
+        painter = self._painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        scale = min(self.width(), self.height()) / (2.0 * _EXTENT)
+        painter.translate(self.width() / 2.0, self.height() / 2.0)
+        painter.scale(scale, scale)
+        self.draw()
+        painter.end()
+
+    def set_opacity(self, opacity: float) -> None:
+        """Draw what follows with this opacity."""
+        self._painter.setOpacity(opacity)
+
+    def line(self, start: QPointF, end: QPointF, colour: str, width: float, *, dotted: bool = False) -> None:
+        """Draw a line with round ends."""
+        self._painter.setPen(_pen(colour, width, dotted=dotted))
+        self._painter.drawLine(start, end)
+
+    def area(self, points: Sequence[QPointF], fill: QColor | str, edge: str = "", width: float = 0.0) -> None:
+        """Fill a polygon, with an edge if it has a colour."""
+        self._painter.setPen(_pen(edge, width) if edge else QPen(Qt.PenStyle.NoPen))
+        self._painter.setBrush(QColor(fill))
+        self._painter.drawPolygon(QPolygonF(points))
+
+    def disc(self, centre: QPointF, radius: float, colour: str, width: float, fill: str = "") -> None:
+        """Draw a circle on the screen, filled if `fill` is a colour."""
+        self._painter.setPen(_pen(colour, width))
+        self._painter.setBrush(QColor(fill) if fill else Qt.BrushStyle.NoBrush)
+        self._painter.drawEllipse(centre, radius, radius)
+
+    def arc(self, radius: float, share: float, colour: str, width: float) -> None:
+        """Draw a share of a circle on the screen, clockwise from the top."""
+        line = _pen(colour, width)
+        line.setCapStyle(Qt.PenCapStyle.FlatCap)
+        self._painter.setPen(line)
+        frame = QRectF(-radius, -radius, 2.0 * radius, 2.0 * radius)
+        self._painter.drawArc(frame, 90 * 16, round(-share * 360 * 16))
+
+    def plate(self, normal: FloatArray, radius: float, fill: str, edge: str) -> None:
+        """Draw a disc across `normal`, shape (3,)."""
+        self.area([screen(p) for p in radius * circle(normal)], fill, edge, 0.018)
+
+    def box(self, corners: FloatArray) -> None:
+        """Draw a box by its corners, shape (8, 3), last axis fastest."""
+        c = theme.colours()
+        dark = theme.current() == "dark"
+        shade = (120, 150, 200) if dark else (112, 124, 100)
+        for axis, face in sorted(_FACES, key=lambda face: -depth(corners[list(face[1])].mean(axis=0))):
+            panel = QColor(c.panel)
+            fill = panel.lighter(shade[axis]) if dark else panel.darker(shade[axis])
+            self.area([screen(p) for p in corners[list(face)]], fill, c.muted, 0.015)
+
+    def axes(self, attitude: FloatArray, starts: Sequence[float], length: float, hidden: Sequence[bool]) -> None:
+        """Draw the axes of the unit as arrows with their names.
+
+        Parameters
+        ----------
+        attitude : the axes as columns, shape (3, 3)
+        starts : distance of each arrow's start from the centre
+        length : of the arrows from the centre
+        hidden : whether each is dotted
+        """
+        for i in sorted(range(3), key=lambda i: -depth(attitude[:, i])):
+            name, direction = "xyz"[i], attitude[:, i]
+            colour, tip = theme.AXIS_COLOURS[name], screen(length * direction)
+            self.line(screen(starts[i] * direction), tip, colour, 0.045, dotted=hidden[i])
+            self._arrow_head(tip, colour)
+            self.letter(name, screen(1.22 * length * direction), colour)
+
+    def letter(self, name: str, at: QPointF, colour: str) -> None:
+        """Draw a word centred at a point, with an outline, in one size at any scale of the drawing."""
+        painter, ratio = self._painter, self.devicePixelRatioF()
+        point = painter.transform().map(at)
+        painter.save()
+        painter.resetTransform()
+        painter.scale(ratio, ratio)
+        font = theme.font(theme.SECTION, bold=True)
+        metrics = QFontMetricsF(font)
+        x = point.x() / ratio - metrics.horizontalAdvance(name) / 2
+        y = point.y() / ratio + metrics.xHeight() / 2
+        path = QPainterPath()
+        path.addText(QPointF(x, y), font, name)
+        painter.strokePath(path, _pen(theme.colours().panel, 4.0))
+        painter.fillPath(path, QColor(colour))
+        painter.restore()
+
+    def _arrow_head(self, tip: QPointF, colour: str) -> None:
+        length = float(np.hypot(tip.x(), tip.y()))
+        if length < 0.1:  # the arrow points at the viewer
+            self.disc(tip, 0.05, colour, 0.0, colour)
+            return
+        along = tip / length
+        across = QPointF(-along.y(), along.x())
+        back = tip - along * 0.13
+        self.area([tip + along * 0.03, back + across * 0.06, back - across * 0.06], colour)
+
+
+def _pen(colour: str, width: float, *, dotted: bool = False) -> QPen:
+    style = Qt.PenStyle.DotLine if dotted else Qt.PenStyle.SolidLine
+    return QPen(QColor(colour), width, style, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin)

@@ -1,0 +1,143 @@
+"""Drawing of the unit on a manual rig: attitude to gravity, positions done and to do, and how long it has rested."""
+
+import itertools
+
+import numpy as np
+from PySide6.QtCore import QPointF
+from PySide6.QtWidgets import QWidget
+
+from calstation.config import RunSummary
+from calstation.gui.operator.drawing import Drawing, basis, circle, depth, screen
+from calstation.gui.text import on_language_change
+from calstation.gui.widgets import theme
+from calstation.physics import FloatArray, axis_rotation, rotation_matrix
+from calstation.sequencer import PositionGuided
+
+_UP = np.array([0.0, 0.0, 1.0])
+#: Half of the unit's box along x, y, z; the globe's radius is 1.
+_HALF = np.array([0.34, 0.46, 0.16])
+_CORNERS = _HALF * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+#: Radius and width of the ring that fills while the unit rests.
+_RING, _WIDTH = 1.3, 0.1
+_DOT = 0.055
+#: Opacity of what is behind the unit, and of the next position there.
+_PALE, _PALE_NEXT = 0.35, 0.6
+#: Cosine of the angle below which two positions are one dot.
+_SAME = np.cos(np.deg2rad(20.0))
+
+
+class PositionPicture(Drawing):
+    """Draws `PositionGuided` events.
+
+    Only the direction of gravity is measured. The heading is taken from the angles asked for and kept from there on, so
+    that the drawing turns with the unit.
+    """
+
+    def __init__(self, parent: QWidget | None = None) -> None:
+        super().__init__(360, parent)
+        self._outer, self._inner = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+        self._planned = np.empty((0, 3))
+        self._attitude = np.eye(3)
+        self._guided: PositionGuided | None = None
+        on_language_change(self, self.update)
+
+    def set_plan(self, run_summary: RunSummary) -> None:
+        """Show the unit level on this rig, before anything is measured."""
+        self._outer, self._inner = run_summary.outer_axis, run_summary.inner_axis
+        self._planned = _distinct(np.array(run_summary.positions).reshape(-1, 3))
+        self._guided, self._attitude = None, np.eye(3)
+        self.update()
+
+    def take(self, guided: PositionGuided) -> None:
+        """Show the attitude and the progress of a position."""
+        arrived = len(guided.done) // 3 >= guided.index
+        if guided.state == "enough":
+            known = (guided.outer, guided.inner) if arrived else (guided.outer_before, guided.inner_before)
+            self._attitude = self._attitude_at(*known)
+        self._attitude = _upright(self._attitude, np.array(guided.up))
+        self._guided = guided
+        self.update()
+
+    def _attitude_at(self, outer: float, inner: float) -> FloatArray:
+        """Attitude b to level frame at rail angles, rad, shape (3, 3)."""
+        return np.asarray(axis_rotation(self._outer, outer) @ axis_rotation(self._inner, inner))
+
+    def draw(self) -> None:
+        """Draw from back to front."""
+        self._draw_ring()
+        self._draw_globe()
+        self._draw_positions(behind=True)
+        self.box(_CORNERS @ self._attitude.T)
+        hidden = [depth(axis) > 0.3 for axis in self._attitude.T]
+        self.axes(self._attitude, _HALF.tolist(), 0.74, hidden)
+        self._draw_positions(behind=False)
+        self._draw_gravity()
+
+    def _draw_ring(self) -> None:
+        """A ring that fills clockwise from the top while the unit rests."""
+        c, now = theme.colours(), self._guided
+        self.disc(QPointF(), _RING, c.line, _WIDTH)
+        if now is not None and now.state == "enough":
+            self.arc(_RING, 1.0, c.good, _WIDTH)
+        elif now is not None and now.state == "still":
+            self.arc(_RING, min(now.rest / now.wanted, 1.0), c.accent, _WIDTH)
+
+    def _draw_globe(self) -> None:
+        """A sphere that turns with the unit: three circles across its axes, pale at the back."""
+        colour = theme.colours().line
+        self.disc(QPointF(), 1.0, colour, 0.012)
+        for normal in self._attitude.T:
+            for first, second in itertools.pairwise(circle(normal)):
+                self.set_opacity(_PALE if depth(first + second) > 0.0 else 1.0)
+                self.line(screen(first), screen(second), colour, 0.012)
+        self.set_opacity(1.0)
+
+    def _draw_positions(self, *, behind: bool) -> None:
+        """Positions done as dots, those to do as rings, the next one as a large ring; those behind the unit or not."""
+        c, now = theme.colours(), self._guided
+        done = np.array(now.done if now is not None else ()).reshape(-1, 3)
+        following = np.empty((0, 3))
+        if now is not None and len(done) < now.index:
+            following = self._attitude_at(now.outer, now.inner)[2:]
+        known = np.vstack([done, following])
+        waiting = [up for up in self._planned if not (len(known) and (known @ up).max() > _SAME)]
+        for positions, radius, colour, width, fill, pale in (
+            (_distinct(done), _DOT, c.panel, 0.02, c.text, _PALE),
+            (waiting, _DOT, c.muted, 0.025, "", _PALE),
+            (following, 2.0 * _DOT, c.accent, 0.06, "", _PALE_NEXT),
+        ):
+            self.set_opacity(pale if behind else 1.0)
+            for up in positions:
+                at = self._attitude @ up
+                if (depth(at) > 0.0) is behind:
+                    self.disc(screen(at), radius, colour, width, fill)
+        self.set_opacity(1.0)
+
+    def _draw_gravity(self) -> None:
+        """The mark at the top, which the next position has to reach, and an arrow down."""
+        c = theme.colours()
+        top, foot, tip = screen(1.02 * _UP), screen(-1.0 * _UP), screen(-1.26 * _UP)
+        self.area([top, top + QPointF(-0.09, -0.16), top + QPointF(0.09, -0.16)], c.accent)
+        self.line(foot, tip + QPointF(0.0, -0.06), c.text, 0.035)
+        self.area([tip, tip + QPointF(-0.06, -0.12), tip + QPointF(0.06, -0.12)], c.text)
+        self.letter(self.tr("down"), foot + QPointF(0.34, 0.1), c.text)
+
+
+def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:
+    """The attitude, shape (3, 3), turned the shortest way until `up`, shape (3,) in b, points up."""
+    seen = attitude @ up
+    axis = np.cross(seen, _UP)
+    size = float(np.linalg.norm(axis))
+    angle = float(np.arctan2(size, seen @ _UP))
+    if size < 1e-9:
+        axis, size = basis(_UP)[0], 1.0
+    return np.asarray(rotation_matrix(axis / size * angle) @ attitude)
+
+
+def _distinct(directions: FloatArray) -> FloatArray:
+    """The first of every cluster of unit vectors, shape (n, 3), in order, shape (k, 3)."""
+    found: list[FloatArray] = []
+    for direction in directions:
+        if all(float(direction @ other) < _SAME for other in found):
+            found.append(direction)
+    return np.array(found).reshape(-1, 3)
