@@ -47,30 +47,18 @@ STUCK = 0.7
 
 
 class Schedule(BaseModel):
-    """The iteration and the gimbal.
-
-    Attributes
-    ----------
-    angle_deg, rate_dps : of every turn
-    gain : α, rad of correction per rad of drift
-    iterations : largest number of turns per axis
-    threshold_arcsec : drift below which an axis is done
-    alternate : whether every second turn goes the other way
-    order : joints from the base to the unit
-    dwell_s : stabilised rest before and after a turn
-    mount_sigma_deg : misalignment between b, as the accelerometers define it, and the joints' axes; 0 if the joints
-        define b
-    """
+    """The iteration and the gimbal."""
 
     model_config = ConfigDict(extra="forbid")
-    angle_deg: float = Field(30.0, ge=5.0, le=80.0)
-    gain: float = Field(1.5, gt=0.0, le=50.0)
-    iterations: int = Field(10, ge=1, le=200)
-    threshold_arcsec: float = Field(20.0, ge=0.0)
-    alternate: bool = True
-    order: str = "zxy"
-    dwell_s: float = Field(4.0, ge=2.0, le=600.0)
-    rate_dps: float = Field(30.0, gt=0.0, le=360.0)
+    angle_deg: float = Field(30.0, ge=5.0, le=80.0)  #: Of every turn.
+    gain: float = Field(1.5, gt=0.0, le=50.0)  #: α, rad of correction per rad of drift.
+    iterations: int = Field(10, ge=1, le=200)  #: Largest number of turns per axis.
+    threshold_arcsec: float = Field(20.0, ge=0.0)  #: Drift below which an axis is done.
+    alternate: bool = True  #: Whether every second turn goes the other way.
+    order: str = "zxy"  #: Joints from the base to the unit.
+    dwell_s: float = Field(4.0, ge=2.0, le=600.0)  #: Stabilised rest before and after a turn.
+    rate_dps: float = Field(30.0, gt=0.0, le=360.0)  #: Of every turn.
+    #: Of b, as the accelerometers define it, relative to the joints' axes; 0 if the joints define b.
     mount_sigma_deg: float = Field(0.0, ge=0.0, le=10.0)
 
     @field_validator("order")
@@ -198,20 +186,12 @@ def _require_joints(data: StageData, motions: list[Motion]) -> None:
 
 @dataclass(frozen=True)
 class _AxisSolution:
-    """Solution of one axis.
+    """Solution of one axis."""
 
-    Attributes
-    ----------
-    values : misalignments by name, rad
-    covariance : of them, rad², shape (2, 2)
-    remaining : share of the first error that all turns leave
-    drift_sigma : of the last drift by noise alone, rad
-    """
-
-    values: dict[str, float]
-    covariance: FloatArray
-    remaining: float
-    drift_sigma: float
+    values: dict[str, float]  #: Misalignments by name, rad.
+    covariance: FloatArray  #: Of `values`, rad², shape (2, 2).
+    remaining: float  #: Share of the first error that all turns leave.
+    drift_sigma: float  #: Of the last drift by noise alone, rad.
 
 
 def _axis_solution(

@@ -55,23 +55,16 @@ HESITATION = 3.0
 
 
 class Schedule(BaseModel):
-    """Rests in s, angles in degrees, rates in °/s and °/s².
-
-    Attributes
-    ----------
-    initial_rest_s, rest_s : at level before the first motion, and at each position
-    step_deg : from position to position
-    manual : whether the operator turns the rails by hand, guided by the program; rate_dps is then the expected rate
-    shortest_rest_s : a shorter rest in the data is a pause in a motion and not a position
-    """
+    """Rests in s, angles in degrees, rates in °/s and °/s²."""
 
     model_config = ConfigDict(extra="forbid")
-    initial_rest_s: float = Field(30.0, ge=2.0, le=3600.0)
-    rest_s: float = Field(8.0, ge=2.0, le=600.0)
-    step_deg: float = Field(45.0, ge=15.0, le=120.0)
+    initial_rest_s: float = Field(30.0, ge=2.0, le=3600.0)  #: At level before the first motion.
+    rest_s: float = Field(8.0, ge=2.0, le=600.0)  #: At each position.
+    step_deg: float = Field(45.0, ge=15.0, le=120.0)  #: From position to position.
     rate_dps: float = Field(20.0, gt=0.0, le=360.0)
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
-    manual: bool = False
+    manual: bool = False  #: An operator turns the rails, guided by the program; `rate_dps` is then the expected rate.
+    #: A shorter rest in the data is a pause in a motion and not a position.
     shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)
 
 

@@ -66,25 +66,15 @@ class Schedule(BaseModel):
 
 @dataclass(frozen=True)
 class Turn:
-    """A whole turn between two rests.
+    """A whole turn between two rests."""
 
-    Attributes
-    ----------
-    start, stop : samples at rest before and after
-    total : integral of the raw rate, rad, shape (3,)
-    joint : 0 outer, 1 inner
-    angles : encoder before and after, rad, shape (2, 2)
-    rest : indices of the two rests
-    duration : s
-    """
-
-    start: int
-    stop: int
-    total: FloatArray
-    joint: int
-    angles: FloatArray
-    rest: tuple[int, int]
-    duration: float
+    start: int  #: Sample in the middle of the rest before.
+    stop: int  #: Sample in the middle of the rest after.
+    total: FloatArray  #: Integral of the raw rate, rad, shape (3,).
+    joint: int  #: 0 outer, 1 inner
+    angles: FloatArray  #: Encoder angles before and after, rad, shape (2, 2).
+    rest: tuple[int, int]  #: Indices of the two rests.
+    duration: float  #: s
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:

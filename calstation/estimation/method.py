@@ -16,16 +16,10 @@ Progress = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Innovations:
-    """Innovations of a stage's observations.
+    """Innovations of a stage's observations."""
 
-    Attributes
-    ----------
-    seq : sequence number at the end of each observation, shape (m,)
-    normalised : decorrelated components in units of their sigmas, shape (m, 3)
-    """
-
-    seq: IntArray
-    normalised: FloatArray
+    seq: IntArray  #: Sequence number at the end of each observation, shape (m,).
+    normalised: FloatArray  #: Decorrelated components in units of their sigmas, shape (m, 3).
 
 
 @dataclass(frozen=True)
@@ -40,36 +34,20 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Solution:
-    """Solution of a stage.
-
-    Attributes
-    ----------
-    stage : name
-    belief : joint posterior of the 30 parameters, the next stage's prior
-    estimated : names of the parameters that the stage estimated
-    consistency : innovation test of the stage
-    gaps : number of gaps and resets
-    observability : see `navigation.observability.observability_analysis`, JSON-ready
-    details : further results such as residuals, JSON-ready
-    messages : remarks for the user, (message id, values)
-    innovations : for diagnosis; no part of a result
-    found : values beyond the 30 parameters, by contract name
-    evidence : rests and motions of its samples, if the product's checks need them
-    latitude : from the gyros at all rests so far, if they are good enough
-    """
+    """Solution of a stage."""
 
     stage: str
-    belief: Belief
-    estimated: tuple[str, ...]
-    consistency: Consistency
-    gaps: int = 0
-    observability: Mapping[str, Any] = field(default_factory=dict)
-    details: Mapping[str, Any] = field(default_factory=dict)
-    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
-    innovations: Innovations | None = None
-    found: Mapping[str, Estimate] = field(default_factory=dict)
-    evidence: Evidence | None = None
-    latitude: LatitudeEstimate | None = None
+    belief: Belief  #: Joint posterior of the 30 parameters, the next stage's prior.
+    estimated: tuple[str, ...]  #: Names of the parameters that the stage estimated.
+    consistency: Consistency  #: Innovation test of the stage.
+    gaps: int = 0  #: Number of gaps and resets.
+    observability: Mapping[str, Any] = field(default_factory=dict)  #: See `observability_analysis`, JSON-ready.
+    details: Mapping[str, Any] = field(default_factory=dict)  #: Further results such as residuals, JSON-ready.
+    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: Remarks for the user, (message id, values).
+    innovations: Innovations | None = None  #: For diagnosis; no part of a result.
+    found: Mapping[str, Estimate] = field(default_factory=dict)  #: Values beyond the 30 parameters, by contract name.
+    evidence: Evidence | None = None  #: Rests and motions of its samples, if the product's checks need them.
+    latitude: LatitudeEstimate | None = None  #: From the gyros at all rests so far, if they are good enough.
 
 
 class StageSolver(Protocol):
@@ -86,14 +64,7 @@ class StageSolver(Protocol):
 
 
 class RepeatedSchedule(BaseModel):
-    """Stop rule of a repeated plan: the first of these conditions that is met.
-
-    Attributes
-    ----------
-    rounds : complete rounds
-    duration_s : of the stage, s
-    targets : largest sigma per parameter or group, SI
-    """
+    """Stop rule of a repeated plan: the first of these conditions that is met."""
 
     model_config = ConfigDict(extra="forbid")
     rounds: int | None = Field(1, ge=1, description="complete rounds")
@@ -105,23 +76,16 @@ class RepeatedSchedule(BaseModel):
 
 @dataclass(frozen=True)
 class Method:
-    """One calibration method, the object `METHOD` of a file in `procedures/`.
+    """One calibration method, the object `METHOD` of a file in `procedures/`."""
 
-    Attributes
-    ----------
-    name : the contract's stage name
-    schedule : pydantic model of the schedule's parameters with their defaults
-    plan : (geometry, schedule) -> steps, in joint angles within the table's limits; a plan that repeats is
-        endless and marks each round with `RoundEnd`
-    solver : (context, prior, schedule) -> solver
-    estimates : (context) -> names of the parameters that the stage estimates
-    needs_no_table : the solver finds the steps in the data, so a recording whose column 'stage' does not name the
-        method can be solved as a whole
-    """
-
-    name: str
-    schedule: type[BaseModel]
+    name: str  #: The contract's stage name.
+    schedule: type[BaseModel]  #: Pydantic model of the schedule's parameters with their defaults.
+    #: (geometry, schedule) -> steps, in joint angles within the table's limits; a plan that repeats is endless
+    #: and marks each round with `RoundEnd`.
     plan: Callable[[TableGeometry, Any], Iterator[Step]]
-    solver: Callable[[SolveContext, Belief, Any], StageSolver]
+    solver: Callable[[SolveContext, Belief, Any], StageSolver]  #: (context, prior, schedule) -> solver
+    #: (context) -> names of the parameters that the stage estimates
     estimates: Callable[[SolveContext], tuple[str, ...]]
+    #: The solver finds the steps in the data, so a recording whose column 'stage' does not name the method can
+    #: be solved as a whole.
     needs_no_table: bool = False

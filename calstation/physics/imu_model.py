@@ -9,22 +9,15 @@ from calstation.physics.parameters import group_matrix, group_vector
 
 
 class Compensation(NamedTuple):
-    """Constants that turn raw output into angular rate and specific force at the IMU's reference point.
+    """Constants that turn raw output into angular rate and specific force at the IMU's reference point."""
 
-    Attributes
-    ----------
-    gyro_inverse : (I + M_g)⁻¹, shape (3, 3); gyro_bias : rad/s, shape (3,)
-    accel_inverse : (I + M_a)⁻¹, shape (3, 3); accel_bias : m/s², shape (3,)
-    quadratic : K2, s²/m, shape (3,); inner_lever, outer_lever : m, shape (3,)
-    """
-
-    gyro_inverse: FloatArray
-    gyro_bias: FloatArray
-    accel_inverse: FloatArray
-    accel_bias: FloatArray
-    quadratic: FloatArray
-    inner_lever: FloatArray
-    outer_lever: FloatArray
+    gyro_inverse: FloatArray  #: (I + M_g)⁻¹, shape (3, 3)
+    gyro_bias: FloatArray  #: rad/s, shape (3,)
+    accel_inverse: FloatArray  #: (I + M_a)⁻¹, shape (3, 3)
+    accel_bias: FloatArray  #: m/s², shape (3,)
+    quadratic: FloatArray  #: K2, s²/m, shape (3,)
+    inner_lever: FloatArray  #: m, shape (3,)
+    outer_lever: FloatArray  #: m, shape (3,)
 
 
 def compensation(parameters: FloatArray) -> Compensation:

@@ -11,21 +11,13 @@ class Prepare:
 
 @dataclass(frozen=True)
 class Move:
-    """Drive both joints to absolute cumulative angles; a whole turn is a move of 2π.
+    """Drive both joints to absolute cumulative angles; a whole turn is a move of 2π."""
 
-    Attributes
-    ----------
-    outer, inner : target joint angles, rad, cumulative (never modulo 2π)
-    rate : largest joint rate, rad/s
-    acceleration : joint acceleration, rad/s²
-    label : message id and values for the listener, e.g. ("turn_about", "y", 90)
-    """
-
-    outer: float
-    inner: float
-    rate: float
-    acceleration: float
-    label: tuple[str | float, ...] = ()
+    outer: float  #: Target joint angle, rad, cumulative (never modulo 2π).
+    inner: float  #: As `outer`.
+    rate: float  #: Largest joint rate, rad/s.
+    acceleration: float  #: Joint acceleration, rad/s².
+    label: tuple[str | float, ...] = ()  #: Message id and values for the listener, e.g. ("turn_about", "y", 90).
 
 
 @dataclass(frozen=True)
@@ -44,22 +36,14 @@ class RoundEnd:
 
 @dataclass(frozen=True)
 class Carry:
-    """Have the operator turn both rails of a manual rig to about these angles and leave it at rest.
+    """Have the operator turn both rails of a manual rig to about these angles and leave it at rest."""
 
-    Attributes
-    ----------
-    outer, inner : target rail angles, rad, cumulative
-    rest : rest required there, s
-    travel_time : expected time to get there, s
-    index, count : number of this position, from 1, and of all positions
-    """
-
-    outer: float
-    inner: float
-    rest: float
-    travel_time: float
-    index: int
-    count: int
+    outer: float  #: Target rail angle, rad, cumulative.
+    inner: float  #: As `outer`.
+    rest: float  #: Rest required there, s.
+    travel_time: float  #: Expected time to get there, s.
+    index: int  #: Number of this position, from 1.
+    count: int  #: Number of all positions.
 
 
 @dataclass(frozen=True)

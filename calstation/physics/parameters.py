@@ -17,25 +17,15 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Parameter:
-    """One scalar of the error model.
+    """One scalar of the error model."""
 
-    Attributes
-    ----------
-    name : contract name, e.g. ``gyro_misalign_xy``
-    unit : SI unit as written in files
-    group : name without its axis, e.g. ``gyro_misalign``
-    sensor : ``gyro``, ``accel`` or ``lever``
-    row, column : element of the group's matrix (for vectors both are the axis index)
-    prior_sigma : standard deviation, in `unit`, when neither a profile nor a log states one
-    """
-
-    name: str
-    unit: str
-    group: str
-    sensor: str
-    row: int
-    column: int
-    prior_sigma: float
+    name: str  #: Contract name, e.g. ``gyro_misalign_xy``.
+    unit: str  #: SI unit as written in files.
+    group: str  #: Name without its axis, e.g. ``gyro_misalign``.
+    sensor: str  #: ``gyro``, ``accel`` or ``lever``.
+    row: int  #: Of the group's matrix; for vectors the axis index.
+    column: int  #: Of the group's matrix; for vectors the axis index.
+    prior_sigma: float  #: Standard deviation, in `unit`, when neither a profile nor a log states one.
 
 
 def _vector(group: str, sensor: str, unit: str, prior_sigma: float) -> list[Parameter]:
@@ -65,20 +55,12 @@ PARAMETERS: tuple[Parameter, ...] = tuple(
 
 @dataclass(frozen=True)
 class PairParameter:
-    """One scalar of a secondary IMU relative to the primary one, `secondary measured = C · primary + b`.
+    """One scalar of a secondary IMU relative to the primary one, `secondary measured = C · primary + b`."""
 
-    Attributes
-    ----------
-    name : contract name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``
-    unit : SI unit as written in files
-    group : name without its axes
-    neutral : value of a secondary identical to the primary
-    """
-
-    name: str
-    unit: str
-    group: str
-    neutral: float = 0.0
+    name: str  #: Contract name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``.
+    unit: str  #: SI unit as written in files.
+    group: str  #: Name without its axes.
+    neutral: float = 0.0  #: Value of a secondary identical to the primary.
 
 
 #: Parameters of cross-calibration in the order of every table.

@@ -28,23 +28,14 @@ PARAMETER_START = 9
 
 
 class IntervalWork(NamedTuple):
-    """State and output of `propagate` for one interval.
+    """State and output of `propagate` for one interval."""
 
-    Attributes
-    ----------
-    transition : F over the interval, shape (39, 39)
-    attitude : C_bn, shape (3, 3), read and advanced; velocity : v in n, m/s, shape (3,), read and advanced
-    rate : angular rate ω_ib at the interval's end, rad/s, shape (3,)
-    rate_jacobian : ∂ω/∂parameters there, shape (3, 30)
-    force : mean specific force in n, m/s², shape (3,)
-    """
-
-    transition: FloatArray
-    attitude: FloatArray
-    velocity: FloatArray
-    rate: FloatArray
-    rate_jacobian: FloatArray
-    force: FloatArray
+    transition: FloatArray  #: F over the interval, shape (39, 39).
+    attitude: FloatArray  #: C_bn, shape (3, 3), read and advanced.
+    velocity: FloatArray  #: v in n, m/s, shape (3,), read and advanced.
+    rate: FloatArray  #: Angular rate ω_ib at the interval's end, rad/s, shape (3,).
+    rate_jacobian: FloatArray  #: ∂ω/∂parameters there, shape (3, 30).
+    force: FloatArray  #: Mean specific force in n, m/s², shape (3,).
 
 
 def interval_work() -> IntervalWork:

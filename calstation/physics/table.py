@@ -38,18 +38,11 @@ class JointLimits:
 
 @dataclass(frozen=True)
 class BodyTurn:
-    """How to turn about a body axis.
+    """How to turn about a body axis."""
 
-    Attributes
-    ----------
-    joint : 0 outer, 1 inner
-    sign : joint turn per body turn, ±1
-    inner : inner angle at which to turn, rad; None if any will do
-    """
-
-    joint: int
-    sign: int
-    inner: float | None
+    joint: int  #: 0 outer, 1 inner
+    sign: int  #: Joint turn per body turn, ±1
+    inner: float | None  #: Inner angle at which to turn, rad; None if any will do.
 
 
 @dataclass(frozen=True)

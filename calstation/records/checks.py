@@ -40,20 +40,12 @@ class GravityAtRest(StrictModel):
 
 
 class ImprovementAtRest(StrictModel):
-    """Largest remaining share of the difference between force and gravity.
+    """Largest remaining share of the difference between force and gravity."""
 
-    Attributes
-    ----------
-    below : largest share
-    or_within : an error this small, m/s², needs no improvement
-    positions : numbers of the rests from 0; all by default
-    stage : whose rests; by default the last stage with rests
-    """
-
-    below: float = Field(gt=0)
-    or_within: float = Field(default=0.0, ge=0)
-    positions: list[int] | None = None
-    stage: str | None = None
+    below: float = Field(gt=0)  #: Largest share.
+    or_within: float = Field(default=0.0, ge=0)  #: An error this small, m/s², needs no improvement.
+    positions: list[int] | None = None  #: Numbers of the rests from 0; all by default.
+    stage: str | None = None  #: Whose rests; by default the last stage with rests.
 
 
 class Level(StrictModel):
@@ -66,20 +58,12 @@ class Level(StrictModel):
 
 
 class MotionAngle(StrictModel):
-    """Angle of motions by the calibrated gyros against the encoders', or against gravity without encoders.
+    """Angle of motions by the calibrated gyros against the encoders', or against gravity without encoders."""
 
-    Attributes
-    ----------
-    within : largest error, rad
-    below : largest remaining share of the error before
-    or_within : an error this small, rad, needs no improvement
-    stage : whose motions; by default those of all stages
-    """
-
-    within: float | None = Field(default=None, gt=0)
-    below: float | None = Field(default=None, gt=0)
-    or_within: float = Field(default=0.0, ge=0)
-    stage: str | None = None
+    within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
+    below: float | None = Field(default=None, gt=0)  #: Largest remaining share of the error before.
+    or_within: float = Field(default=0.0, ge=0)  #: An error this small, rad, needs no improvement.
+    stage: str | None = None  #: Whose motions; by default those of all stages.
 
 
 class OfflineOnline(StrictModel):

@@ -24,25 +24,15 @@ _ROW = np.dtype(
 
 @dataclass(frozen=True)
 class LogFacts:
-    """Summary of a log's samples.
+    """Summary of a log's samples."""
 
-    Attributes
-    ----------
-    first_seq, last_seq : unwrapped counts; 0 and -1 without samples
-    samples : number of samples
-    gaps : number of gaps
-    temperature : mean, lowest and highest, °C; None if unknown
-    sha256 : of sample rows and configuration
-    damaged : number of rows that could not be read
-    """
-
-    first_seq: int
-    last_seq: int
-    samples: int
-    gaps: int
-    temperature: tuple[float, float, float] | None
-    sha256: str
-    damaged: int = 0
+    first_seq: int  #: Unwrapped count; 0 without samples.
+    last_seq: int  #: Unwrapped count; -1 without samples.
+    samples: int  #: Number of samples.
+    gaps: int  #: Number of gaps.
+    temperature: tuple[float, float, float] | None  #: Mean, lowest and highest, °C; None if unknown.
+    sha256: str  #: Of sample rows and configuration.
+    damaged: int = 0  #: Number of rows that could not be read.
 
 
 class FactsBuilder:

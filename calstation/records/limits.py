@@ -20,18 +20,11 @@ OBSERVABLE_RATIO = 0.9
 
 
 class Limit(StrictModel):
-    """Limits of one parameter or group, SI.
+    """Limits of one parameter or group, SI."""
 
-    Attributes
-    ----------
-    within : largest magnitude, or [low, high]
-    sigma_below : largest standard deviation
-    sigma_below_after : the same by stage, for a parameter that this stage was the last to estimate, so that a partial
-        run is judged by what it can achieve
-    """
-
-    within: float | list[float] | None = None
-    sigma_below: float | None = Field(default=None, gt=0)
+    within: float | list[float] | None = None  #: Largest magnitude, or [low, high].
+    sigma_below: float | None = Field(default=None, gt=0)  #: Largest standard deviation.
+    #: The same by the last stage that estimated the parameter, so that a partial run is judged fairly.
     sigma_below_after: dict[str, float] = Field(default_factory=dict)
 
     @field_validator("within")
@@ -107,20 +100,12 @@ _NAMES: dict[CheckKind, str] = {
 
 @dataclass(frozen=True)
 class Where:
-    """What a check's worst value belongs to: a parameter, or a rest or motion of a stage.
+    """What a check's worst value belongs to: a parameter, or a rest or motion of a stage."""
 
-    Attributes
-    ----------
-    parameter : its name, or ""
-    stage : of the rest or motion, or ""
-    rest : number of the rest, from 0
-    samples : first and last sequence number of the motion
-    """
-
-    parameter: str = ""
-    stage: str = ""
-    rest: int | None = None
-    samples: tuple[int, int] | None = None
+    parameter: str = ""  #: Its name, or "".
+    stage: str = ""  #: Of the rest or motion, or "".
+    rest: int | None = None  #: Number of the rest, from 0.
+    samples: tuple[int, int] | None = None  #: First and last sequence number of the motion.
 
     def __str__(self) -> str:
         """As the result JSON holds it."""
@@ -143,27 +128,16 @@ class Where:
 
 @dataclass(frozen=True)
 class Check:
-    """One comparison with a limit.
-
-    Attributes
-    ----------
-    kind : what is compared
-    subject : the parameter, group or stage that the check concerns; "" for a check of the whole answer
-    value : what was found, in `unit`; NaN if unknown
-    limit : largest value, or (lowest, highest); infinite if unknown
-    passed : whether the value is inside
-    near_miss : inside, but with little margin
-    where : what the value belongs to
-    """
+    """One comparison with a limit."""
 
     kind: CheckKind
-    subject: str
-    value: float
-    limit: float | tuple[float, float]
+    subject: str  #: The parameter, group or stage that the check concerns; "" for a check of the whole answer.
+    value: float  #: What was found, in `unit`; NaN if unknown.
+    limit: float | tuple[float, float]  #: Largest value, or (lowest, highest); infinite if unknown.
     unit: str
     passed: bool
-    near_miss: bool = False
-    where: Where = Where()
+    near_miss: bool = False  #: Inside, but with little margin.
+    where: Where = Where()  #: What the value belongs to.
 
     @classmethod
     def compare(

@@ -18,23 +18,16 @@ from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents
 
 @dataclass
 class Log:
-    """A log on disk; samples are streamed, never held.
-
-    Attributes
-    ----------
-    path, meta, events, results : as stored
-    outcome : how the run ended; None for a run that did not reach its end, and for a CSV
-    stored_sha256 : digest that the run recorded at its end
-    holes : damaged rows of a raw log, which are left out as gaps; known once all samples were read
-    """
+    """A log on disk; samples are streamed, never held."""
 
     path: Path
     meta: LogMeta
     _scan: Callable[[], Iterator[SampleBlock]]
     events: list[dict[str, Any]] = field(default_factory=list)
     results: list[dict[str, Any]] = field(default_factory=list)
-    outcome: str | None = None
-    stored_sha256: str | None = None
+    outcome: str | None = None  #: How the run ended; None for a run that did not reach its end, and for a CSV.
+    stored_sha256: str | None = None  #: Digest that the run recorded at its end.
+    #: Damaged rows of a raw log, which are left out as gaps; known once all samples were read.
     holes: tuple[DamagedRows, ...] = ()
     _found: list[DamagedRows] = field(default_factory=list)
     _facts: LogFacts | None = None

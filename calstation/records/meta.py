@@ -133,28 +133,16 @@ class ProductSection(StrictModel):
 
 
 class FileSection(StrictModel):
-    """`[run.files.KIND]`: the station, product, table or IMU file that a run used.
-
-    Attributes
-    ----------
-    name : of the file
-    version : number among the versions saved on this computer; None for a shipped file, or one edited elsewhere
-    sha256 : of its bytes
-    """
+    """`[run.files.KIND]`: the station, product, table or IMU file that a run used."""
 
     name: str
+    #: Number among the versions saved on this computer; None for a shipped file, or one edited elsewhere.
     version: int | None = None
     sha256: str
 
 
 class RunSection(StrictModel):
-    """`[run]`: who measured, with what and when; absent from a foreign CSV.
-
-    Attributes
-    ----------
-    files : by kind
-    resumed_from : name of the log whose completed stages this one begins with
-    """
+    """`[run]`: who measured, with what and when; absent from a foreign CSV."""
 
     stages: list[str]
     station: str | None = None
@@ -163,8 +151,8 @@ class RunSection(StrictModel):
     attempt: int = Field(default=1, ge=1)
     software: str
     started_utc: str
-    files: dict[str, FileSection] | None = None
-    resumed_from: str | None = None
+    files: dict[str, FileSection] | None = None  #: By kind.
+    resumed_from: str | None = None  #: Name of the log whose completed stages this one begins with.
 
 
 class LogMeta(StrictModel):

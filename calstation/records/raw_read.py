@@ -33,18 +33,12 @@ _LISTED = 6
 
 @dataclass(frozen=True)
 class DamagedRows:
-    """Consecutive damaged rows, which are left out as a gap.
+    """Consecutive damaged rows, which are left out as a gap."""
 
-    Attributes
-    ----------
-    row, count : number of the first row, from 0, and how many there are
-    after, before : sequence numbers of the sound samples around them; None at the ends of the log
-    """
-
-    row: int
-    count: int
-    after: int | None
-    before: int | None
+    row: int  #: Number of the first row, from 0.
+    count: int  #: Number of rows.
+    after: int | None  #: Sequence number of the sound sample before them; None at the start of the log.
+    before: int | None  #: Sequence number of the sound sample after them; None at the end of the log.
 
     @property
     def missing(self) -> str:

@@ -48,53 +48,33 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run of the index.
-
-    Attributes
-    ----------
-    started_utc : ISO 8601
-    outcome : passed, failed, stopped, fault or incomplete
-    stages : solved stages
-    log, result : raw log, and result JSON if there is one
-    duration : of the samples, s
-    error : cause of a fault, or of a stop
-    resumed_from : name of the log that this run continued; None for a fresh run
-    closed : whether an operator decided not to resume it
-    """
+    """One run of the index."""
 
     serial: str
-    started_utc: str
-    outcome: str
+    started_utc: str  #: ISO 8601.
+    outcome: str  #: ``passed``, ``failed``, ``stopped``, ``fault`` or ``incomplete``.
     attempt: int
     product: str | None
     station: str | None
     operator: str | None
-    stages: tuple[str, ...]
+    stages: tuple[str, ...]  #: Those that were solved.
     log: Path
-    result: Path | None
-    duration: float
-    error: str | None = None
-    resumed_from: str | None = None
-    closed: bool = False
+    result: Path | None  #: None if there is no result.
+    duration: float  #: Of the samples, s.
+    error: str | None = None  #: Cause of a fault, or of a stop.
+    resumed_from: str | None = None  #: Name of the log that this run continued; None for a fresh run.
+    closed: bool = False  #: Whether an operator decided not to resume it.
 
 
 @dataclass(frozen=True)
 class IndexedRun:
-    """A row of the index.
+    """A row of the index."""
 
-    Attributes
-    ----------
-    name : stem of the log, the key
-    stamp : of the files that the row was read from
-    record : the run
-    values : solved values by parameter, SI
-    written : value and sigma of each register that the run wrote from its own result and verified, SI
-    """
-
-    name: str
-    stamp: str
+    name: str  #: Stem of the log, the key.
+    stamp: str  #: Of the files that the row was read from.
     record: RunRecord
-    values: Mapping[str, float]
+    values: Mapping[str, float]  #: Solved values by parameter, SI.
+    #: Value and sigma of each register that the run wrote from its own result and verified, SI.
     written: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 

@@ -35,22 +35,14 @@ SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class Start:
-    """Start of a segment and its attitude.
+    """Start of a segment and its attitude."""
 
-    Attributes
-    ----------
-    begin, end : samples of the segment, the first at rest
-    prior, prior_sigma : C_bn, shape (3, 3), and the sigmas of its error φ in ENU, rad, shape (3,)
-    attitude : C_bn to linearise about, shape (3, 3)
-    azimuth_sigma : of the gyrocompassed heading, rad; None if the azimuth is known
-    """
-
-    begin: int
-    end: int
-    prior: FloatArray
-    prior_sigma: FloatArray
-    attitude: FloatArray
-    azimuth_sigma: float | None
+    begin: int  #: First sample, at rest.
+    end: int  #: The sample after the last.
+    prior: FloatArray  #: C_bn, shape (3, 3).
+    prior_sigma: FloatArray  #: Of its error φ in ENU, rad, shape (3,).
+    attitude: FloatArray  #: C_bn to linearise about, shape (3, 3).
+    azimuth_sigma: float | None  #: Of the gyrocompassed heading, rad; None if the azimuth is known.
 
 
 def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start]:

@@ -10,21 +10,13 @@ from calstation.physics import FloatArray, TableGeometry, normal_gravity
 
 @dataclass(frozen=True)
 class Site:
-    """Location of the table.
+    """Location of the table."""
 
-    Attributes
-    ----------
-    latitude, longitude : rad
-    height : m
-    azimuth : heading of body +y at home, rad clockwise from true north; None if unknown
-    gravity : surveyed gravity, m/s²; None for the site's normal gravity
-    """
-
-    latitude: float
-    longitude: float
-    height: float
-    azimuth: float | None = None
-    gravity: float | None = None
+    latitude: float  #: rad
+    longitude: float  #: rad
+    height: float  #: m
+    azimuth: float | None = None  #: Heading of body +y at home, rad clockwise from true north; None if unknown.
+    gravity: float | None = None  #: Surveyed, m/s²; None for the site's normal gravity.
 
     @property
     def local_gravity(self) -> float:
@@ -34,27 +26,17 @@ class Site:
 
 @dataclass(frozen=True)
 class ImuModel:
-    """Stream and noise of an IMU.
-
-    Attributes
-    ----------
-    serial : serial number
-    sample_rate : Hz
-    output : "increment" (rad, m/s per count) or "rate" (rad/s, m/s² per count, mean over the sample)
-    gyro_lsb, accel_lsb : size of a count
-    gyro_arw, accel_vrw : white noise, rad/√s and m/s/√s
-    gyro_bias_instability, accel_bias_instability : rad/s and m/s²
-    """
+    """Stream and noise of an IMU."""
 
     serial: str
-    sample_rate: float
-    output: str
-    gyro_lsb: float
-    accel_lsb: float
-    gyro_arw: float
-    accel_vrw: float
-    gyro_bias_instability: float = 0.0
-    accel_bias_instability: float = 0.0
+    sample_rate: float  #: Hz
+    output: str  #: "increment" (rad, m/s per count) or "rate" (rad/s, m/s² per count, mean over the sample).
+    gyro_lsb: float  #: Size of a count.
+    accel_lsb: float  #: Size of a count.
+    gyro_arw: float  #: White noise, rad/√s.
+    accel_vrw: float  #: White noise, m/s/√s.
+    gyro_bias_instability: float = 0.0  #: rad/s
+    accel_bias_instability: float = 0.0  #: m/s²
 
     @property
     def rate_factor(self) -> float:
@@ -69,25 +51,17 @@ class ImuModel:
 
 @dataclass(frozen=True)
 class TableModel:
-    """Table axes and the uncertainty of its angles and of its rest.
+    """Table axes and the uncertainty of its angles and of its rest."""
 
-    Attributes
-    ----------
-    outer_axis, inner_axis : unit vectors in b at home
-    outer_lever : "estimated" or "fixed" (at 0)
-    encoder_sigma, mount_sigma, azimuth_sigma, base_tilt_sigma : rad
-    velocity_sigma : of one velocity observation every `velocity_interval` (s), m/s
-    """
-
-    outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
-    inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    outer_lever: str = "estimated"
-    encoder_sigma: float = np.deg2rad(0.05)
-    mount_sigma: float = np.deg2rad(1.0)
-    azimuth_sigma: float = np.deg2rad(0.5)
-    base_tilt_sigma: float = np.deg2rad(0.2)
-    velocity_sigma: float = 1e-3
-    velocity_interval: float = 0.1
+    outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)  #: Unit vector in b at home.
+    inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)  #: Unit vector in b at home.
+    outer_lever: str = "estimated"  #: "estimated" or "fixed" (at 0).
+    encoder_sigma: float = np.deg2rad(0.05)  #: rad
+    mount_sigma: float = np.deg2rad(1.0)  #: rad
+    azimuth_sigma: float = np.deg2rad(0.5)  #: rad
+    base_tilt_sigma: float = np.deg2rad(0.2)  #: rad
+    velocity_sigma: float = 1e-3  #: Of one velocity observation in every `velocity_interval`, m/s.
+    velocity_interval: float = 0.1  #: s
 
     @property
     def geometry(self) -> TableGeometry:
@@ -102,17 +76,12 @@ class TableModel:
 
 @dataclass(frozen=True)
 class StoredPair:
-    """The last cross-calibration of a secondary IMU against the primary.
+    """The last cross-calibration of a secondary IMU against the primary."""
 
-    Attributes
-    ----------
-    values : pair parameters by contract name without number, SI; missing ones are neutral
-    gyro_static, accel_static : deviations at rest right after it, rad/s and m/s²
-    """
-
+    #: Pair parameters by contract name without number, SI; missing ones are neutral.
     values: Mapping[str, float] = field(default_factory=dict)
-    gyro_static: float | None = None
-    accel_static: float | None = None
+    gyro_static: float | None = None  #: Deviation at rest right after it, rad/s.
+    accel_static: float | None = None  #: Deviation at rest right after it, m/s².
 
 
 @dataclass(frozen=True)

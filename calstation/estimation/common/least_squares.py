@@ -18,24 +18,14 @@ CONVERGED = 1e-3
 
 @dataclass(frozen=True)
 class MapResult:
-    """Joint posterior of parameters and nuisances, and the test of the fit.
+    """Joint posterior of parameters and nuisances, and the test of the fit."""
 
-    Attributes
-    ----------
-    belief : of the 30 parameters
-    nuisance : posterior mean, shape (k,)
-    chi2 : squared innovations y' (H P H' + R)⁻¹ y at the solution
-    residual : observations less model at the solution, shape (m,)
-    normalised : innovations decorrelated and in units of sigma, whose squares sum to chi2, shape (m,)
-    messages : ``not_settled`` if the iteration did not converge
-    """
-
-    belief: Belief
-    nuisance: FloatArray
-    chi2: float
-    residual: FloatArray
-    normalised: FloatArray
-    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()
+    belief: Belief  #: Of the 30 parameters.
+    nuisance: FloatArray  #: Posterior mean, shape (k,).
+    chi2: float  #: Squared innovations y' (H P H' + R)⁻¹ y at the solution.
+    residual: FloatArray  #: Observations less model at the solution, shape (m,).
+    normalised: FloatArray  #: Innovations decorrelated and in units of sigma, whose squares sum to chi2, shape (m,).
+    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_settled`` if the iteration did not converge.
 
 
 @dataclass(frozen=True)

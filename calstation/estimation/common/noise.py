@@ -15,21 +15,14 @@ BIAS_DRIFT_PER_INSTABILITY = 1.375
 
 @dataclass(frozen=True)
 class FilterNoise:
-    """Process and observation noise.
+    """Process and observation noise."""
 
-    Attributes
-    ----------
-    rate : angle random walk, rad²/s; force : velocity random walk, (m/s)²/s
-    velocity : variance of a velocity observation, (m/s)²; interval : between observations, s
-    end_rate : variance of the angular rate at an observation, (rad/s)²
-    bias_drift : stationary sigma of each bias about its constant, gyro x y z, accel x y z, rad/s and m/s², shape (6,)
-    """
-
-    rate: float
-    force: float
-    velocity: float
-    interval: float
-    end_rate: float
+    rate: float  #: Angle random walk, rad²/s.
+    force: float  #: Velocity random walk, (m/s)²/s.
+    velocity: float  #: Variance of a velocity observation, (m/s)².
+    interval: float  #: Between observations, s.
+    end_rate: float  #: Variance of the angular rate at an observation, (rad/s)².
+    #: Stationary sigma of each bias about its constant, gyro x y z, accel x y z, rad/s and m/s², shape (6,).
     bias_drift: FloatArray
 
 

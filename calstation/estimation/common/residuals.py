@@ -22,27 +22,17 @@ CREEP = 0.5
 
 @dataclass(frozen=True)
 class RestResiduals:
-    """Residuals of k rests, measured less expected.
+    """Residuals of k rests, measured less expected."""
 
-    Attributes
-    ----------
-    first_seq, last_seq : of each rest, shape (k,)
-    up : measured direction of up in b, unit vectors, shape (k, 3)
-    angles : mean encoder angles outer, inner, rad, NaN without polls, shape (k, 2)
-    force : length of the specific force less gravity, m/s², shape (k,)
-    vertical_rate, horizontal_rate : rate along and across up, rad/s, shape (k,)
-    force_sigma, rate_sigma : expected from the noise of the rest, m/s² and rad/s, shape (k,)
-    """
-
-    first_seq: IntArray
-    last_seq: IntArray
-    up: FloatArray
-    angles: FloatArray
-    force: FloatArray
-    vertical_rate: FloatArray
-    horizontal_rate: FloatArray
-    force_sigma: FloatArray
-    rate_sigma: FloatArray
+    first_seq: IntArray  #: Of each rest, shape (k,).
+    last_seq: IntArray  #: Of each rest, shape (k,).
+    up: FloatArray  #: Measured direction of up in b, unit vectors, shape (k, 3).
+    angles: FloatArray  #: Mean encoder angles outer, inner, rad, NaN without polls, shape (k, 2).
+    force: FloatArray  #: Length of the specific force less gravity, m/s², shape (k,).
+    vertical_rate: FloatArray  #: Rate along up, rad/s, shape (k,).
+    horizontal_rate: FloatArray  #: Rate across up, rad/s, shape (k,).
+    force_sigma: FloatArray  #: Expected from the noise of the rest, m/s², shape (k,).
+    rate_sigma: FloatArray  #: Expected from the noise of the rest, rad/s, shape (k,).
 
     def __len__(self) -> int:
         return len(self.first_seq)
@@ -100,23 +90,15 @@ def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> Res
 
 @dataclass(frozen=True)
 class BeforeAfter:
-    """The same n samples compensated with the parameters before and with those found.
+    """The same n samples compensated with the parameters before and with those found."""
 
-    Attributes
-    ----------
-    time : s, shape (n,)
-    rate_before, rate_after : rad/s, shape (n, 3)
-    force_before, force_after : m/s², shape (n, 3)
-    length_before, length_after : length of the force less gravity, m/s², shape (n,); at rest only the error is left
-    """
-
-    time: FloatArray
-    rate_before: FloatArray
-    rate_after: FloatArray
-    force_before: FloatArray
-    force_after: FloatArray
-    length_before: FloatArray
-    length_after: FloatArray
+    time: FloatArray  #: s, shape (n,)
+    rate_before: FloatArray  #: rad/s, shape (n, 3)
+    rate_after: FloatArray  #: rad/s, shape (n, 3)
+    force_before: FloatArray  #: m/s², shape (n, 3)
+    force_after: FloatArray  #: m/s², shape (n, 3)
+    length_before: FloatArray  #: Length of the force less gravity, m/s², shape (n,); at rest only the error is left.
+    length_after: FloatArray  #: The same with the parameters found.
 
 
 def before_after(

@@ -31,34 +31,20 @@ _CHUNK = 65_536
 
 @dataclass(frozen=True)
 class SampleBlock:
-    """Consecutive IMU samples of one stage.
+    """Consecutive IMU samples of one stage."""
 
-    Attributes
-    ----------
-    stage : name of the stage, "" between stages
-    seq : unwrapped sample counter, shape (n,)
-    time : IMU clock at the end of each sample, s, shape (n,)
-    counts : raw output, gyro x y z then accel x y z, counts, shape (n, 6)
-    angles : encoder angles outer, inner at the end of the sample, rad, cumulative, NaN between polls,
-        shape (n, 2)
-    step : number of the move the sample belongs to, shape (n,)
-    valid : False marks a spoilt sample, shape (n,)
-    temperature : °C, NaN if unknown, shape (n,)
-    others : raw output of further IMUs on the same body, counts as `counts`, NaN for their missing samples,
-        shape (n, k, 6)
-    joints : angles of a gimbal's joints x, y, z at the end of the sample, rad, NaN between polls, shape (n, 3), or
-        (n, 0) without a gimbal
-    """
-
-    stage: str
-    seq: IntArray
-    time: FloatArray
-    counts: FloatArray
+    stage: str  #: Name of the stage, "" between stages.
+    seq: IntArray  #: Unwrapped sample counter, shape (n,).
+    time: FloatArray  #: IMU clock at the end of each sample, s, shape (n,).
+    counts: FloatArray  #: Raw output, gyro x y z then accel x y z, counts, shape (n, 6).
+    #: Encoder angles outer, inner at the end of the sample, rad, cumulative, NaN between polls, shape (n, 2).
     angles: FloatArray
-    step: IntArray
-    valid: BoolArray
-    temperature: FloatArray
+    step: IntArray  #: Number of the move the sample belongs to, shape (n,).
+    valid: BoolArray  #: False marks a spoilt sample, shape (n,).
+    temperature: FloatArray  #: °C, NaN if unknown, shape (n,).
+    #: Raw output of further IMUs on the same body, as `counts`, NaN where missing, shape (n, k, 6).
     others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
+    #: Angles x, y, z of a gimbal's joints, rad, NaN between polls, shape (n, 3); (n, 0) without a gimbal.
     joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:

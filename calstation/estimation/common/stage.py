@@ -23,31 +23,19 @@ FORCE_STEP = 0.5
 
 @dataclass(frozen=True)
 class StageData:
-    """Valid samples of one stage.
+    """Valid samples of one stage."""
 
-    Attributes
-    ----------
-    dt : sample period, s
-    seq, time : as in `SampleBlock`, shape (n,)
-    gyro, accel : raw mean rates, rad/s and m/s², shape (n, 3)
-    angles : encoder angles, rad, NaN between polls, shape (n, 2)
-    step : shape (n,)
-    segments : (start, stop) of each stretch without a gap, reset or spoilt sample
-    gaps : number of gaps and resets inside the stage
-    others, joints : as in `SampleBlock`
-    """
-
-    dt: float
-    seq: IntArray
-    time: FloatArray
-    gyro: FloatArray
-    accel: FloatArray
-    angles: FloatArray
-    step: IntArray
-    segments: tuple[tuple[int, int], ...]
-    gaps: int
-    others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
-    joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    dt: float  #: Sample period, s.
+    seq: IntArray  #: As in `SampleBlock`, shape (n,).
+    time: FloatArray  #: As in `SampleBlock`, shape (n,).
+    gyro: FloatArray  #: Raw mean rate, rad/s, shape (n, 3).
+    accel: FloatArray  #: Raw mean specific force, m/s², shape (n, 3).
+    angles: FloatArray  #: Encoder angles, rad, NaN between polls, shape (n, 2).
+    step: IntArray  #: As in `SampleBlock`, shape (n,).
+    segments: tuple[tuple[int, int], ...]  #: (start, stop) of each stretch without a gap, reset or spoilt sample.
+    gaps: int  #: Number of gaps and resets inside the stage.
+    others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))  #: As in `SampleBlock`.
+    joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))  #: As in `SampleBlock`.
 
     def __len__(self) -> int:
         return len(self.seq)

@@ -32,39 +32,24 @@ RESTING_RATE_SIGMA = np.deg2rad(0.2)
 
 @dataclass(frozen=True)
 class Link:
-    """An unbroken motion between two neighbouring rests.
+    """An unbroken motion between two neighbouring rests."""
 
-    Attributes
-    ----------
-    first, second : indices of the rests
-    start, stop : samples of the motion
-    """
-
-    first: int
-    second: int
-    start: int
-    stop: int
+    first: int  #: Index of the rest before.
+    second: int  #: Index of the rest after.
+    start: int  #: First sample of the motion.
+    stop: int  #: The sample after its last.
 
 
 @dataclass(frozen=True)
 class Stillness:
-    """Rests of a recording and the motions between them.
+    """Rests of a recording and the motions between them."""
 
-    Attributes
-    ----------
-    rests : (start, stop) of each rest
-    links : the motions between neighbouring rests
-    gyro_noise, accel_noise : white noise at rest, rad/√s and m/s/√s
-    rate : mean raw rate at rest, rad/s, shape (3,)
-    cuts : samples before which others were cut out without a gap of the counter
-    """
-
-    rests: tuple[tuple[int, int], ...]
-    links: tuple[Link, ...]
-    gyro_noise: float
-    accel_noise: float
-    rate: FloatArray
-    cuts: tuple[int, ...] = ()
+    rests: tuple[tuple[int, int], ...]  #: (start, stop) of each rest.
+    links: tuple[Link, ...]  #: The motions between neighbouring rests.
+    gyro_noise: float  #: White noise at rest, rad/√s.
+    accel_noise: float  #: White noise at rest, m/s/√s.
+    rate: FloatArray  #: Mean raw rate at rest, rad/s, shape (3,).
+    cuts: tuple[int, ...] = ()  #: Samples before which others were cut out without a gap of the counter.
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:

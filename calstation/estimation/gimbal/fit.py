@@ -33,19 +33,12 @@ _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
 
 @dataclass(frozen=True)
 class GimbalFit:
-    """Solution of the least squares.
+    """Solution of the least squares."""
 
-    Attributes
-    ----------
-    belief : posterior of the parameters
-    chi2, freedom : squared residuals in units of sigma, and their degrees of freedom
-    residual : of every motion, rad, shape (n, 3)
-    """
-
-    belief: Belief
-    chi2: float
-    freedom: float
-    residual: FloatArray
+    belief: Belief  #: Posterior of the parameters.
+    chi2: float  #: Sum of the squared residuals in units of sigma.
+    freedom: float  #: Their degrees of freedom.
+    residual: FloatArray  #: Of every motion, rad, shape (n, 3).
 
 
 def fit_gimbal(

@@ -22,26 +22,16 @@ ANGLE_FIT = 0.3
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion between two rests.
+    """One motion between two rests."""
 
-    Attributes
-    ----------
-    start, stop : its samples
-    before, after : joints x, y, z at its start and end, rad, shape (3,)
-    drift : rates of the joints at the rest before, rad/s, shape (3,)
-    rest : length of the fit of these rates, s
-    duration : s
-    between : indices of the rests before and after
-    """
-
-    start: int
-    stop: int
-    before: FloatArray
-    after: FloatArray
-    drift: FloatArray
-    rest: float
-    duration: float
-    between: tuple[int, int]
+    start: int  #: First sample.
+    stop: int  #: The sample after the last.
+    before: FloatArray  #: Joints x, y, z at its start, rad, shape (3,).
+    after: FloatArray  #: Joints x, y, z at its end, rad, shape (3,).
+    drift: FloatArray  #: Rates of the joints at the rest before, rad/s, shape (3,).
+    rest: float  #: Length of the fit of these rates, s.
+    duration: float  #: s
+    between: tuple[int, int]  #: Indices of the rests before and after.
 
     @property
     def axis(self) -> int | None:

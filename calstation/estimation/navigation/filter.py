@@ -54,20 +54,12 @@ GROUP_TIME = 0.5
 
 @dataclass(frozen=True)
 class History:
-    """m observations of a pass: for consistency, observability, residuals and plots.
+    """m observations of a pass: for consistency, observability, residuals and plots."""
 
-    Attributes
-    ----------
-    index : samples before each observation, shape (m,)
-    attitude : C_bn of the linearisation, shape (m, 3, 3)
-    rate : angular rate, rad/s, shape (m, 3)
-    innovation : decorrelated innovations in units of their sigmas, shape (m, 3)
-    """
-
-    index: IntArray
-    attitude: FloatArray
-    rate: FloatArray
-    innovation: FloatArray
+    index: IntArray  #: Samples before each observation, shape (m,).
+    attitude: FloatArray  #: C_bn of the linearisation, shape (m, 3, 3).
+    rate: FloatArray  #: Angular rate, rad/s, shape (m, 3).
+    innovation: FloatArray  #: Decorrelated innovations in units of their sigmas, shape (m, 3).
 
     @property
     def nis(self) -> FloatArray:

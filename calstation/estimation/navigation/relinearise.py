@@ -46,26 +46,16 @@ NARROW_AZIMUTH_SIGMA = 0.3
 
 @dataclass(frozen=True)
 class NavigationResult:
-    """Posterior of the parameters after the last pass.
-
-    Attributes
-    ----------
-    belief, history : of the last pass
-    starts : the segments solved
-    attitudes, point : start attitudes and parameters of its linearisation
-    passes : number of passes
-    converged : whether the last pass changed nothing significant
-    azimuth_free : whether the azimuth was found from the data alone
-    """
+    """Posterior of the parameters after the last pass."""
 
     belief: Belief
     history: History
-    starts: tuple[Start, ...]
-    attitudes: tuple[FloatArray, ...]
-    point: FloatArray
+    starts: tuple[Start, ...]  #: The segments solved.
+    attitudes: tuple[FloatArray, ...]  #: Start attitudes of the linearisation, C_bn, shape (3, 3).
+    point: FloatArray  #: Parameters of the linearisation, SI, shape (30,).
     passes: int
-    converged: bool
-    azimuth_free: bool
+    converged: bool  #: Whether the last pass changed nothing significant.
+    azimuth_free: bool  #: Whether the azimuth was found from the data alone.
 
 
 def solve_navigation(

@@ -37,48 +37,29 @@ OBSERVED = 6
 
 
 class Setting(NamedTuple):
-    """Constants of a pass.
+    """Constants of a pass."""
 
-    Attributes
-    ----------
-    earth : earth rate in n, rad/s, shape (3,)
-    gravity : m/s²
-    dt : sample period, s
-    stride : samples per observation
-    rate_noise, force_noise : spectral densities, rad²/s and (m/s)²/s
-    variance : of an observation, (m/s)²
-    """
-
-    earth: FloatArray
-    gravity: float
-    dt: float
-    stride: int
-    rate_noise: float
-    force_noise: float
-    variance: float
+    earth: FloatArray  #: Earth rate in n, rad/s, shape (3,).
+    gravity: float  #: m/s²
+    dt: float  #: Sample period, s.
+    stride: int  #: Samples per observation.
+    rate_noise: float  #: Spectral density, rad²/s.
+    force_noise: float  #: Spectral density, (m/s)²/s.
+    variance: float  #: Of an observation, (m/s)².
 
 
 class VelocityGroup(NamedTuple):
-    """Output of `observe` for n observations of a filter of m states: the 39, and six more with bias drift.
+    """Output of `observe` for n observations of a filter of m states: the 39, and six more with bias drift."""
 
-    Attributes
-    ----------
-    transition, noise : of the whole group, shape (m, m); the caller fills in the elements of the drift states
-    shift : change of the errors φ, δv, δp by switching to a reference, shape (9,)
-    z, H, R : observations of the state at the group's end, shapes (3 n,), (3 n, m), (3 n, 3 n)
-    M : covariance of process and observation noise, shape (m, 3 n)
-    attitude, rate : C_bn and ω_ib (rad/s) at each observation, shapes (n, 3, 3), (n, 3)
-    """
-
-    transition: FloatArray
-    noise: FloatArray
-    shift: FloatArray
-    z: FloatArray
-    H: FloatArray
-    R: FloatArray
-    M: FloatArray
-    attitude: FloatArray
-    rate: FloatArray
+    transition: FloatArray  #: Of the whole group, shape (m, m); the caller fills in the elements of the drift states.
+    noise: FloatArray  #: Likewise.
+    shift: FloatArray  #: Change of the errors φ, δv, δp by switching to a reference, shape (9,).
+    z: FloatArray  #: Observations of the state at the group's end, shape (3 n,).
+    H: FloatArray  #: Their Jacobian, shape (3 n, m).
+    R: FloatArray  #: Their covariance, shape (3 n, 3 n).
+    M: FloatArray  #: Covariance of process and observation noise, shape (m, 3 n).
+    attitude: FloatArray  #: C_bn at each observation, shape (n, 3, 3).
+    rate: FloatArray  #: ω_ib at each observation, rad/s, shape (n, 3).
 
 
 def velocity_group(count: int, size: int) -> VelocityGroup:

@@ -31,21 +31,13 @@ from calstation.physics import PAIR_PARAMETERS, FloatArray, compensate, compensa
 
 @dataclass(frozen=True)
 class PairRules:
-    """Tolerances, and what is fitted.
+    """Tolerances, and what is fitted."""
 
-    Attributes
-    ----------
-    rest : shortest rest to check at, s
-    primary, secondary : thresholds by sensor
-    choice : what is fitted
-    only_triggering : whether only sensors out of tolerance are fitted
-    """
-
-    rest: float
-    primary: Mapping[str, Threshold]
-    secondary: Mapping[str, Threshold]
+    rest: float  #: Shortest rest to check at, s.
+    primary: Mapping[str, Threshold]  #: Thresholds of the primary by sensor.
+    secondary: Mapping[str, Threshold]  #: Thresholds of the secondary by sensor.
     choice: PairChoice = field(default_factory=PairChoice)
-    only_triggering: bool = False
+    only_triggering: bool = False  #: Whether only sensors out of tolerance are fitted.
 
     def chosen(self, check: StaticCheck) -> PairChoice:
         """What is fitted after a check; never a sensor whose primary is out of tolerance."""

@@ -11,24 +11,15 @@ from calstation.physics import BoolArray, Compensation, FloatArray, IntArray
 
 @dataclass(frozen=True)
 class PairData:
-    """Samples of two IMUs on one body.
+    """Samples of two IMUs on one body."""
 
-    Attributes
-    ----------
-    dt : sample period, s
-    time : by the primary's clock, s, shape (n,)
-    gyro, accel : raw mean rates of the primary, rad/s and m/s², shape (n, 3)
-    gyro2, accel2 : of the secondary, shape (n, 3)
-    segments : (start, stop) of each stretch in which no sample of either is missing
-    """
-
-    dt: float
-    time: FloatArray
-    gyro: FloatArray
-    accel: FloatArray
-    gyro2: FloatArray
-    accel2: FloatArray
-    segments: tuple[tuple[int, int], ...]
+    dt: float  #: Sample period, s.
+    time: FloatArray  #: By the primary's clock, s, shape (n,).
+    gyro: FloatArray  #: Raw mean rate of the primary, rad/s, shape (n, 3).
+    accel: FloatArray  #: Raw mean specific force of the primary, m/s², shape (n, 3).
+    gyro2: FloatArray  #: Of the secondary, rad/s, shape (n, 3).
+    accel2: FloatArray  #: Of the secondary, m/s², shape (n, 3).
+    segments: tuple[tuple[int, int], ...]  #: (start, stop) of each stretch in which no sample of either is missing.
 
     def __len__(self) -> int:
         return len(self.time)
@@ -70,28 +61,18 @@ def low_pass() -> FloatArray:
 
 @dataclass(frozen=True)
 class Signals:
-    """Low-pass filtered samples of a fit, n rows.
+    """Low-pass filtered samples of a fit, n rows."""
 
-    Attributes
-    ----------
-    row : indices of the rows in the data, shape (n,)
-    gyro, accel : primary at t + τ, rad/s and m/s², shape (n, 3)
-    gyro_slope, accel_slope : their time derivatives
-    lever : G of the lever arm's contribution G r to the primary's output, 1/s², shape (n, 3, 3)
-    gyro2, accel2 : secondary at t, shape (n, 3)
-    white, slope : gain of the variance of white noise in a value and in its derivative (1/s²)
-    """
-
-    row: IntArray
-    gyro: FloatArray
-    accel: FloatArray
-    gyro_slope: FloatArray
-    accel_slope: FloatArray
-    lever: FloatArray
-    gyro2: FloatArray
-    accel2: FloatArray
-    white: float
-    slope: float
+    row: IntArray  #: Indices of the rows in the data, shape (n,).
+    gyro: FloatArray  #: Primary at t + τ, rad/s, shape (n, 3).
+    accel: FloatArray  #: Primary at t + τ, m/s², shape (n, 3).
+    gyro_slope: FloatArray  #: Its time derivative.
+    accel_slope: FloatArray  #: Its time derivative.
+    lever: FloatArray  #: G of the lever arm's contribution G r to the primary's output, 1/s², shape (n, 3, 3).
+    gyro2: FloatArray  #: Secondary at t, rad/s, shape (n, 3).
+    accel2: FloatArray  #: Secondary at t, m/s², shape (n, 3).
+    white: float  #: Gain of the variance of white noise in a value.
+    slope: float  #: Gain of the variance of white noise in a derivative, 1/s².
 
 
 def signals(data: PairData, offset: float, c: Compensation) -> Signals:

@@ -41,18 +41,12 @@ COUNT = len(PAIR_PARAMETERS)
 
 @dataclass(frozen=True)
 class PairChoice:
-    """What is fitted.
+    """What is fitted."""
 
-    Attributes
-    ----------
-    gyro, accel : the bias alone, the scale factors too, or the full matrix; None for nothing
-    lever, offset : lever arm and clock offset
-    """
-
-    gyro: Model | None = "full"
-    accel: Model | None = "full"
+    gyro: Model | None = "full"  #: The bias alone, the scale factors too, or the full matrix; None for nothing.
+    accel: Model | None = "full"  #: As `gyro`.
     lever: bool = True
-    offset: bool = True
+    offset: bool = True  #: Clock offset.
 
     @property
     def fitted(self) -> BoolArray:
@@ -72,28 +66,18 @@ class PairChoice:
 
 @dataclass(frozen=True)
 class PairFit:
-    """Values and covariance of the pair parameters, in the order of `PAIR_PARAMETERS`.
+    """Values and covariance of the pair parameters, in the order of `PAIR_PARAMETERS`."""
 
-    Attributes
-    ----------
-    value : SI, shape (28,)
-    covariance : shape (28, 28), 0 for parameters not fitted
-    fitted : which parameters were fitted, shape (28,)
-    rms, expected : residuals of gyro and accelerometer in the band, and those expected from noise, rad/s and m/s²
-    blocks : number of blocks of the jackknife
-    halves : mean squared difference of the solutions of both halves of the blocks, in units of their variances; 1 if
-        the covariance is consistent
-    converged : whether the last iteration changed nothing significant
-    """
-
-    value: FloatArray
-    covariance: FloatArray
-    fitted: BoolArray
-    rms: tuple[float, float]
-    expected: tuple[float, float]
-    blocks: int
+    value: FloatArray  #: SI, shape (28,)
+    covariance: FloatArray  #: Shape (28, 28), 0 for parameters not fitted.
+    fitted: BoolArray  #: Shape (28,).
+    rms: tuple[float, float]  #: Residuals of gyro (rad/s) and accelerometer (m/s²) in the band.
+    expected: tuple[float, float]  #: The same from noise alone.
+    blocks: int  #: Number of blocks of the jackknife.
+    #: Mean squared difference of the solutions of both halves of the blocks, in units of their variances; 1 if
+    #: the covariance is consistent.
     halves: float
-    converged: bool
+    converged: bool  #: Whether the last iteration changed nothing significant.
 
 
 def fit_pair(

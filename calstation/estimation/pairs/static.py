@@ -18,19 +18,13 @@ SENSORS = ("gyro", "accel")
 
 
 class Threshold(BaseModel):
-    """Largest deviation of one sensor at rest, SI.
-
-    Attributes
-    ----------
-    fixed : from the factory's error; also used while nothing is stored
-    offset, ratio : at most one; the threshold is then the deviation right after the last calibration plus `offset` or
-        times `ratio`
-    """
+    """Largest deviation of one sensor at rest, SI."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-    fixed: float = Field(gt=0.0)
+    fixed: float = Field(gt=0.0)  #: From the factory's error; also used while nothing is stored.
+    #: The threshold is the deviation right after the last calibration plus this ...
     offset: float | None = Field(None, gt=0.0)
-    ratio: float | None = Field(None, gt=1.0)
+    ratio: float | None = Field(None, gt=1.0)  #: ... or times this; at most one of both.
 
     @model_validator(mode="after")
     def _one(self) -> "Threshold":

@@ -26,39 +26,23 @@ RESTS_KEPT = 10.0
 
 @dataclass(frozen=True)
 class Triggers:
-    """When to check and how long to collect motion.
+    """When to check and how long to collect motion."""
 
-    Attributes
-    ----------
-    start_up : whether to check at the first rest
-    period : of further checks, s of IMU time; None for never
-    motion, longest : motion to collect, and the longest time for it, s
-    moving : smallest rate, less that at rest, that counts as motion, rad/s
-    """
-
-    start_up: bool = True
-    period: float | None = None
-    motion: float = 20.0
-    longest: float = 600.0
-    moving: float = np.deg2rad(10.0)
+    start_up: bool = True  #: Whether to check at the first rest.
+    period: float | None = None  #: Of further checks, s of IMU time; None for never.
+    motion: float = 20.0  #: Motion to collect, s.
+    longest: float = 600.0  #: Longest time for it, s.
+    moving: float = np.deg2rad(10.0)  #: Smallest rate, less that at rest, that counts as motion, rad/s.
 
 
 @dataclass(frozen=True)
 class WatchEvent:
-    """An event of the watch.
+    """An event of the watch."""
 
-    Attributes
-    ----------
-    kind : triggered, checked, primary_off, calibrating, calibrated, given_up
-    time : of the IMU, s
-    number : of the secondary, 0 for all
-    values : further values, JSON-ready
-    """
-
-    kind: str
-    time: float
-    number: int = 0
-    values: Mapping[str, Any] = field(default_factory=dict)
+    kind: str  #: ``triggered``, ``checked``, ``primary_off``, ``calibrating``, ``calibrated`` or ``given_up``.
+    time: float  #: Of the IMU, s.
+    number: int = 0  #: Of the secondary; 0 for all.
+    values: Mapping[str, Any] = field(default_factory=dict)  #: Further values, JSON-ready.
 
 
 class PairWatch:

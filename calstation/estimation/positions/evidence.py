@@ -45,27 +45,18 @@ class RestEvidence:
 
 @dataclass(frozen=True)
 class MotionEvidence:
-    """One unbroken motion between two rests.
+    """One unbroken motion between two rests."""
 
-    Attributes
-    ----------
-    before, after : indices of the rests
-    first_seq, last_seq, duration : sequence numbers and length (s) of the motion
-    path : length of the rotation, rad
-    uncalibrated : body rotation with the parameters before the calibration, shape (3, 3)
-    point, rotation, derivative : parameters of the stage's solution, the rotation with them, and its derivative by
-        `_COLUMNS` as a rotation vector in the first rest's body, shapes (30,), (3, 3), (3, 12)
-    """
-
-    before: int
-    after: int
+    before: int  #: Index of the rest before.
+    after: int  #: Index of the rest after.
     first_seq: int
     last_seq: int
-    duration: float
-    path: float
-    uncalibrated: FloatArray
-    point: FloatArray
-    rotation: FloatArray
+    duration: float  #: s
+    path: float  #: Length of the rotation, rad.
+    uncalibrated: FloatArray  #: Body rotation with the parameters before the calibration, shape (3, 3).
+    point: FloatArray  #: Parameters of the stage's solution, SI, shape (30,).
+    rotation: FloatArray  #: Body rotation with them, shape (3, 3).
+    #: Its derivative by `_COLUMNS` as a rotation vector in the first rest's body, shape (3, 12).
     derivative: FloatArray
 
     def calibrated(self, parameters: FloatArray) -> FloatArray:

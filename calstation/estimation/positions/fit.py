@@ -35,26 +35,16 @@ LARGEST_STEP = 0.3
 
 @dataclass(frozen=True)
 class PositionFit:
-    """The joint solution.
+    """The joint solution."""
 
-    Attributes
-    ----------
-    belief : posterior of the 30 parameters, consider parameters estimated too
-    attitudes : C_bn of the rests, shape (n, 3, 3)
-    chi2, freedom : squared residuals in units of sigma, and their degrees of freedom
-    scatter : noise of the recording beyond the profile's
-    force_residual, turn_residual : of rests and motions, m/s² and rad, shapes (n, 3) and (m, 3)
-    converged : whether the last iteration changed nothing significant
-    """
-
-    belief: Belief
-    attitudes: FloatArray
-    chi2: float
-    freedom: float
-    scatter: Scatter
-    force_residual: FloatArray
-    turn_residual: FloatArray
-    converged: bool
+    belief: Belief  #: Posterior of the 30 parameters, consider parameters estimated too.
+    attitudes: FloatArray  #: C_bn of the rests, shape (n, 3, 3).
+    chi2: float  #: Sum of the squared residuals in units of sigma.
+    freedom: float  #: Their degrees of freedom.
+    scatter: Scatter  #: Noise of the recording beyond the profile's.
+    force_residual: FloatArray  #: Of the rests, m/s², shape (n, 3).
+    turn_residual: FloatArray  #: Of the motions, rad, shape (m, 3).
+    converged: bool  #: Whether the last iteration changed nothing significant.
 
 
 @dataclass(frozen=True)

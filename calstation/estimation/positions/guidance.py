@@ -39,23 +39,16 @@ State = Literal["waiting", "moving", "still", "enough", "repeat"]
 
 @dataclass(frozen=True)
 class Guidance:
-    """Instruction for the operator.
+    """Instruction for the operator."""
 
-    Attributes
-    ----------
-    state : waiting (for the first rest), moving, still (keep it at rest), enough (go on), repeat (moved too soon)
-    rest, wanted : time at rest so far, and required, s
-    up : measured direction of gravity in b, shape (3,)
-    positions : directions of gravity at the positions done, shape (k, 3)
-    suffices : whether the positions are well spread and the unit has turned about every axis
-    """
-
+    #: ``waiting`` for the first rest, ``moving``, ``still`` (not yet long enough), ``enough`` or ``repeat``
+    #: (moved too soon).
     state: State
-    rest: float
-    wanted: float
-    up: FloatArray
-    positions: FloatArray
-    suffices: bool
+    rest: float  #: Time at rest so far, s.
+    wanted: float  #: Required time at rest, s.
+    up: FloatArray  #: Measured direction of gravity in b, shape (3,).
+    positions: FloatArray  #: Directions of gravity at the positions done, shape (k, 3).
+    suffices: bool  #: Whether the positions are well spread and the unit has turned about every axis.
 
 
 @dataclass

@@ -27,18 +27,11 @@ SIGNIFICANT = 0.9995
 
 @dataclass(frozen=True)
 class Scatter:
-    """Standard deviations beyond the profile's noise.
+    """Standard deviations beyond the profile's noise."""
 
-    Attributes
-    ----------
-    force : of the mean specific force of a rest, m/s²
-    rate : of the gyro bias from rest to rest, rad/s
-    turn : of the angle of a motion, rad
-    """
-
-    force: float = 0.0
-    rate: float = 0.0
-    turn: float = 0.0
+    force: float = 0.0  #: Of the mean specific force of a rest, m/s².
+    rate: float = 0.0  #: Of the gyro bias from rest to rest, rad/s.
+    turn: float = 0.0  #: Of the angle of a motion, rad.
 
     def near(self, other: "Scatter") -> bool:
         """Whether both agree within 5 %."""
@@ -48,23 +41,15 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Position:
-    """One rest.
+    """One rest."""
 
-    Attributes
-    ----------
-    start, stop : samples
-    time : IMU time of its middle, s
-    force, force_variance : mean raw specific force, m/s², shape (3,), and variance from the profile, (m/s²)²
-    rate, rate_variance : mean raw rate, rad/s, shape (3,), and variance from the profile, (rad/s)²
-    """
-
-    start: int
-    stop: int
-    time: float
-    force: FloatArray
-    force_variance: float
-    rate: FloatArray
-    rate_variance: float
+    start: int  #: First sample.
+    stop: int  #: The sample after the last.
+    time: float  #: IMU time of its middle, s.
+    force: FloatArray  #: Mean raw specific force, m/s², shape (3,).
+    force_variance: float  #: From the profile, (m/s²)².
+    rate: FloatArray  #: Mean raw rate, rad/s, shape (3,).
+    rate_variance: float  #: From the profile, (rad/s)².
 
 
 def positions(data: StageData, still: Stillness, context: SolveContext) -> list[Position]:

@@ -49,21 +49,13 @@ STRAY = 0.1
 
 @dataclass(frozen=True)
 class _Turn:
-    """A motion between two rests.
-
-    Attributes
-    ----------
-    link : the motion
-    before, after : measured direction of gravity in b, unit vectors, shape (3,)
-    bias : raw rate at rest, rad/s, shape (3,)
-    path : length of the rotation, rad
-    """
+    """A motion between two rests."""
 
     link: Link
-    before: FloatArray
-    after: FloatArray
-    bias: FloatArray
-    path: float
+    before: FloatArray  #: Measured direction of gravity in b before, unit vector, shape (3,).
+    after: FloatArray  #: The same after the motion.
+    bias: FloatArray  #: Raw rate at rest, rad/s, shape (3,).
+    path: float  #: Length of the rotation, rad.
 
     @property
     def tilt(self) -> float:
