@@ -1,6 +1,5 @@
 """Configuration of a virtual bench: unit, site, table, transports, planned faults."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -8,9 +7,11 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from calstation.bench.table import TableLimits
-from calstation.bench.truth import ARCSECOND, BenchTruth, GradeName, ManualRig
+from calstation.bench.truth import BenchTruth, EncoderTruth, GradeName, ManualRig, TableTruth, draw_imu
 from calstation.physics import INDEX
 from calstation.schema import EntryError, near_miss
+
+_ARCSECOND = np.deg2rad(1.0 / 3600.0)
 
 Vector = tuple[float, float, float]
 Pair = tuple[float, float]
@@ -59,23 +60,9 @@ OrderName = Literal[
 
 
 class Order(BaseModel):
-    """An ordered fault.
+    """An ordered fault; `docs/reference/bench.md` explains the orders and their values.
 
-    order : of the table interlock (value 1 closed, 0 open), drive_fault, limit_fault, stall, trip_watchdog (each trips
-        and latches), jam (its joints stand still and it says nothing), overshoot (degrees that the next move goes too
-        far), never_settle (s);
-        of the stream corrupt_frames (so many get a flipped bit), drop_frames, duplicate_frames, reorder_frames (each
-        changes places with the next), noise_bytes (frames that get noise before them), silence_imu (s),
-        garble_imu (s as at a wrong baud), saturate_imu (s), invalid_imu (s without a number from one channel: NaN, the
-        lowest number where frames hold whole ones), freeze_channel (its number, 0 to 5), jump_counter (what it
-        counts next), reset_imu;
-        of the links hang_up_imu, mute_table (requests without an answer), slow_imu and slow_table (host seconds that
-        an answer takes; ordered again, the one behind it), garble_table (answers with a flipped bit), refuse_table
-        (the Modbus exception of the next answer);
-        of the supply brown_out_write, brown_out_commit (bytes of registers taken, or of flash burnt, before the unit's
-        power breaks down for a moment)
-    at : device time, s
-    after : device time from when the order is given, s
+    `at` is a device time, s; `after` is counted from when the order is given, s.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -87,33 +74,7 @@ class Order(BaseModel):
 
 
 class BenchConfig(BaseModel):
-    """Configuration of a bench, with angles in degrees as in station files.
-
-    Attributes
-    ----------
-    grade, seed : of the unit; the seed draws table, mount and noise as well
-    parameters : of the unit by name, SI, in place of those drawn
-    serial, table_serial : what unit and table answer
-    speed : multiple of host time, 0 where time moves by the clock's `advance` alone
-    sample_rate_hz, output, outer_lever, instability, out_of_limits : see `grades.draw_imu`
-    gravity_mps2 : true gravity, None for the normal gravity of the place
-    mount_deg : smallest and largest angle of the unit on its platform
-    start_deg : joint angles at power-on, None draws them
-    imu_protocol : what the unit's commands are
-    behind_registers : the unit's stream always has its registers applied (framed, modbus)
-    table_protocol : what the table speaks: "drives" where each axis is a Modbus unit of its own; "imu_link" where
-        the unit's own line carries its registers; "hand" where the unit sits on rails that hands turn
-    table_transport : over TCP or, "rtu", over a pseudo-terminal
-    latency_s, jitter_s : a polled angle is this old, uniformly ± the jitter
-    clock_drift_ppm : device time gains this much on the clock service's
-    ready_time_s : from power-up to the unit's ready bit
-    ambient_c, warm_up_c, warm_up_time_s : temperature and its exponential rise
-    watchdog_ms : the table's timeout at power-on, host time
-    flash_file : keeps the unit's flash over runs; flash_banks : 2, or 1 for a unit that has no spare
-    orders : faults to come
-    report_file : where the bench writes at its end how it was left and which orders it has obeyed; it then lives until
-        its watchdog has had its time
-    """
+    """Configuration of a bench, with angles in degrees; `docs/reference/bench.md` explains every entry."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -173,34 +134,51 @@ class BenchConfig(BaseModel):
 
     def truth(self) -> BenchTruth:
         """The bench that this configuration and its seed draw."""
-        drawn = BenchTruth.draw(
+        unit_seed, table_seed = np.random.SeedSequence(self.seed).spawn(2)
+        imu = draw_imu(
             self.grade,
-            self.seed,
-            latitude=np.deg2rad(self.latitude_deg),
-            height=self.height_m,
-            azimuth=np.deg2rad(self.azimuth_deg),
-            gravity=self.gravity_mps2,
-            outer_axis=self.outer_axis,
-            inner_axis=self.inner_axis,
+            np.random.default_rng(unit_seed),
             sample_rate=self.sample_rate_hz,
             output=self.output,
             outer_lever=self.outer_lever,
-            mount=(np.deg2rad(self.mount_deg[0]), np.deg2rad(self.mount_deg[1])),
-            azimuth_error=np.deg2rad(self.azimuth_error_deg),
-            base_tilt=np.deg2rad(self.base_tilt_deg),
-            non_orthogonality=self.non_orthogonality_arcsec * ARCSECOND,
-            wobble=self.wobble_arcsec * ARCSECOND,
-            encoder_sigma=np.deg2rad(self.encoder_sigma_deg),
-            encoder_periodic=np.deg2rad(self.encoder_periodic_deg),
-            encoder_noise=np.deg2rad(self.encoder_noise_deg),
-            velocity_sigma=self.velocity_sigma,
             instability=self.instability,
             out_of_limits=self.out_of_limits,
         )
-        parameters = drawn.parameters.copy()
         for name, value in self.parameters.items():
-            parameters[INDEX[name]] = value
-        return replace(drawn, imu=replace(drawn.imu, parameters=parameters))
+            imu.parameters[INDEX[name]] = value
+        random = np.random.default_rng(table_seed)
+        direction = random.standard_normal(3)
+        mount = direction / np.linalg.norm(direction) * random.uniform(*_radians(self.mount_deg))
+        heading = random.uniform(0.0, 2.0 * np.pi)
+        phases = random.uniform(0.0, 2.0 * np.pi, 4)
+        azimuth, azimuth_error, base_tilt, *encoder = np.deg2rad(
+            [
+                self.azimuth_deg,
+                self.azimuth_error_deg,
+                self.base_tilt_deg,
+                self.encoder_sigma_deg,
+                self.encoder_periodic_deg,
+                self.encoder_noise_deg,
+            ]
+        ).tolist()
+        wobble = self.wobble_arcsec * _ARCSECOND
+        table = TableTruth(
+            latitude=float(np.deg2rad(self.latitude_deg)),
+            height=self.height_m,
+            azimuth=azimuth + azimuth_error * float(random.standard_normal()),
+            base_tilt=(base_tilt * float(np.cos(heading)), base_tilt * float(np.sin(heading)), 0.0),
+            outer_axis=self.outer_axis,
+            inner_axis=self.inner_axis,
+            non_orthogonality=self.non_orthogonality_arcsec * _ARCSECOND * float(random.choice([-1.0, 1.0])),
+            wobble=(wobble, wobble),
+            wobble_phase=(float(phases[0]), float(phases[1])),
+            mount=(float(mount[0]), float(mount[1]), float(mount[2])),
+            velocity_sigma=self.velocity_sigma,
+            gravity=self.gravity_mps2,
+        )
+        stop_sigma, periodic, noise = encoder
+        encoders = EncoderTruth(stop_sigma, periodic, (float(phases[2]), float(phases[3])), noise)
+        return BenchTruth(imu, table, encoders, self.grade, azimuth, self.outer_lever)
 
     def rig(self) -> ManualRig:
         """The manual rig at this site."""
@@ -215,10 +193,11 @@ class BenchConfig(BaseModel):
 
     def limits(self) -> TableLimits:
         """Travel and speeds of the table."""
-        return TableLimits(
-            low=(np.deg2rad(self.low_deg[0]), np.deg2rad(self.low_deg[1])),
-            high=(np.deg2rad(self.high_deg[0]), np.deg2rad(self.high_deg[1])),
-            rate=np.deg2rad(self.rate_deg_s),
-            acceleration=np.deg2rad(self.acceleration_deg_s2),
-            homing_rate=np.deg2rad(self.homing_rate_deg_s),
-        )
+        rate, acceleration, homing_rate = np.deg2rad(
+            [self.rate_deg_s, self.acceleration_deg_s2, self.homing_rate_deg_s]
+        ).tolist()
+        return TableLimits(_radians(self.low_deg), _radians(self.high_deg), rate, acceleration, homing_rate)
+
+
+def _radians(degrees: Pair) -> Pair:
+    return float(np.deg2rad(degrees[0])), float(np.deg2rad(degrees[1]))

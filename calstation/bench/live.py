@@ -7,7 +7,7 @@ import numpy as np
 from calstation.bench.config import BenchConfig, Order
 from calstation.bench.imu import SAMPLES as VECTORNAV
 from calstation.bench.imu import DspUnit, ImuUnit, StreamFaults, VectorNavUnit
-from calstation.bench.table import Fault, TableMachine, TableRegisters
+from calstation.bench.table import Clocks, Fault, TableMachine, TableRegisters
 from calstation.bench.truth import HandStream, SensorStream, TableDrive
 
 TABLE_MODEL = "bench-table"
@@ -42,18 +42,8 @@ _START = np.deg2rad(15.0)
 class LiveBench:
     """All devices on one time, without links.
 
-    Parameters
-    ----------
-    config : of the bench
-    host_time : clock of the watchdog, s
-
-    Attributes
-    ----------
-    now : time of the clock service, s
-    sampled : samples produced so far
-    faults : of the unit's stream
-    obeyed : orders carried out so far
-    on_link : takes orders that are the links' matter
+    `host_time` is the clock of the watchdog, `now` the time of the clock service, s. Orders that concern the links go
+    to `on_link`.
     """
 
     def __init__(self, config: BenchConfig, host_time: Callable[[], float]) -> None:
@@ -61,16 +51,15 @@ class LiveBench:
         stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1]).spawn(3)
         self._random = np.random.default_rng(other_seed)
         if config.start_deg is None:
-            drawn = self._random.uniform(-_START, _START, 2)
-            start = (float(drawn[0]), float(drawn[1]))
+            outer, inner = self._random.uniform(-_START, _START, 2)
         else:
-            start = (np.deg2rad(config.start_deg[0]), np.deg2rad(config.start_deg[1]))
+            outer, inner = np.deg2rad(config.start_deg)
+        start = (float(outer), float(inner))
         self._stream: SensorStream | HandStream = (
             HandStream(self.truth.imu, config.rig(), stream_seed)
             if config.table_protocol == "hand"
             else SensorStream(self.truth.imu, self.truth.table, stream_seed)
         )
-        self._host_time = host_time
         self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
         self._latency, self._jitter = config.latency_s, config.jitter_s
         self._orders = sorted(config.orders, key=lambda order: order.at)
@@ -78,36 +67,20 @@ class LiveBench:
         self.now = 0.0
         self.obeyed: list[str] = []
         self.on_link: Callable[[Order], None] = lambda order: None
+        self.clocks = Clocks(lambda: self.device_time, host_time, self._reading_time)
         self.machine = TableMachine(
             TableDrive(self.truth.encoder, start, encoder_seed),
             config.limits(),
             interlock_closed=config.interlock_closed,
             watchdog=config.watchdog_ms / 1000.0,
         )
-        self.registers = TableRegisters(
-            self.machine,
-            model=TABLE_MODEL,
-            serial=config.table_serial,
-            **self.table_clocks(),
-        )
-        self.unit = UNITS[config.imu_protocol](
-            config.serial,
-            ready_time=config.ready_time_s,
-            ambient=config.ambient_c,
-            warm_up=config.warm_up_c,
-            warm_up_time=config.warm_up_time_s,
-            flash_file=config.flash_file,
-            flash_banks=config.flash_banks,
-        )
+        self.registers = TableRegisters(self.machine, self.clocks, TABLE_MODEL, config.table_serial)
+        imu = self.truth.imu
+        per_count = imu.sample_rate if imu.output == "increment" else 1.0
+        self.unit = UNITS[config.imu_protocol](config, np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count)
         if config.table_protocol == "imu_link":
             self.unit.axes = self.registers
-        imu = self.truth.imu
-        self.unit.behind = config.behind_registers
-        self.unit.increments = imu.output == "increment"
-        per_count = imu.sample_rate if self.unit.increments else 1.0
-        self.unit.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
         if isinstance(self.unit, VectorNavUnit):
-            self.unit.rate = imu.sample_rate
             self.faults.frame_size = VECTORNAV.itemsize
 
     @property
@@ -125,17 +98,9 @@ class LiveBench:
         answer = self.unit.conversation()
         return lambda data: answer(data, self.device_time)
 
-    def table_clocks(self) -> dict[str, Callable[[], float]]:
-        """Clocks of the table's controller."""
-        return {
-            "device_time": lambda: self.device_time,
-            "host_time": self._host_time,
-            "reading_time": self._reading_time,
-        }
-
     def watch(self) -> None:
         """Let the table's watchdog check the host's clock."""
-        self.machine.watch(self._host_time(), self.device_time)
+        self.machine.watch(self.clocks.host(), self.device_time)
 
     def advance(self, now: float) -> bytes:
         """Advance to `now`, s; returns the frames that the unit sends meanwhile."""
@@ -188,7 +153,7 @@ class LiveBench:
             self.on_link(order)
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Have the hands bring the rails to angles, rad, and leave them for `rest` s; no effect on a driven table."""
+        """Ask the operator of a manual rig for rail angles, rad, and a rest, s; no effect on a driven table."""
         if isinstance(self._stream, HandStream):
             self._stream.carry((outer, inner), rest, self.device_time)
 

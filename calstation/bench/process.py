@@ -8,9 +8,10 @@ import time
 from typing import Any
 
 from calstation.bench.config import BenchConfig, Order
-from calstation.bench.links import UNIT, ClockLink, SocketLine, TableLine, TableLink, TerminalLine
+from calstation.bench.links import UNIT, Line, SocketLine, TableLink, TerminalLine
 from calstation.bench.live import LiveBench
-from calstation.bench.table import LANGUAGES, UNITS, Axes, Drive, Power
+from calstation.bench.service import ClockService
+from calstation.bench.table import LANGUAGES, Axes, Power, TextController, drives
 from calstation.bench.truth import Simulator
 from calstation.physics import Dwell, Move, Step
 
@@ -21,7 +22,7 @@ SLICE = 0.5
 #: The same for a bench that follows host time, s: requests are answered in between.
 PACED_SLICE = 0.1
 #: Largest backlog of host time, s; a slower computer lets device time pass more slowly.
-BEHIND = 1.0
+BACKLOG = 1.0
 #: Turns of the event loop before the watchdog is checked: a request that waits on the table's line is served first,
 #: since the computer and not the client may have been late.
 _TURNS = 3
@@ -34,31 +35,26 @@ class BenchProcess:
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
-        self._bench = LiveBench(config, time.monotonic)
-        self._table: TableLink | TableLine | None = None
+        self._bench = bench = LiveBench(config, time.monotonic)
+        self._line: Line = (SocketLine if config.imu_transport == "socket" else TerminalLine)(bench.talk)
+        self._modbus: TableLink | None = None
+        self._text: TextController | None = None
+        self._text_line: Line | None = None
         if config.table_protocol == "modbus":
-            self._table = TableLink({UNIT: self._bench.registers})
+            self._modbus = TableLink({UNIT: bench.registers})
         elif config.table_protocol == "drives":
-            self._table = TableLink(dict(zip(UNITS, self._drives(), strict=True)))
+            self._modbus = TableLink(drives(bench.machine, bench.clocks, config.table_serial))
         elif config.table_protocol in LANGUAGES:
-            axes = Axes(self._bench.machine, **self._bench.table_clocks())
-            self._table = TableLine(LANGUAGES[config.table_protocol](axes, config.table_serial))
-        line_kind = SocketLine if config.imu_transport == "socket" else TerminalLine
-        self._line: SocketLine | TerminalLine = line_kind(self._bench.talk)
-        self._clock = ClockLink(self._advance, self._bench.obey, self._bench.carry, self._report, self.stop)
-        self._bench.on_link = self._obey
+            self._text = controller = LANGUAGES[config.table_protocol](
+                Axes(bench.machine, bench.clocks), config.table_serial
+            )
+            line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
+            self._text_line = line_kind(lambda: controller.feed)
+        self._clock = ClockService(bench, self._advance, self._report, self.stop)
+        bench.on_link = self._obey
         self._moving = asyncio.Lock()
         self._moved = asyncio.Condition()
         self._stopped = asyncio.Event()
-
-    def _drives(self) -> list[Drive]:
-        """A drive for each axis."""
-        machine, clocks = self._bench.machine, self._bench.table_clocks()
-        axes = Axes(machine, **clocks)
-        return [
-            Drive(joint, machine, axes, f"{self._config.table_serial}{letter}", clocks["device_time"])
-            for joint, letter in enumerate("AB")
-        ]
 
     def stop(self) -> None:
         """End the process soon."""
@@ -66,39 +62,36 @@ class BenchProcess:
 
     async def run(self) -> None:
         """Open everything, announce it on standard output, serve until stopped."""
-        if self._table is not None and self._config.table_transport == "rtu":
-            await self._table.serve_rtu()
-        elif self._table is not None:
-            await self._table.serve_tcp()
+        if self._modbus is not None:
+            await (self._modbus.serve_rtu() if self._config.table_transport == "rtu" else self._modbus.serve_tcp())
+        if self._text_line is not None:
+            await self._text_line.open()
         await self._line.open()
         await self._clock.open()
-        tasks = [asyncio.create_task(self._tick())]
+        ticking = asyncio.create_task(self._tick())
         self._announce()
         try:
             await self._stopped.wait()
             if self._config.report_file is not None:
                 await self._outlive()
         finally:
-            for task in tasks:
-                task.cancel()
-            await self._clock.close()
-            await self._line.close()
-            if self._table is not None:
-                await self._table.close()
+            ticking.cancel()
+            for link in (self._clock, self._line, self._modbus, self._text_line):
+                if link is not None:
+                    await link.close()
             self._write_report()
 
     def _announce(self) -> None:
-        print(json.dumps(self.endpoints()), flush=True)
-
-    def endpoints(self) -> dict[str, Any]:
-        """The announcement: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
-        return {
-            "table": self._line.endpoint if self._table is None else self._table.endpoint,
+        """Print the links: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
+        table = self._modbus or self._text_line or self._line
+        endpoints = {
+            "table": table.endpoint if table is self._line else table.endpoint.removeprefix("socket://"),
             "table_transport": self._config.table_transport,
             "imu": self._line.endpoint,
             "clock": self._clock.endpoint,
             "serial": self._config.serial,
         }
+        print(json.dumps(endpoints), flush=True)
 
     async def _tick(self) -> None:
         """Check the watchdog on host time, and advance device time if it follows host time."""
@@ -110,7 +103,7 @@ class BenchProcess:
             self._bench.watch()
             if speed > 0.0:
                 passed, last = time.monotonic() - last, time.monotonic()
-                due = min(due + passed * speed, BEHIND * speed)
+                due = min(due + passed * speed, BACKLOG * speed)
                 before = self._bench.now
                 await self._reach(before + min(due, PACED_SLICE))
                 due -= self._bench.now - before
@@ -135,22 +128,23 @@ class BenchProcess:
 
     def _obey(self, order: Order) -> None:
         """Carry out orders that concern the links."""
-        table = self._table
+        table, controller = self._modbus, self._text
         if order.order == "hang_up_imu":
             self._line.hang_up()
             if isinstance(self._line, TerminalLine):
                 self._announce()
         elif order.order == "slow_imu":
             self._line.slow.append(order.value)
-        elif order.order == "mute_table" and table is not None:
+        elif controller is not None and order.order == "mute_table":
+            controller.mute += int(order.value)
+        elif table is not None and order.order == "mute_table":
             table.mute += int(order.value)
-        elif isinstance(table, TableLink):
-            if order.order == "slow_table":
-                table.slow.append(order.value)
-            elif order.order == "garble_table":
-                table.garble += int(order.value)
-            elif order.order == "refuse_table":
-                table.refuse = int(order.value)
+        elif table is not None and order.order == "slow_table":
+            table.slow.append(order.value)
+        elif table is not None and order.order == "garble_table":
+            table.garble += int(order.value)
+        elif table is not None and order.order == "refuse_table":
+            table.refuse = int(order.value)
 
     async def _outlive(self) -> None:
         """Let the table run on after its client, until its watchdog has acted."""
@@ -169,7 +163,7 @@ class BenchProcess:
                 "obeyed": self._bench.obeyed,
                 "samples": self._bench.sampled,
                 "time": time,
-                "flash_cycles": self._bench.unit.flash_cycles,
+                "flash_cycles": self._bench.unit.flash.cycles,
             }
             self._config.report_file.write_text(json.dumps(report), encoding="utf-8")
 

@@ -75,16 +75,7 @@ class Finalization:
         """Check the limits; write the registers of a unit inside them, after a capture of its output.
 
         A stop before the first register takes effect at once; a later one waits until the transfer is done.
-
-        Parameters
-        ----------
-        solutions : of all stages
-        run_in_background : runs what talks to the unit
-        capture_reference : captures the unit's output before the transfer
-
-        Raises
-        ------
-        DeviceFaultError, StopRequested
+        Raises DeviceFaultError, StopRequested.
         """
         run = self._run
         if not judge(run.meta, run.chain.prior, solutions).passed:

@@ -101,14 +101,7 @@ class StartupRecovery:
 
 
 def recover_startup(tell: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
-    """Job: finish incomplete runs, refresh the history, hand over what waits.
-
-    Parameters
-    ----------
-    tell : takes the progress
-    runs : folder of the runs
-    station : file that says where to hand over
-    """
+    """Job: finish incomplete runs, refresh the history, hand over what waits as the station file says."""
     incomplete = finish_incomplete(runs) if runs.is_dir() else []
     tell(0.3)
     History(runs).refresh(lambda fraction: tell(0.3 + 0.4 * fraction))

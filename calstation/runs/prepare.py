@@ -25,18 +25,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """A run before its devices are open.
-
-    Attributes
-    ----------
-    setup : its configuration
-    history : of the runs in its folder
-    emit : sink of its events
-    control : the operator's commands
-    hooks : what accompanies it
-    continuation : what a resumed run begins with; None for a new one
-    started : its begin
-    """
+    """A run before its devices are open; `continuation` is what a resumed run begins with."""
 
     setup: ResolvedConfiguration
     history: History
@@ -76,15 +65,7 @@ class PreparedRun:
 
 @dataclass
 class OpenRun:
-    """A run with its log.
-
-    Attributes
-    ----------
-    meta : the log's configuration
-    chain : of the stage solvers
-    unverified : a transfer that was finished before the run and is verified by it
-    registers : what the result says of the unit's registers; {} if nothing was written
-    """
+    """A run with its log; `registers` is what the result says of the unit's registers, {} if nothing was written."""
 
     prepared: PreparedRun
     meta: LogMeta
@@ -112,17 +93,7 @@ class OpenRun:
 def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) -> PreparedRun:
     """Check everything that can be checked before a device is opened.
 
-    Parameters
-    ----------
-    request : what was asked for
-    emit : sink of the run's events
-    control : the operator's commands
-    hooks : what accompanies the run
-
-    Raises
-    ------
-    ConfigurationError, InputError
-        The run cannot be made as requested.
+    Raises ConfigurationError or InputError if the run cannot be made as requested.
     """
     continuation = None
     if request.resume is not None:
@@ -149,19 +120,9 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
 
 
 def check_attempts(product: ProductConfig, serial: str, failures: int, beyond: bool) -> None:
-    """Check that the unit may be calibrated again.
+    """Check that the unit may be calibrated again after consecutive failures. Raises ConfigurationError.
 
-    Parameters
-    ----------
-    product : with the number of attempts that it allows
-    serial : of the unit
-    failures : consecutive runs in which it was outside its limits
-    beyond : whether an engineer allows another attempt
-
-    Raises
-    ------
-    ConfigurationError
-        The attempts are used up.
+    `beyond` : an engineer allows another attempt.
     """
     allowed = product.attempts_allowed
     if allowed is not None and failures >= allowed and not beyond:

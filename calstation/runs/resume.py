@@ -29,12 +29,9 @@ _ENDED = ("passed", "failed")
 
 @dataclass(frozen=True)
 class Resumable:
-    """A run that can be resumed.
+    """A run that can be resumed after its `finished` stages.
 
-    Attributes
-    ----------
-    stages : all that were requested; finished : those that need not be repeated
-    outcome : stopped, fault or incomplete (its process died); why : stop reason or error, "" if it died
+    `outcome` is stopped, fault or incomplete (its process died); `why` its stop reason or error, "" if it died.
     """
 
     serial: str
@@ -179,16 +176,8 @@ class Continuation:
     def meta(self, setup: ResolvedConfiguration, started: datetime, registers: dict[str, float] | None) -> LogMeta:
         """The new log's configuration: that of the old one, so that the finished stages stay valid.
 
-        Parameters
-        ----------
-        setup : configuration of the new run
-        started : its begin
-        registers : of the unit now, None if they could not be read
-
-        Raises
-        ------
-        ConfigurationError, DeviceFaultError
-            Site, table, unit or product have changed.
+        `registers` are the unit's now, None if they could not be read. Raises ConfigurationError or DeviceFaultError if
+        site, table, unit or product have changed.
         """
         old, path = self.log.meta, self.log.path
         attempt = old.run.attempt if old.run is not None else 1
@@ -208,24 +197,10 @@ class Continuation:
         on_block: Callable[[], None],
         on_solved: Callable[[Solution], None],
     ) -> LastSample:
-        """Copy the finished stages into the new log and solve them again.
+        """Copy the finished stages into the new log and solve them again; returns the last sample copied.
 
-        Parameters
-        ----------
-        journal : the new log
-        chain : solves the stages
-        on_block : called from time to time, may raise
-        on_solved : called with each solution
-
-        Returns
-        -------
-        LastSample
-            The last one copied.
-
-        Raises
-        ------
-        InputError
-            A stage does not solve to what the run itself had found.
+        `on_block` is called from time to time and may raise, `on_solved` with each solution. Raises InputError if a
+        stage does not solve to what the run itself had found.
         """
         last: SampleBlock | None = None
         for stage, block in self._blocks():

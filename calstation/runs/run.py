@@ -38,17 +38,7 @@ logger = logging.getLogger(__name__)
 def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] = RunHooks) -> None:
     """Run to the end and emit the verdict; a result JSON stands beside the log for every outcome.
 
-    Parameters
-    ----------
-    request : what to run
-    emit : sink of the run's events
-    control : the operator's commands
-    hooks : what accompanies the run
-
-    Raises
-    ------
-    ConfigurationError, InputError
-        The run cannot be made as requested; no device was opened.
+    Raises ConfigurationError or InputError if the run cannot be made as requested; no device was opened then.
     """
     prepared = prepare(request, emit, control, hooks())
     setup = prepared.setup

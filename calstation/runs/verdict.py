@@ -51,19 +51,9 @@ def close_run(run: OpenRun, ended: Ended) -> None:
 
 
 def advice(product: ProductConfig, outcome: str, failures: int, finished: bool) -> str | None:
-    """What to do next with the unit.
+    """What to do next with the unit: ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
 
-    Parameters
-    ----------
-    product : with its own advice
-    outcome : of the run
-    failures : consecutive runs, this one included, in which the unit was outside its limits
-    finished : whether a stage was finished, so that the run can be resumed
-
-    Returns
-    -------
-    str or None
-        ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
+    `failures` counts consecutive runs, this one included, outside the limits; `finished` : the run can be resumed.
     """
     if outcome == "passed":
         return None

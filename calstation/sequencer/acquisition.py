@@ -37,7 +37,7 @@ SLOWEST_POLL = 0.3
 class Flow:
     """Result of a drain: samples, missing samples before or among them, and the status bits seen.
 
-    invalid : some output is not a number; stuck : a channel that has shown one value for too long, "" for none
+    `invalid` : some output is not a number; `stuck` : a channel that has shown one value for too long, "" for none.
     """
 
     count: int
@@ -79,30 +79,11 @@ class Acquisition:
     delay seen between IMU clock and station clock, is its IMU time. The angle goes on the nearest sample, carried
     there by the polled rate; other samples have NaN.
 
-    Counter, time and steps of a resumed run continue after its `LastSample`.
-
     A counter that wraps while samples are lost shows no gap if exactly one wrap is lost. The station clock reveals
     the loss: the samples after it are later than any before, by the time of a wrap.
 
-    Parameters
-    ----------
-    imu : the open device
-    unit : what its stream is like
-    clock : station time
-    sink : takes every block that is not unlogged
-    latency : of a table poll, s
-    after : the last sample of the run that is resumed
-
-    Attributes
-    ----------
-    stage, step, valid : stamped on the samples of every further drain
-    scale : factor from counts to rad/s and m/s², shape (6,)
-    unlogged : samples go to taps only: those of a unit that was restarted on purpose, and its counter with it
-    newest : IMU time of the latest sample, s, None before the first
-    received, gaps : samples and interruptions of the counter so far
-    last_arrival : station time of the latest sample, s
-    breaks : interruptions of the counter, and losses of readiness, unlogged ones included
-    restarts : of them, those that prove a restart of the unit
+    `stage`, `step` and `valid` are stamped on the samples of every further drain. `unlogged` samples go to taps only.
+    `breaks` counts interruptions of the counter and losses of readiness, `restarts` those that prove a restart.
     """
 
     def __init__(

@@ -51,15 +51,9 @@ class Turned:
 class VerificationData:
     """Output of a unit.
 
-    Attributes
-    ----------
-    rests : means at rest, gyro rad/s and accel m/s², each shape (6,)
-    seconds : of each rest
-    turns : on a table
-    carried : output of every sample between the two rests of a manual rig, shape (n, 6); empty on a table
-    period : of those samples, s
-    corrected : whether the unit's registers are applied to it
-    reference : the same rests and turns before the transfer, or without its registers; None without a comparison
+    `rests` are means at rest, gyro rad/s and accel m/s², each shape (6,), over `seconds`. On a table there are `turns`;
+    on a manual rig `carried` samples of a `period`, s, between two rests, shape (n, 6). `reference` is the same before
+    the transfer, or without the registers; None without a comparison.
     """
 
     rests: tuple[FloatArray, ...]
@@ -145,8 +139,8 @@ def _lossy(runner: StepRunner) -> DeviceFaultError:
 def mean_at_rest(counts: FloatArray) -> FloatArray:
     """Weighted mean of samples at rest, shape (n, 6) to (6,).
 
-    The weights are those of the slope of a line through the integral, so that the vibration of a stationary base,
-    uncorrelated velocities of the same sigma, has the least effect (Gauss-Markov); they form a parabola.
+    The weights form a parabola: those of the slope of a line through the integral, so that the vibration of a
+    stationary base, uncorrelated velocities of the same sigma, has the least effect (Gauss-Markov).
     """
     n = len(counts)
     middle = np.arange(n) + 0.5

@@ -20,10 +20,7 @@ from calstation.sequencer.plan import SETTLE, StagePlan
 
 
 class Output(StrEnum):
-    """Whether a unit outputs samples with its registers applied.
-
-    ALWAYS : its stream is that output; ASKED : it is streamed on command in place of the raw one; NEVER : raw only
-    """
+    """Whether a unit outputs samples with its registers applied: always, on command, or never."""
 
     ALWAYS = "always"
     ASKED = "asked"
@@ -52,18 +49,10 @@ class LastSample:
 class PreflightLimits:
     """What a unit and its mounting must show before the run.
 
-    Attributes
-    ----------
-    serial_pattern : regular expression for the serial number
-    ready_timeout, home_timeout : s
-    warm_up : s at least; warm_up_slope : °C/min at most, None where temperature does not matter;
-        warm_up_timeout : s, after which a still drifting unit is a fault
-    gravity : m/s², expected at rest; gravity_tolerance : fraction of it
-    direction_tolerance : rad, between declared and measured directions
-    rate_low, rate_high : rad/s, between which each gyro measures at rest, shape (3,)
-    turn : rad, the small turn of each joint; turn_rate : rad/s; turn_tolerance : fraction of the turn
-    flow : s of data without a gap
-    output : whether the unit's output is checked; not if registers that may be wrong are applied to it
+    Times in s, angles and rates in rad and rad/s. `warm_up_slope` is in °C/min, None where temperature does not matter.
+    Gravity and turns are compared within fractions of their size, directions within `direction_tolerance`. At rest each
+    gyro measures between `rate_low` and `rate_high`, shape (3,). `flow` seconds of data have no gap. `output` is False
+    if registers that may be wrong are applied to the output, which is then not checked.
     """
 
     serial_pattern: str
@@ -88,15 +77,7 @@ class PreflightLimits:
 class UnitTask:
     """One unit on the table: what its stream is like and what it must show.
 
-    Attributes
-    ----------
-    serial : the serial number that the unit must answer to
-    model : scale, rate and noise of its stream
-    preflight : what is checked first
-    masks : bits of its status word
-    span : range of its channels, counts
-    wrap : samples after which its counter begins again
-    corrected : whether it outputs samples with its registers applied
+    `span` is the range of its channels, counts; its counter begins again after `wrap` samples.
     """
 
     serial: str
@@ -110,17 +91,9 @@ class UnitTask:
 
 @dataclass(frozen=True)
 class Task:
-    """What the table does in a run, and within which limits.
+    """What the table does in a run, and within which limits; s, rad.
 
-    Attributes
-    ----------
-    stages : in order
-    geometry : table axes and limits
-    by_hand : whether the operator moves the unit and nothing drives it
-    latency : of a table poll, s
-    settle : of the table after a move, s
-    load_angle : joint angles at which a unit is changed, rad
-    travel_rate, travel_acceleration : on the way there, rad/s and rad/s²
+    A unit is changed at the `load_angle`, reached with the travel rate and acceleration.
     """
 
     stages: tuple[StagePlan, ...]
@@ -207,16 +180,9 @@ class Solving(Protocol):
 
 @dataclass(frozen=True)
 class Slot:
-    """A place on the table with the unit in it; everything that is per unit.
+    """A position on the table with the unit in it; everything that is per unit.
 
-    Attributes
-    ----------
-    imu : the open device
-    unit : what its stream is like and what it must show
-    journal : its raw log; None for a register operation, which keeps no samples
-    solving : solves its samples; None for a register operation
-    after : the last sample of the run that is resumed; None for a new one
-    name : of the slot in the station file
+    A register operation has no `journal` and no `solving`. `after` is the last sample of the run that is resumed.
     """
 
     imu: Imu
@@ -241,17 +207,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class RunContext:
-    """Everything that the parts of a run share; what is per table.
-
-    Attributes
-    ----------
-    task : what the table does
-    table : the open device
-    slots : exactly one
-    clock : station time
-    control : the operator's commands, from any thread
-    listener : takes every event
-    """
+    """Everything that the parts of a run share; what is per table. There is exactly one slot."""
 
     task: Task
     table: Table

@@ -93,13 +93,7 @@ class StepInvalid(Interruption):
 
 
 class Control:
-    """Commands from any thread, taken by the engine's thread once per tick.
-
-    Attributes
-    ----------
-    stopping, pausing, enough : what was asked for
-    stop_reason : who or what asked for the stop; None before
-    """
+    """Commands from any thread, taken by the engine's thread once per tick."""
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[tuple[Command, StopReason]] = SimpleQueue()

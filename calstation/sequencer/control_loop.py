@@ -37,20 +37,9 @@ logger = logging.getLogger(__name__)
 class ControlLoop:
     """Runs ticks in the engine's thread and interrupts the running step.
 
-    Parameters
-    ----------
-    context : of the run
-    acquisition : of the unit's samples
-    on_show : called when a display is due
-
-    Attributes
-    ----------
-    status : the table as last polled
-    flow : result of the last drain
-    powered : the axes must stay enabled; a table that drops them is a fault
-    pausable : a pause interrupts (otherwise it waits)
-    watchful : lost or saturated samples invalidate the step
-    patient : bytes that belong to no frame are treated as silence (otherwise they are a fault at once)
+    `powered` : the axes must stay enabled, a table that drops them is a fault; `pausable` : a pause interrupts,
+    otherwise it waits; `watchful` : lost or saturated samples invalidate the step; `patient` : bytes that belong to no
+    frame are treated as silence, otherwise they are a fault at once.
     """
 
     def __init__(self, context: RunContext, acquisition: Acquisition, on_show: Callable[[], None]) -> None:
@@ -120,14 +109,7 @@ class ControlLoop:
         timeout: float,
         failure: CalstationError | Callable[[], CalstationError],
     ) -> None:
-        """Tick until a condition holds.
-
-        Parameters
-        ----------
-        condition : checked before every tick
-        timeout : s of station time
-        failure : raised after that, or makes what is raised
-        """
+        """Tick until a condition holds; after `timeout` s of station time raise `failure`, or what it makes."""
         clock = self.context.clock
         deadline = clock.now() + timeout
         while not condition():

@@ -44,16 +44,7 @@ logger = logging.getLogger(__name__)
 class Driving:
     """The table and the unit of a run. Nothing moves outside `run`, nor before `begin` and `preflight`.
 
-    Parameters
-    ----------
-    context : of the run
-    on_show : called when a display is due
-
-    Attributes
-    ----------
-    state : of the run
-    acquisition : of the samples
-    control_loop, stream, runner : there from `begin` on
+    `control_loop`, `stream` and `runner` exist from `begin` on.
     """
 
     control_loop: ControlLoop

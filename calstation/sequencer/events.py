@@ -95,15 +95,9 @@ class Trace:
 class PositionGuided:
     """Progress of a position to which the operator carries the unit.
 
-    Attributes
-    ----------
-    stage : "" while the unit is turned to verify its new registers
-    index, count : number of the position, from 1, and how many there are
-    state : waiting, moving, still, enough or repeat, as `estimation.guidance` has them
-    rest, wanted : time at rest so far, and needed, s
-    outer, inner : rail angles asked for, rad, and those asked for before
-    up : measured direction of gravity in b, three numbers; done : those of the positions done, concatenated
-    suffices : whether the positions done determine all parameters of the stage
+    `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is one of
+    `estimation.guidance`. Rail angles asked for, rad, and those asked for before. `up` is the direction of gravity in
+    b; `done` those of the positions done, concatenated. `suffices` : they determine all parameters of the stage.
     """
 
     stage: str
@@ -152,11 +146,8 @@ class Verdict:
 class Settled:
     """A register operation is over.
 
-    Attributes
-    ----------
-    closing : of the transfer in the journal: done, kept, restored; stopped if an operator's stop ended it
-    proof : how the output was verified, turn, rest or read_back; "" if it was not
-    unit : registers that the unit holds; {} after a stop
+    `closing` of the transfer in the journal: done, kept, restored; stopped if an operator's stop ended it. `proof` says
+    how the output was verified: turn, rest or read_back; "" if it was not. `unit` holds its registers; {} after a stop.
     """
 
     serial: str
@@ -167,15 +158,7 @@ class Settled:
 
 @dataclass(frozen=True)
 class Fault:
-    """The run failed.
-
-    Attributes
-    ----------
-    kind : class of the error; ``internal`` for a mistake of the program
-    text : the error in English
-    exit_code : of the command line
-    code, values : the error's catalogue entry and what stands in its braces
-    """
+    """The run failed: class of the error (``internal`` for a mistake of the program), text and catalogue entry."""
 
     kind: str
     text: str

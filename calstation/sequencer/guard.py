@@ -55,13 +55,9 @@ def check_motion(status: TableStatus) -> None:
 
 
 def check_move(status: TableStatus, limits: JointLimits, move: Move) -> None:
-    """Check that the table may make this move now. Raises DeviceFaultError or ConfigurationError.
+    """Check that the table may make this move now, within the profile's limits and its own travel.
 
-    Parameters
-    ----------
-    status : of the table, with its own travel
-    limits : of the table profile
-    move : the command
+    Raises DeviceFaultError or ConfigurationError.
     """
     check_motion(status)
     check_limits(limits, move)

@@ -19,11 +19,8 @@ _SHOW = 0.2
 class Guiding:
     """Positions of one stage after another. Nothing is driven, so an interruption asks for the same position again.
 
-    Samples that are stamped invalid, and samples around a gap, do not count as rest: the guide sees both.
-
-    Attributes
-    ----------
-    asked : rail angles asked for last, rad
+    Samples that are stamped invalid, and samples around a gap, do not count as rest. `asked` are the rail angles asked
+    for last, rad.
     """
 
     def __init__(self, control_loop: ControlLoop) -> None:

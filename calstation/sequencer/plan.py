@@ -31,11 +31,7 @@ SETTLE = 1.5
 class StopRule:
     """Ends a repeated plan at the first of its conditions that holds at the end of a round.
 
-    Attributes
-    ----------
-    rounds : complete rounds, None for no such condition
-    duration : s of IMU time since the stage began, None for no such condition
-    targets : largest sigma wanted per parameter or group, SI; empty for no such condition
+    Complete rounds; s of IMU time; largest sigma per parameter or group, SI. None or empty for no such condition.
     """
 
     rounds: int | None = None
@@ -43,19 +39,10 @@ class StopRule:
     targets: Mapping[str, float] = field(default_factory=dict)
 
     def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None, enough: bool) -> str | None:
-        """Why to stop now.
+        """Why to stop now: ``operator``, ``rounds``, ``duration`` or ``targets``; None to go on.
 
-        Parameters
-        ----------
-        rounds : completed so far
-        elapsed : s of IMU time since the stage began
-        sigma : standard deviations of the parameters, shape (30,), SI; None if they are not known
-        enough : whether the operator ends the stage
-
-        Returns
-        -------
-        str or None
-            ``operator``, ``rounds``, ``duration`` or ``targets``; None to go on.
+        `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if not known; `enough` : the operator ends the
+        stage.
         """
         if enough:
             return "operator"
@@ -143,17 +130,10 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) ->
 def planned(
     steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
 ) -> Iterator[tuple[Step, float]]:
-    """The steps that a run will execute, each with its duration in s.
+    """The steps that a run will execute from joint angles `start`, rad, each with its duration in s.
 
     A repeated plan is followed until its rounds or duration are reached, or for one round where only sigmas or the
     operator end it.
-
-    Parameters
-    ----------
-    steps : of the plan
-    rule : when a repeated plan ends
-    start : joint angles, rad
-    settle : from the end of a move until the table has settled, s
     """
     elapsed = 0.0
     open_ended = rule.rounds is None and rule.duration is None

@@ -50,14 +50,7 @@ class Evaluation(Protocol):
 
 
 class Sequencer:
-    """One run. `run` returns when it is over.
-
-    Parameters
-    ----------
-    context : of the run; its unit has a log and a solver chain
-    evaluation : decides on the results
-    solved : stages of a resumed run that are solved already
-    """
+    """One run. `run` returns when it is over. `solved` are the stages of a resumed run that are solved already."""
 
     def __init__(self, context: RunContext, evaluation: Evaluation, solved: tuple[Solution, ...] = ()) -> None:
         journal, solving = context.slot.journal, context.slot.solving
@@ -83,11 +76,7 @@ class Sequencer:
         return self._drive.acquisition.gaps
 
     def run(self) -> Ended:
-        """Prepare, run every stage, finalize. Every way out leaves the table at rest, axes off.
-
-        Errors of devices, configuration and input end in the state fault and are returned; a mistake of
-        the program stops the table as well and is raised.
-        """
+        """Prepare, run every stage, finalize; see `Driving.run` for errors."""
         error = self._drive.run(self._calibrate)
         return Ended(self.state, tuple(self._solutions), error)
 

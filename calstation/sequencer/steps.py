@@ -35,12 +35,6 @@ class StepRunner:
 
     Every move and every repetition raises the step number by one. From the moment a step is
     interrupted until it is repeated, samples are stamped invalid.
-
-    Parameters
-    ----------
-    control_loop : with the context of the run
-    stream : of the unit
-    on_state : changes the state of the run
     """
 
     def __init__(self, control_loop: ControlLoop, stream: UnitStream, on_state: Callable[[State], None]) -> None:

@@ -22,11 +22,7 @@ class UnitStream:
     ready yet, and it outputs raw samples whatever was requested before. So after every interruption of a corrected
     stream, and after every silence, its identity is checked and the stream is requested again.
 
-    Parameters
-    ----------
-    control_loop : with the context of the run
-    run_in_background : runs what takes time while the table's watchdog is fed
-    check_cancelled : raises StopRequested in that background thread if its result is no longer wanted
+    `check_cancelled` raises StopRequested in the background thread if its result is no longer wanted.
     """
 
     def __init__(

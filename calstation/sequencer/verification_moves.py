@@ -25,11 +25,7 @@ _NEW = np.deg2rad(20.0)
 
 @dataclass(frozen=True)
 class Leg:
-    """A move of one joint.
-
-    move : to where; turn : number of the turn that it is part of, None where it only brings the unit to another pose
-    rest : whether the unit rests at its end
-    """
+    """A move of one joint, part of turn number `turn` or None; `rest` : the unit rests at its end."""
 
     move: Move
     turn: int | None
@@ -38,10 +34,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of one joint.
-
-    amount : rad, signed; still : number of the rest at which earth rate has the same component along its axis
-    """
+    """A turn of one joint by `amount`, rad; at rest number `still` earth rate has the same component along its axis."""
 
     joint: int
     amount: float

@@ -1,7 +1,6 @@
 """Simulated recordings without a rate table: a manual rig, several IMUs on one body, a gimbal.
 
-Each is a raw log as a station with such hardware would write it, with its true parameters, so that a method can be
-tested, demonstrated and taught without the hardware.
+Each is a raw log as a station with such hardware would write it, with its true parameters.
 """
 
 from collections.abc import Callable
@@ -47,26 +46,9 @@ _RIG = ManualRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
 
 
 def make_recording(kind: Kind, path: Path, grade: GradeName = "mems", seed: int = 1) -> tuple[LogFacts, dict[str, Any]]:
-    """Make a recording.
+    """Write a recording as a raw log; returns the log's summary and the true values by parameter, SI.
 
-    Parameters
-    ----------
-    kind : manual rig, pair of IMUs or gimbal
-    path : raw log to write
-    grade : of the units
-    seed : of units, motion and noise
-
-    Returns
-    -------
-    LogFacts
-        Summary of the log.
-    dict
-        True values by parameter, SI.
-
-    Raises
-    ------
-    ConfigurationError
-        The log cannot be created.
+    Raises ConfigurationError if the log cannot be created.
     """
     makers = {"hand": _hand, "pair": _pair, "gimbal": _gimbal}
     return makers[kind](path, grade, seed)

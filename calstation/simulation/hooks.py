@@ -68,15 +68,7 @@ class BenchHooks(RunHooks):
 
 @dataclass
 class FaultInjector:
-    """Injects the faults of a plan when the events of the run that they wait for have been emitted.
-
-    Attributes
-    ----------
-    plan : all faults
-    runs : folder of the runs
-    clock : of the bench, which carries out orders; None until it is connected
-    log : of the run; None until it is open
-    """
+    """Injects the faults of a plan when the events of the run that they wait for have been emitted."""
 
     plan: FaultPlan
     runs: Path

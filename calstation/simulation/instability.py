@@ -58,17 +58,9 @@ class MismatchedCovariance:
 
 
 def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) -> FloatArray:
-    """Covariance of an excitation's error under the bench's noise, in units of the filter's sigmas.
+    """Covariance of an excitation's error under the bench's noise, in units of the filter's sigmas, shape (30, 30).
 
-    Parameters
-    ----------
-    block : samples of the stage
-    context : of the solver
-    prior : mean at the true parameters, covariance of the prior
-
-    Returns
-    -------
-    ndarray, shape (30, 30)
+    The mean of `prior` is at the true parameters.
     """
     data: StageData = stage_data([block], context.imu)
     settled = solve_navigation("excitation", data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))

@@ -19,27 +19,13 @@ _BAND = (0.0005, 0.9995)
 
 
 def run_method_study(
-    stage: str, grade: GradeName, seeds: int, progress: Callable[[int, int], None] | None = None
+    stage: str, grade: GradeName, seeds: int, progress: Callable[[int, int], None] = lambda done, count: None
 ) -> dict[str, Any]:
-    """Study one method.
+    """Study one method; JSON-ready. `progress` is called with the number of units done and their total.
 
-    Parameters
-    ----------
-    stage : name of the method
-    grade : of the units
-    seeds : number of units
-    progress : called with the number of units done and their total
-
-    Returns
-    -------
-    dict
-        JSON-ready; per group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band, the
-        largest error/sigma, and whether the rms is inside. Axes of a group share the motion, so at most three count.
-
-    Raises
-    ------
-    ConfigurationError
-        The method has no recording.
+    Per group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band, the largest
+    error/sigma, and whether the rms is inside. Axes of a group share the motion, so at most three count. Raises
+    ConfigurationError if the method has no recording.
     """
     if stage not in KIND_OF:
         raise ConfigurationError("study.unknown_method", method=stage, methods=list(KIND_OF))
@@ -50,8 +36,7 @@ def run_method_study(
         for group, pairs in _unit(stage, grade, seed, nis).items():
             errors.setdefault(group, []).append([e / s for e, s in pairs])
             sigmas.setdefault(group, []).extend(s for _, s in pairs)
-        if progress is not None:
-            progress(seed + 1, seeds)
+        progress(seed + 1, seeds)
     groups = {}
     for group, rows in errors.items():
         values = np.array(rows)

@@ -17,23 +17,9 @@ def recordings_folder() -> Path:
 
 
 def record_on_bench(tell: ProgressCallback, kind: str, path: Path, grade: str, seed: int) -> Path:
-    """Make a recording and the file with its true parameters; both replace what was there.
+    """Job: make a recording and the file with its true parameters; both replace what was there.
 
-    Parameters
-    ----------
-    tell : is called with the progress, 0 to 1
-    kind, grade, seed : see `bench_recordings.make_recording`
-    path : raw log to write
-
-    Returns
-    -------
-    Path
-        `path`.
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be written.
+    Raises ConfigurationError if the file cannot be written.
     """
     from calstation.simulation.bench_recordings import (  # takes long to import
         GradeName,

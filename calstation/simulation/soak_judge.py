@@ -40,17 +40,10 @@ _VERDICTS = ("passed", "failed")
 class Judged:
     """Judgement of one run.
 
-    Attributes
-    ----------
-    planned : the plan of the run
-    outcome, error : as the result has them; outcome ``hung`` or ``lost`` without a result
-    injected : kinds of the faults that occurred
-    wrong : what is wrong with the verdict
-    lost : what is missing of the records
-    unsafe : whether the table was left moving, or enabled although it can switch off without the engine
-    samples, samples_lost : number of samples in the log, and missing between them
-    engine_mb, parent_mb : peaks of resident memory, MB
-    seconds : duration, host time
+    `outcome` and `error` are the result's; ``hung`` or ``lost`` without a result. `injected` are the kinds of faults
+    that occurred, `wrong` what is wrong with the verdict, `lost` what is missing of the records. `unsafe` : the table
+    was left moving, or enabled although it can switch off without the engine. Peaks of resident memory in MB, host time
+    in s.
     """
 
     planned: Planned
@@ -86,8 +79,7 @@ def judge_run(
     ----------
     planned, request : of the run
     hung : whether it did not end in time
-    engine_mb : peak memory of the engine, MB
-    seconds : duration, host time
+    engine_mb, seconds : peak memory of the engine, MB; duration, host time
     report : file that the bench writes at its end; missing if it died with the engine
     """
     kinds = [kind for kind, _ in planned.faults]

@@ -102,16 +102,7 @@ _LATEST = 20.0
 
 @dataclass(frozen=True)
 class Planned:
-    """One run of a soak.
-
-    Attributes
-    ----------
-    number : of the run, from 0
-    seed : of the bench
-    faulty_unit : whether the unit is outside its limits
-    faults : kinds with their values
-    devices : of the station, one of `DEVICES`
-    """
+    """One run of a soak with the seed of its bench, kinds of faults with their values, and one of `DEVICES`."""
 
     number: int
     seed: int

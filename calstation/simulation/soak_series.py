@@ -26,13 +26,7 @@ _GROWTH = 20.0
 
 @dataclass
 class Soak:
-    """The runs of a soak so far.
-
-    Attributes
-    ----------
-    runs : judged runs, in order
-    undelivered : number of results that did not reach the hand-over folder
-    """
+    """The runs of a soak so far, and the number of results that did not reach the hand-over folder."""
 
     runs: list[Judged] = field(default_factory=list)
     undelivered: int = 0
@@ -99,12 +93,10 @@ def soak(
 
     Parameters
     ----------
-    runs : number of runs
-    seed : of faults and units
+    runs, seed : number of runs; of faults and units
     folder : where runs and their files go; it must not hold runs already
     full : run the product's whole schedule instead of a short one
-    on_run : called after each run
-    stopping : whether to stop before the next run
+    on_run, stopping : called after each run; whether to stop before the next
 
     Raises
     ------

@@ -8,10 +8,11 @@ tilted by 0.1°. `docs/explanation/study.md` explains what is tested and where t
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
+from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, BenchTruth, GradeName, Simulated, Simulator
 from calstation.estimation.common import (
     Belief,
@@ -24,22 +25,23 @@ from calstation.estimation.common import (
     stage_data,
 )
 from calstation.estimation.navigation import solve_navigation
-from calstation.physics import NAMES, PARAMETERS, BoolArray, FloatArray, TableGeometry
+from calstation.physics import NAMES, PARAMETERS, TableGeometry
 from calstation.results import one_blas_thread
 from calstation.simulation.instability import instability_ratio
-from calstation.simulation.study_table import CaseData, summary
+from calstation.simulation.study_table import UnitResult, summary
 from procedures import DEFAULT_STAGES, method
 
 SEEDS: dict[GradeName, int] = {"nav": 100, "tactical": 30, "mems": 30}
 SAMPLE_RATE = 100.0
-MOUNT = (np.deg2rad(0.1), np.deg2rad(0.3))
+MOUNT_DEG = (0.1, 0.3)
+_LOW, _HIGH = np.deg2rad(MOUNT_DEG)
 #: Per axis, of a rotation about a random direction whose size is uniform between the two.
-MOUNT_SIGMA = float(np.sqrt((MOUNT[0] ** 2 + MOUNT[0] * MOUNT[1] + MOUNT[1] ** 2) / 3.0 / 3.0))
-BASE_TILT = np.deg2rad(0.1)
-AZIMUTH_SIGMA = np.deg2rad(0.1)
-ENCODER_SIGMA = np.deg2rad(0.05)
+MOUNT_SIGMA = float(np.sqrt((_LOW**2 + _LOW * _HIGH + _HIGH**2) / 3.0 / 3.0))
+#: Of the base, and sigma of the table's azimuth.
+TILT_DEG = 0.1
 NAVIGATION_STAGES = ("excitation", "azimuth_flip")
 
+Lever = Literal["estimated", "fixed"]
 #: Changes of the stages' default schedules, by stage.
 Schedules = dict[str, dict[str, Any]]
 
@@ -50,9 +52,11 @@ class Case:
 
     name: str
     stages: tuple[str, ...]
-    outer_lever: str = "estimated"
+    outer_lever: Lever = "estimated"
     instability: bool = False
 
+
+_Job = tuple[GradeName, int, tuple[Case, ...], Schedules]
 
 CASES = (
     Case("full", DEFAULT_STAGES),
@@ -66,22 +70,10 @@ CASES = (
 )
 
 
-@dataclass(frozen=True)
-class UnitResult:
-    """Errors, shape (30,), posterior and bound, shape (30, 30), of the estimated parameters of one unit's case."""
-
-    case: str
-    estimated: BoolArray
-    error: FloatArray
-    covariance: FloatArray
-    bound: FloatArray
-    nis: dict[str, tuple[float, float, float]]
-
-
 def run_study(
     grade: GradeName | None = None,
     seeds: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda done, count: None,
     *,
     cases: tuple[Case, ...] = CASES,
     schedules: Schedules | None = None,
@@ -91,31 +83,27 @@ def run_study(
 
     Parameters
     ----------
-    grade : one grade, None for all
-    seeds : units per grade, None for 100 nav and 30 of each other grade
-    progress : told units done and to do
+    grade, seeds : one grade, None for all; units per grade, None for 100 nav and 30 of each other grade
+    progress : is called with the units done and to do
     cases, schedules : which lines, and departures from the stages' default schedules
     workers : processes; 1 stays in this one
     """
     grades: list[GradeName] = [grade] if grade else list(SEEDS)
     jobs = [(g, s, cases, schedules or {}) for g in grades for s in range(seeds or SEEDS[g])]
-    collected: dict[tuple[GradeName, str], CaseData] = {}
+    collected: dict[tuple[GradeName, str], list[UnitResult]] = {}
     for done, (name, results) in enumerate(_map(jobs, workers), 1):
-        for r in results:
-            collected.setdefault((name, r.case), CaseData()).add(r.estimated, r.error, r.covariance, r.bound, r.nis)
-        if progress is not None:
-            progress(done, len(jobs))
+        for result in results:
+            collected.setdefault((name, result.case), []).append(result)
+        progress(done, len(jobs))
     rows = []
     for g in grades:
         for case in cases:
-            ratio = None
-            if case.instability:
-                ratio = instability_ratio(*_excitation_problem(g, 0, schedules or {}, True))
-            rows.append(summary(g, case.name, collected[g, case.name], ratio))
+            ratio = instability_ratio(*_excitation_problem(g, schedules or {})) if case.instability else None
+            rows.append({"grade": g, "case": case.name, **summary(collected[g, case.name], ratio)})
     return {"schema": "calstation.study/1", "rows": rows, "passed": all(r["passed"] for r in rows)}
 
 
-def _map(jobs: list[Any], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
+def _map(jobs: list[_Job], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
     """Results in the order in which they are ready; the workers end with the iteration."""
     if workers == 1:
         yield from map(_unit, jobs)
@@ -124,15 +112,12 @@ def _map(jobs: list[Any], workers: int) -> Iterator[tuple[GradeName, list[UnitRe
         yield from pool.imap_unordered(_unit, jobs)
 
 
-def _unit(
-    job: tuple[GradeName, int, tuple[Case, ...], Schedules],
-) -> tuple[GradeName, list[UnitResult]]:
+def _unit(job: _Job) -> tuple[GradeName, list[UnitResult]]:
     grade, seed, cases, schedules = job
     results = []
     with one_blas_thread():
-        for kind in dict.fromkeys((c.outer_lever, c.instability) for c in cases):
-            lever, instability = kind
-            chosen = [c for c in cases if (c.outer_lever, c.instability) == kind]
+        for lever, instability in dict.fromkeys((c.outer_lever, c.instability) for c in cases):
+            chosen = [c for c in cases if (c.outer_lever, c.instability) == (lever, instability)]
             truth, context = draw_unit(grade, seed, lever, instability)
             stages = [s for s in DEFAULT_STAGES if any(s in c.stages for c in chosen)]
             data = simulate_stages(truth, seed, stages, schedules)
@@ -140,19 +125,18 @@ def _unit(
     return grade, results
 
 
-def draw_unit(grade: GradeName, seed: int, outer_lever: str, instability: bool) -> tuple[BenchTruth, SolveContext]:
+def draw_unit(grade: GradeName, seed: int, outer_lever: Lever, instability: bool) -> tuple[BenchTruth, SolveContext]:
     """Draw a bench of the study, and the context of its solvers."""
-    truth = BenchTruth.draw(
-        grade,
-        seed,
-        sample_rate=SAMPLE_RATE,
-        outer_lever="fixed" if outer_lever == "fixed" else "estimated",
-        mount=MOUNT,
-        base_tilt=BASE_TILT,
-        azimuth_error=AZIMUTH_SIGMA,
-        encoder_sigma=ENCODER_SIGMA,
+    truth = BenchConfig(
+        grade=grade,
+        seed=seed,
+        sample_rate_hz=SAMPLE_RATE,
+        outer_lever=outer_lever,
+        mount_deg=MOUNT_DEG,
+        base_tilt_deg=TILT_DEG,
+        azimuth_error_deg=TILT_DEG,
         instability=instability,
-    )
+    ).truth()
     imu = truth.imu
     context = SolveContext(
         Site(truth.table.latitude, 0.0, truth.table.height, truth.azimuth),
@@ -169,10 +153,10 @@ def draw_unit(grade: GradeName, seed: int, outer_lever: str, instability: bool) 
         ),
         TableModel(
             outer_lever=outer_lever,
-            encoder_sigma=ENCODER_SIGMA,
+            encoder_sigma=truth.encoder.stop_sigma,
             mount_sigma=MOUNT_SIGMA,
-            azimuth_sigma=AZIMUTH_SIGMA,
-            base_tilt_sigma=BASE_TILT / np.sqrt(2.0),
+            azimuth_sigma=np.deg2rad(TILT_DEG),
+            base_tilt_sigma=np.deg2rad(TILT_DEG) / np.sqrt(2.0),
         ),
     )
     return truth, context
@@ -240,9 +224,7 @@ def _solve(
     return UnitResult(case.name, estimated, error, belief.covariance, bound.covariance, nis)
 
 
-def _excitation_problem(
-    grade: GradeName, seed: int, schedules: Schedules, instability: bool
-) -> tuple[SampleBlock, SolveContext, Belief]:
-    truth, context = draw_unit(grade, seed, "estimated", instability)
-    block = simulate_stages(truth, seed, ["excitation"], schedules)["excitation"]
+def _excitation_problem(grade: GradeName, schedules: Schedules) -> tuple[SampleBlock, SolveContext, Belief]:
+    truth, context = draw_unit(grade, 0, "estimated", instability=True)
+    block = simulate_stages(truth, 0, ["excitation"], schedules)["excitation"]
     return block, context, Belief(truth.parameters, study_prior(grade, "estimated").covariance)

@@ -1,42 +1,28 @@
 """Statistics of a case over its units: rms of error over sigma per group, NEES and bound ratio, with their bands."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
-from calstation.physics import GROUPS, NAMES, BoolArray, FloatArray, group_indices
+from calstation.physics import GROUPS, NAMES, BoolArray, FloatArray, IntArray, group_indices
 
 BAND = (0.0005, 0.9995)
 #: Largest rms of error over bound, pooled over all parameters; with few parameters their 99.9 % band if wider.
 BOUND_RATIO_LIMIT = 1.1
 
 
-@dataclass
-class CaseData:
-    """Results of one case, one entry per unit."""
+@dataclass(frozen=True)
+class UnitResult:
+    """Errors, shape (30,), posterior and bound, shape (30, 30), of the estimated parameters of one unit's case."""
 
-    estimated: BoolArray | None = None
-    errors: list[FloatArray] = field(default_factory=list)
-    covariances: list[FloatArray] = field(default_factory=list)
-    bounds: list[FloatArray] = field(default_factory=list)
-    nis: list[dict[str, tuple[float, float, float]]] = field(default_factory=list)
-
-    def add(
-        self,
-        estimated: BoolArray,
-        error: FloatArray,
-        covariance: FloatArray,
-        bound: FloatArray,
-        nis: dict[str, tuple[float, float, float]],
-    ) -> None:
-        """Add one unit."""
-        self.estimated = estimated
-        self.errors.append(error)
-        self.covariances.append(covariance)
-        self.bounds.append(bound)
-        self.nis.append(nis)
+    case: str
+    estimated: BoolArray
+    error: FloatArray
+    covariance: FloatArray
+    bound: FloatArray
+    nis: dict[str, tuple[float, float, float]]
 
 
 def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
@@ -52,88 +38,78 @@ def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
     return float(np.sqrt(low)), float(np.sqrt(high))
 
 
-def summary(grade: str, name: str, data: CaseData, true_covariance_ratio: FloatArray | None) -> dict[str, Any]:
-    """One row of the study, JSON-ready.
+def summary(units: list[UnitResult], true_covariance_ratio: FloatArray | None) -> dict[str, Any]:
+    """Statistics of one case, JSON-ready.
 
-    Parameters
-    ----------
-    grade, name : of the units and the case
-    data : results of all units
-    true_covariance_ratio : covariance of the error in units of the filter's sigmas, shape (30, 30), if the noise is
-        richer than the filter's model: its trace widens the bands; else None
+    `true_covariance_ratio` is the covariance of the error in units of the filter's sigmas, shape (30, 30), if the
+    noise is richer than the filter's model: its trace widens the bands.
     """
-    assert data.estimated is not None
-    estimated = np.flatnonzero(data.estimated)
+    estimated = np.flatnonzero(units[-1].estimated)
     groups = {}
     for group in GROUPS:
         chosen = [i for i in group_indices(group) if i in estimated]
         if chosen:
-            groups[group] = _group(data, chosen, true_covariance_ratio)
-    whole = _nees(data, estimated)
-    over_bound, alike = [], []
-    for error, b in zip(data.errors, data.bounds, strict=True):
-        sigma = np.sqrt(np.diag(b)[estimated])
+            groups[group] = _group(units, chosen, true_covariance_ratio)
+    nees = _nees(units, estimated)
+    over_bound, correlations = [], []
+    for unit in units:
+        sigma = np.sqrt(np.diag(unit.bound)[estimated])
         known = sigma > 0.0
-        over_bound.append((error[estimated] / np.where(known, sigma, 1.0))[known])
-        alike.append((b[np.ix_(estimated, estimated)] / np.outer(sigma, sigma))[np.ix_(known, known)])
+        over_bound.append((unit.error[estimated] / np.where(known, sigma, 1.0))[known])
+        correlations.append((unit.bound[np.ix_(estimated, estimated)] / np.outer(sigma, sigma))[np.ix_(known, known)])
     bound = _rms(over_bound)
-    limit = max(BOUND_RATIO_LIMIT, rms_band(alike)[1])
-    row: dict[str, Any] = {
-        "grade": grade,
-        "case": name,
-        "units": len(data.errors),
+    limit = max(BOUND_RATIO_LIMIT, rms_band(correlations)[1])
+    groups_passed = all(g["passed"] for g in groups.values())
+    return {
+        "units": len(units),
         "groups": groups,
-        "nees": whole,
+        "nees": nees,
         "bound_ratio": bound,
         "bound_limit": limit,
-        "nis": {
-            stage: {
-                "mean": float(np.mean([n[stage][0] for n in data.nis])),
-                "inside": float(np.mean([n[stage][1] <= n[stage][0] <= n[stage][2] for n in data.nis])),
-            }
-            for stage in data.nis[0]
-        },
+        "nis": {stage: _nis([unit.nis[stage] for unit in units]) for stage in units[0].nis},
+        "passed": groups_passed and (true_covariance_ratio is not None or (nees["passed"] and bound <= limit)),
     }
-    if true_covariance_ratio is None:
-        row["passed"] = all(g["passed"] for g in groups.values()) and whole["passed"] and bound <= limit
-    else:
-        row["passed"] = all(g["passed"] for g in groups.values())
-    return row
 
 
-def _group(data: CaseData, chosen: list[int], ratio: FloatArray | None) -> dict[str, Any]:
+def _nis(stages: list[tuple[float, float, float]]) -> dict[str, float]:
+    return {
+        "mean": float(np.mean([mean for mean, _, _ in stages])),
+        "inside": float(np.mean([low <= mean <= high for mean, low, high in stages])),
+    }
+
+
+def _group(units: list[UnitResult], chosen: list[int], ratio: FloatArray | None) -> dict[str, Any]:
     normalised, correlations = [], []
-    for error, covariance in zip(data.errors, data.covariances, strict=True):
-        sigma = np.sqrt(np.diag(covariance)[chosen])
-        normalised.append(error[chosen] / sigma)
-        if ratio is None:
-            correlations.append(covariance[np.ix_(chosen, chosen)] / np.outer(sigma, sigma))
+    for unit in units:
+        sigma = np.sqrt(np.diag(unit.covariance)[chosen])
+        normalised.append(unit.error[chosen] / sigma)
+        correlations.append(unit.covariance[np.ix_(chosen, chosen)] / np.outer(sigma, sigma))
     if ratio is None:
         expected, (low, high) = 1.0, rms_band(correlations)
     else:
         block = ratio[np.ix_(chosen, chosen)]
         expected = float(np.sqrt(np.trace(block) / len(chosen)))
-        low, high = rms_band([block / expected**2] * len(data.errors))
+        low, high = rms_band([block / expected**2] * len(units))
         low, high = low * expected, high * expected
     rms = _rms(normalised)
-    size = float(np.mean([np.sqrt(np.mean(np.diag(c)[chosen])) for c in data.covariances]))
     return {
         "rms": rms,
         "expected": expected,
         "low": low,
         "high": high,
         "passed": low <= rms <= high,
-        "sigma": size,
+        "sigma": float(np.mean([np.sqrt(np.mean(np.diag(unit.covariance)[chosen])) for unit in units])),
         "worst": NAMES[chosen[int(np.argmax(np.sqrt(np.mean(np.square(normalised), axis=0))))]],
     }
 
 
-def _nees(data: CaseData, estimated: np.ndarray) -> dict[str, Any]:
+def _nees(units: list[UnitResult], estimated: IntArray) -> dict[str, Any]:
     """Mean normalised estimation error squared per parameter (Bar-Shalom et al., *Estimation*, 5.4.2)."""
     total, count = 0.0, 0
-    for error, covariance in zip(data.errors, data.covariances, strict=True):
-        chosen = [i for i in estimated if covariance[i, i] > 0.0]
-        total += float(error[chosen] @ np.linalg.solve(covariance[np.ix_(chosen, chosen)], error[chosen]))
+    for unit in units:
+        chosen = [i for i in estimated if unit.covariance[i, i] > 0.0]
+        covariance = unit.covariance[np.ix_(chosen, chosen)]
+        total += float(unit.error[chosen] @ np.linalg.solve(covariance, unit.error[chosen]))
         count += len(chosen)
     low, high = np.asarray(chi2.ppf(BAND, count)) / count
     mean = total / count

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.imu.unit import CORRECTED, STREAM, WRITE
 from calstation.bench.live import UNITS
 from calstation.bench.truth.imu import StreamOutput
@@ -51,7 +52,7 @@ def test_the_true_errors_in_the_registers_make_the_output_true(protocol):
     profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml")
     entries = RegisterMap(tuple(profile.registers))
     told = {n: v for n, v in ERRORS.items() if n in entries.parameters}
-    unit = UNITS[protocol]("SN-7")
+    unit = UNITS[protocol](BenchConfig(serial="SN-7"))
     unit.scale = np.repeat([1e-7, 1e-6], 3)
     unit.increments = False
     fill(unit, profile, entries, told)
@@ -88,7 +89,7 @@ def fill(unit, profile, entries, told):
 
 
 def test_increments_lose_nothing_to_rounding():
-    unit = UNITS["framed"]("SN-7")
+    unit = UNITS["framed"](BenchConfig(serial="SN-7"))
     unit.scale = np.repeat([1e-6 * 200, 1e-5 * 200], 3)
     unit.answer(WRITE, struct.pack("<HBf", 0, 1, 0.3e-6 * 200), 1.0)
     unit.answer(STREAM, bytes([CORRECTED]), 1.0)

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.table.cia402_drives import Drive
-from calstation.bench.table.machine import Fault, NotPermitted, OutOfRange, TableLimits, TableMachine
-from calstation.bench.table.text import Axes
+from calstation.bench.table.cia402_drives import drives
+from calstation.bench.table.machine import Clocks, Fault, NotPermitted, OutOfRange, TableLimits, TableMachine
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.modbus_table import ModbusTable
@@ -18,7 +17,6 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from tests.helpers import raises_code
 
 PROFILE = load_table_profile(Path(__file__).parents[2] / "data" / "tables" / "cia402_drives.toml")
-NOW = ("device_time", "host_time", "reading_time")
 
 
 class Pair:
@@ -28,9 +26,8 @@ class Pair:
         limits = TableLimits(low=(-20.0, -20.0), high=(20.0, 20.0))
         self.machine = TableMachine(TableDrive(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0), start), limits)
         self.time = 0.0
-        clocks = dict.fromkeys(NOW, lambda: self.time)
-        axes = Axes(self.machine, **clocks)
-        self.drives = [Drive(j, self.machine, axes, f"T-{j}", clocks["device_time"]) for j in (0, 1)]
+        clocks = Clocks(*[lambda: self.time] * 3)
+        self.drives = list(drives(self.machine, clocks, "T-").values())
 
     def pass_time(self, seconds):
         self.time += seconds
@@ -99,7 +96,7 @@ def test_status_is_taken_from_both_drives(pair):
     table = pair.table
     identity = table.identify()
     assert identity.model == "bench-drive"
-    assert identity.serial == "T-0 + T-1"
+    assert identity.serial == "T-A + T-B"
     assert not table.status().enabled
     table.enable()
     status = table.status()

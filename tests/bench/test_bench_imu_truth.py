@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.imu import ImuTruth, digitise, true_increments
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.bench.truth.table import TableTruth
@@ -113,7 +113,7 @@ def test_accelerating_rotation_gives_the_euler_force():
 
 
 def test_integrated_body_rate_arrives_at_the_closed_form_attitude():
-    table = BenchTruth.draw("nav", 4, azimuth_error=0.01, mount=(0.01, 0.02), wobble=1e-3).table
+    table = BenchConfig(seed=4, azimuth_error_deg=0.6, mount_deg=(0.6, 1.2), wobble_arcsec=200.0).truth().table
     outer = JointProfile.rest(0.1).move(0.05, 1.9, 0.6, 1.0)
     inner = JointProfile.rest(-0.4).move(0.05, -3.0, 0.9, 1.5)
     count, sample_rate = 6000, 1000.0

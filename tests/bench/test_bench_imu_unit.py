@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.imu.frames import COMMAND_SYNC, STREAM, CommandParser, crc16, pack, stream_frames
 from calstation.bench.imu.unit import BOOT_TIME, FLASH_TIME, ImuUnit
 from calstation.bench.truth.imu import StreamOutput
@@ -15,7 +16,7 @@ IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM_OP, ERROR = 1, 2, 3, 4, 5, 6, 255
 
 
 def unit(**changes):
-    return ImuUnit("SN-7", **{"warm_up": 0.0, "ambient": 21.5, **changes})
+    return ImuUnit(BenchConfig(**{"serial": "SN-7", "warm_up_c": 0.0, "ambient_c": 21.5, **changes}))
 
 
 def reply(op, payload):
@@ -93,11 +94,11 @@ def test_a_flash_file_keeps_registers_and_cycles_over_power(tmp_path):
     first.answer(COMMIT, b"", 0.0)
     second = unit(flash_file=file)
     assert second.registers[29] == -1.25
-    assert second.flash_cycles == 1
+    assert second.flash.cycles == 1
 
 
 def test_power_up_reset_and_saturation_show_in_the_frames():
-    imu = unit(ready_time=1.0)
+    imu = unit(ready_time_s=1.0)
     ends = np.arange(1, 11) * BOOT_TIME / 5
     frames = np.frombuffer(imu.frames(output(10), ends), dtype=STREAM)
     # Silent while it boots, then counting from 0, not ready yet.
@@ -123,7 +124,7 @@ def test_the_stream_can_be_switched_off_and_counts_on():
 
 
 def test_temperature_rises_exponentially():
-    imu = unit(warm_up=4.0, warm_up_time=30.0)
+    imu = unit(warm_up_c=4.0, warm_up_time_s=30.0)
     assert imu.temperature(30.0) == pytest.approx(21.5 + 4.0 * (1.0 - np.exp(-1.0)))
 
 

@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.grades import GRADES
 from calstation.bench.truth.simulate import Simulator
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
@@ -26,7 +26,7 @@ def endless():
 
 
 def test_time_counter_step_and_joints_carry_on_from_stage_to_stage():
-    simulator = Simulator(BenchTruth.draw("nav", 1), 1)
+    simulator = Simulator(BenchConfig(grade="nav", seed=1).truth(), 1)
     first = simulator.run([Prepare(), Dwell(2.0), Move(np.pi / 2, 0.0, RATE, ACCELERATION), Dwell(3.0)], "rate")
     second = simulator.run([Dwell(1.0), Move(0.0, 0.0, RATE, ACCELERATION), Finish()], "six_position")
     assert np.array_equal(first.step[:401], [0] * 400 + [1])
@@ -38,18 +38,18 @@ def test_time_counter_step_and_joints_carry_on_from_stage_to_stage():
 
 
 def test_angles_come_at_the_polls_and_are_nan_between():
-    result = Simulator(BenchTruth.draw("nav", 1), 1, poll_interval=0.1).run([Dwell(1.0)], "rate")
+    result = Simulator(BenchConfig(grade="nav", seed=1).truth(), 1, poll_interval=0.1).run([Dwell(1.0)], "rate")
     polled = np.flatnonzero(np.isfinite(result.angles[:, 0]))
     assert np.array_equal(polled, np.arange(19, 200, 20))
 
 
 def test_an_endless_plan_ends_at_the_round_that_was_asked():
-    result = Simulator(BenchTruth.draw("mems", 1), 1).run(endless(), "azimuth_flip", rounds=3)
+    result = Simulator(BenchConfig(grade="mems", seed=1).truth(), 1).run(endless(), "azimuth_flip", rounds=3)
     assert result.step[-1] == 6
 
 
 def test_equal_seeds_give_equal_samples_and_others_do_not():
-    results = [Simulator(BenchTruth.draw("nav", 2), s).run([Dwell(1.0)], "rate") for s in (1, 1, 2)]
+    results = [Simulator(BenchConfig(grade="nav", seed=2).truth(), s).run([Dwell(1.0)], "rate") for s in (1, 1, 2)]
     for field in fields(results[0]):
         a, b = (getattr(r, field.name) for r in results[:2])
         assert a == b if isinstance(a, str) else np.array_equal(a, b, equal_nan=True)
@@ -58,28 +58,29 @@ def test_equal_seeds_give_equal_samples_and_others_do_not():
 
 @pytest.mark.parametrize("grade", list(GRADES))
 def test_units_of_a_grade_scatter_with_its_sigmas(grade):
-    drawn = np.array([BenchTruth.draw(grade, seed).parameters for seed in range(200)])
+    drawn = np.array([BenchConfig(grade=grade, seed=seed).truth().parameters for seed in range(200)])
     assert drawn.shape == (200, COUNT)
     sigma = np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
     assert drawn.std(axis=0) / sigma == pytest.approx(1.0, abs=0.25)
 
 
 def test_a_fixed_lever_is_zero_and_a_unit_out_of_limits_is_far_out():
-    fixed = BenchTruth.draw("nav", 3, outer_lever="fixed").parameters
+    fixed = BenchConfig(grade="nav", seed=3, outer_lever="fixed").truth().parameters
     assert np.all(fixed[-3:] == 0.0)
-    assert np.all(fixed[:27] == BenchTruth.draw("nav", 3).parameters[:27])
-    bad = BenchTruth.draw("nav", 3, out_of_limits=True).parameters
+    assert np.all(fixed[:27] == BenchConfig(grade="nav", seed=3).truth().parameters[:27])
+    bad = BenchConfig(grade="nav", seed=3, out_of_limits=True).truth().parameters
     assert bad[0] == pytest.approx(20.0 * GRADES["nav"].sigma["gyro_bias"])
 
 
-def test_the_mount_is_turned_within_the_told_range():
-    angles = [np.linalg.norm(BenchTruth.draw("nav", s, mount=(0.002, 0.005)).table.mount) for s in range(50)]
-    assert min(angles) >= 0.002
-    assert max(angles) <= 0.005
+def test_the_mount_angle_lies_within_its_range():
+    mounts = [BenchConfig(seed=seed, mount_deg=(0.1, 0.3)).truth().table.mount for seed in range(50)]
+    angles = np.rad2deg([np.linalg.norm(mount) for mount in mounts])
+    assert min(angles) >= 0.1
+    assert max(angles) <= 0.3
 
 
 def test_half_an_hour_at_100_hz_takes_well_under_two_seconds():
-    truth = BenchTruth.draw("nav", 1, sample_rate=100.0)
+    truth = BenchConfig(grade="nav", seed=1, sample_rate_hz=100.0).truth()
     Simulator(truth, 1).run(endless(), "warm", rounds=1)
     start = perf_counter()
     result = Simulator(truth, 1).run(endless(), "azimuth_flip", rounds=120)

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calstation.bench.table.machine import Fault, TableLimits, TableMachine
-from calstation.bench.table.text import LANGUAGES, Axes
+from calstation.bench.table.axes import Axes
+from calstation.bench.table.machine import Clocks, Fault, TableLimits, TableMachine
+from calstation.bench.table.text import LANGUAGES
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.devices.interfaces import UNKNOWN_FAULT
 from calstation.devices.links.text_link import TextRefusalError
@@ -27,8 +28,8 @@ class Controller:
         limits = TableLimits(low=(-2.0, -4.0), high=(2.0, 4.0))
         self.machine = TableMachine(TableDrive(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0), start), limits)
         self.time = 0.0
-        clock = {"device_time": self.now, "host_time": self.now, "reading_time": self.now}
-        self._controller = LANGUAGES[language](Axes(self.machine, **clock), "T-9")
+        clocks = Clocks(self.now, self.now, self.now)
+        self._controller = LANGUAGES[language](Axes(self.machine, clocks), "T-9")
 
     def now(self):
         return self.time

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from fastcrc import crc16
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.imu.modbus_dsp import DspUnit, crc16_modbus
 from calstation.bench.imu.vectornav import SAMPLES, VectorNavUnit, check_line
 from calstation.bench.truth.imu import StreamOutput
@@ -24,7 +25,7 @@ class Unit:
     """A unit and one connection to it, at a time of its own."""
 
     def __init__(self, kind, **changes):
-        self.unit = kind("SN-7", warm_up=0.0, **changes)
+        self.unit = kind(BenchConfig(serial="SN-7", warm_up_c=0.0, **changes))
         self.time = 1.0
         self._hear = self.unit.conversation()
 
@@ -68,7 +69,7 @@ def test_vectornav_registers_stay_only_after_a_commit():
     assert unit.lines("VNRRG,84")[0].endswith("+0.000000E+00")
     assert unit.lines(told, "VNWNV", "VNRST")[1:] == ["VNWNV", "VNRST"]
     assert unit.lines("VNRRG,84")[0].startswith("VNRRG,84,+1.000124E+00,+5.000000E-01")
-    assert unit.unit.flash_cycles == 1
+    assert unit.unit.flash.cycles == 1
 
 
 def test_vectornav_samples():

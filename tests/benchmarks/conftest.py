@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 
 sys.path.append(str(Path(__file__).parent.parent / "estimation"))
@@ -46,7 +46,7 @@ def stage():
     from calstation.estimation.common.alignment import starts
     from calstation.estimation.common.stage import stage_data
 
-    truth = BenchTruth.draw("nav", 41)
+    truth = BenchConfig(grade="nav", seed=41).truth()
     block = block_of(simulate(Simulator(truth, 41), truth, "excitation"))
     context, prior = context_of(truth), prior_of(truth)
     data = stage_data([block], context.imu)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, geometry_of, prior_of, simulate, solver_of
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import NAMES
@@ -28,7 +28,7 @@ HOUR = {
 
 
 def test_a_2_khz_stream_is_followed_in_a_fraction_of_its_time(benchmark, figures):
-    truth = BenchTruth.draw("nav", 51, sample_rate=2000.0)
+    truth = BenchConfig(grade="nav", seed=51, sample_rate_hz=2000.0).truth()
     block = block_of(simulate(Simulator(truth, 51), truth, "excitation", dwell_s=4.0, place_dwell_s=2.0))
     seconds = len(block) / 2000.0
     parts = cut(block, list(range(int(TICK * 2000), len(block), int(TICK * 2000))))
@@ -56,7 +56,7 @@ def test_a_2_khz_stream_is_followed_in_a_fraction_of_its_time(benchmark, figures
 @pytest.fixture(scope="module")
 def hour(tmp_path_factory):
     """A raw log of an hour at 200 Hz with all four stages, and the unit's truth."""
-    truth = BenchTruth.draw("nav", 52)
+    truth = BenchConfig(grade="nav", seed=52).truth()
     context, simulator = context_of(truth), Simulator(truth, 52)
     prior = prior_of(truth).sigma
     meta = LogMeta.model_validate(

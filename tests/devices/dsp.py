@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.imu.frames import crc16
 from calstation.bench.imu.modbus_dsp import DspUnit
 from calstation.bench.imu.unit import ImuUnit
@@ -189,7 +190,7 @@ class Unit:
     @property
     def cycles(self) -> int:
         """Times that its flash was burnt."""
-        return self._boot().flash_cycles
+        return self._boot().flash.cycles
 
     @contextmanager
     def _driven(self, driver: Any, supply: Supply, timeout_s: float) -> Iterator[RegisteredImu]:
@@ -201,4 +202,4 @@ class Unit:
             imu.close()
 
     def _boot(self) -> ImuUnit:
-        return self._kind.unit(SERIAL, flash_file=self._flash, flash_banks=self._banks)
+        return self._kind.unit(BenchConfig(serial=SERIAL, flash_file=self._flash, flash_banks=self._banks))

@@ -7,16 +7,17 @@ from functools import cache
 from itertools import groupby
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any
 
 import numpy as np
 import pytest
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.imu.unit import ImuUnit
-from calstation.bench.table.cia402_drives import UNITS, Drive
-from calstation.bench.table.machine import Power, TableLimits, TableMachine
+from calstation.bench.table.axes import Axes
+from calstation.bench.table.cia402_drives import Drive, drives
+from calstation.bench.table.machine import Clocks, Power, TableLimits, TableMachine
 from calstation.bench.table.registers import TableRegisters
-from calstation.bench.table.text import LANGUAGES, Axes
+from calstation.bench.table.text import LANGUAGES
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
 from calstation.devices.imu.framed_imu import FramedImu
 from calstation.devices.profiles.imu import load_imu_profile
@@ -50,7 +51,7 @@ class Far:
         limits = TableLimits(low=(-20.0, -20.0), high=(20.0, 20.0))
         self.machine = TableMachine(TableDrive(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0), start), limits)
         self.machine.know_zero()
-        self.clocks: dict[str, Any] = dict.fromkeys(("device_time", "host_time", "reading_time"), lambda: 0.0)
+        self.clocks = Clocks(lambda: 0.0, lambda: 0.0, lambda: 0.0)
         for word in (0x06, 0x07, 0x0F):
             self.machine.control(word, 0.0, 0.0)
         assert self.machine.power is Power.ENABLED
@@ -71,19 +72,18 @@ class Far:
 
     def registers(self) -> TableRegisters:
         """The machine behind registers."""
-        return TableRegisters(self.machine, model="bench-table", serial="T-1", **self.clocks)
+        return TableRegisters(self.machine, self.clocks, "bench-table", "T-1")
 
     def drives(self) -> dict[int, Drive]:
         """The machine behind two drives, both switched on."""
-        axes = Axes(self.machine, **self.clocks)
-        drives = [Drive(j, self.machine, axes, "T-1", self.clocks["device_time"]) for j in (0, 1)]
-        for drive in drives:
+        both = drives(self.machine, self.clocks, "T-1")
+        for drive in both.values():
             drive.write(20, [0x0F])
-        return dict(zip(UNITS, drives, strict=True))
+        return both
 
 
 def text(far: Far, language: str) -> Callable[[bytes], bytes]:
-    controller = LANGUAGES[language](Axes(far.machine, **far.clocks), "T-1")
+    controller = LANGUAGES[language](Axes(far.machine, far.clocks), "T-1")
     far.machine.power = Power.ENABLED
 
     def answer(heard: bytes) -> bytes:
@@ -113,7 +113,7 @@ class Line:
 
     def __init__(self, far: Far) -> None:
         self._far = far
-        unit = ImuUnit("SN-1")
+        unit = ImuUnit(BenchConfig(serial="SN-1"))
         unit.axes = far.registers()
         self._hear = unit.conversation()
         self._replies: SimpleQueue[bytes] = SimpleQueue()

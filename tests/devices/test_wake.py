@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers import raises_code
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.imu.frames import REPLY_SYNC, crc16, pack, stream_frames
 from calstation.bench.imu.modbus_dsp import DspUnit
 from calstation.bench.imu.unit import ImuUnit
@@ -77,7 +78,7 @@ def quick(name: str, reset_timeout_s: float = 30.0) -> ImuProfile:
 
 @contextmanager
 def driver(name: str, **told: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
-    link = BootingLink(UNITS[name]("SN-7"))
+    link = BootingLink(UNITS[name](BenchConfig(serial="SN-7")))
     imu = open_imu(link, quick(name, **told), "SN-7")  # type: ignore[arg-type]
     try:
         yield imu, link
@@ -145,7 +146,7 @@ def test_another_model_is_told_at_once() -> None:
 
 def test_a_unit_that_takes_no_command_cannot_be_asked() -> None:
     profile = load_imu_profile(library.shipped_folder() / "imus" / "stim300.toml")
-    imu = open_imu(BootingLink(ImuUnit("SN-7")), profile, "SN-7")  # type: ignore[arg-type]
+    imu = open_imu(BootingLink(ImuUnit(BenchConfig(serial="SN-7"))), profile, "SN-7")  # type: ignore[arg-type]
     try:
         assert imu.wake(lambda: None) is None
     finally:

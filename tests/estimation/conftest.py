@@ -6,7 +6,7 @@ import pytest
 from hypothesis import settings
 from simulated_stages import block_of, context_of, prior_of, simulate
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 
 settings.register_profile("estimation", deadline=None)
@@ -16,7 +16,7 @@ settings.load_profile("estimation")
 @pytest.fixture(scope="session")
 def nav_stage():
     """An excitation of a navigation-grade unit with white noise only, as one block, 100 Hz."""
-    truth = BenchTruth.draw("nav", 21, sample_rate=100.0, instability=False)
+    truth = BenchConfig(grade="nav", seed=21, sample_rate_hz=100.0, instability=False).truth()
     samples = simulate(Simulator(truth, 21), truth, "excitation")
     return SimpleNamespace(
         truth=truth,

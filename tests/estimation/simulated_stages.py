@@ -4,9 +4,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from calstation.bench.truth.bench import BenchTruth
 from calstation.bench.truth.grades import GRADES
-from calstation.bench.truth.simulate import Simulated, Simulator
+from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import COUNT, PARAMETERS

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, prior_of, simulate
 
-from calstation.bench.truth.bench import BenchTruth
-from calstation.bench.truth.simulate import Simulator
+from calstation.bench.config import BenchConfig
+from calstation.bench.truth.simulate import BenchTruth, Simulator
 from calstation.estimation.common.context import Belief
 from calstation.estimation.common.latitude import LatitudeEstimate, RestOutput, resolves_earth_rate
 from calstation.estimation.common.samples import SampleBlock
@@ -25,7 +25,7 @@ def see(truth: BenchTruth, blocks: list[SampleBlock], belief: Belief | None = No
 
 @cache
 def six_positions(grade: str, seed: int) -> tuple[BenchTruth, SampleBlock]:
-    truth = BenchTruth.draw(grade, seed, sample_rate=100.0)
+    truth = BenchConfig(grade=grade, seed=seed, sample_rate_hz=100.0).truth()
     return truth, block_of(simulate(Simulator(truth, seed), truth, "six_position", dwell_s=25.0))
 
 
@@ -80,7 +80,7 @@ def test_seconds_with_spoilt_or_missing_samples_are_left_out() -> None:
 
 
 def test_no_latitude_without_turning_the_unit_over() -> None:
-    truth = BenchTruth.draw("nav", 3, sample_rate=100.0)
+    truth = BenchConfig(grade="nav", seed=3, sample_rate_hz=100.0).truth()
     assert see(truth, [block_of(simulate(Simulator(truth, 3), truth, "azimuth_flip"))]) is None
     assert see(truth, []) is None
 
@@ -100,5 +100,6 @@ def test_vibration_enlarges_the_sigma() -> None:
 
 
 def test_which_gyros_resolve_earth_rate() -> None:
-    felt = {g: resolves_earth_rate(context_of(BenchTruth.draw(g, 1)).imu) for g in ("nav", "tactical", "mems")}
+    grades = ("nav", "tactical", "mems")
+    felt = {g: resolves_earth_rate(context_of(BenchConfig(grade=g).truth()).imu) for g in grades}
     assert felt == {"nav": True, "tactical": True, "mems": False}

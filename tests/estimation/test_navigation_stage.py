@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, cut, errors_in_sigma, prior_of, simulate, solved, solver_of
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.errors import InsufficientDataError
 from calstation.physics.motion import Dwell
@@ -76,7 +76,7 @@ def test_live_sigmas_survive_a_gap(nav_stage):
 
 
 def test_fixed_lever_stays_zero_without_loss_of_accuracy():
-    truth = BenchTruth.draw("nav", 5, sample_rate=100.0, instability=False, outer_lever="fixed")
+    truth = BenchConfig(grade="nav", seed=5, sample_rate_hz=100.0, instability=False, outer_lever="fixed").truth()
     prior = prior_of(truth)
     stage = block_of(simulate(Simulator(truth, 5), truth, "excitation"))
     result = solved(truth, prior, [stage])
@@ -91,7 +91,7 @@ def test_fixed_lever_stays_zero_without_loss_of_accuracy():
 @pytest.fixture(scope="module")
 def static():
     """A minute at rest and nothing else."""
-    truth = BenchTruth.draw("nav", 6, sample_rate=100.0)
+    truth = BenchConfig(grade="nav", seed=6, sample_rate_hz=100.0).truth()
     samples = Simulator(truth, 6).run([Dwell(60.0)], "excitation")
     prior = prior_of(truth)
     return truth, prior, solved(truth, prior, [block_of(samples)])

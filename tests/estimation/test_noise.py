@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import chi2
 from simulated_stages import block_of, context_of
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.noise import filter_noise, rest_mean_variance
@@ -74,7 +74,7 @@ def test_mean_of_a_rest_has_the_predicted_variance(velocity_sigma):
 
 
 def test_mean_of_a_rest_on_a_vibrating_base_has_the_predicted_variance():
-    truth = BenchTruth.draw("nav", 4, sample_rate=100.0, instability=False)
+    truth = BenchConfig(grade="nav", seed=4, sample_rate_hz=100.0, instability=False).truth()
     samples = Simulator(truth, 4).run([Dwell(2000.0)], "six_position")
     context = context_of(truth)
     found, degrees = scatter(stage_data([block_of(samples)], context.imu).accel, 1000, 10)

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from simulated_stages import context_of
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.bench.truth.stream import SensorStream
 from calstation.estimation.common.noise import filter_noise
@@ -21,7 +21,7 @@ STRIDE = 20
 @pytest.fixture(scope="module")
 def motion():
     """A MEMS unit that rests, turns and rests for three minutes: samples and true attitudes at the strides' ends."""
-    truth = BenchTruth.draw("mems", 8, instability=False)
+    truth = BenchConfig(grade="mems", seed=8, instability=False).truth()
     stream = SensorStream(truth.imu, truth.table, 8)
     outer = JointProfile.rest(0.3, -1.0).move(60.0, 3.4, 0.35, 0.5)
     inner = JointProfile.rest(-0.5, -1.0).move(60.0, 1.0, 0.35, 0.5)

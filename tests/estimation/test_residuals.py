@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from simulated_stages import block_of, context_of, prior_of, simulate
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.estimation.common.context import Belief
 from calstation.estimation.common.residuals import rest_residuals
@@ -15,7 +15,7 @@ from calstation.physics.parameters import INDEX
 @pytest.fixture(scope="module")
 def six():
     """Six positions of a navigation-grade unit with context and prior."""
-    truth = BenchTruth.draw("nav", 3, sample_rate=100.0, instability=False)
+    truth = BenchConfig(grade="nav", seed=3, sample_rate_hz=100.0, instability=False).truth()
     context = context_of(truth)
     block = block_of(simulate(Simulator(truth, 3), truth, "six_position", dwell_s=20.0))
     return (

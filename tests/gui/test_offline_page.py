@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.config.request import RunRequest
 from calstation.estimation.common.samples import SampleBlock
@@ -84,7 +84,7 @@ def run_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A log of an excitation at 1 kHz that takes some seconds to solve, with high sequence numbers."""
-    truth = BenchTruth.draw("nav", 7, sample_rate=1000.0)
+    truth = BenchConfig(grade="nav", seed=7, sample_rate_hz=1000.0).truth()
     block = block_of(simulate(Simulator(truth, 7), truth, "excitation"))
     imu = {
         **SIMULATED["imu"],

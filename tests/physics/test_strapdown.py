@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.bench.truth.stream import SensorStream
 from calstation.physics.earth import normal_gravity, rotation_rate
@@ -121,7 +121,7 @@ def test_coning_drift_is_that_of_the_correction():
 @pytest.fixture(scope="module")
 def motion():
     """Noise-free samples of a unit on a turning table, and the truth at their ends."""
-    truth = BenchTruth.draw("mems", 11, azimuth=0.7)
+    truth = BenchConfig(grade="mems", seed=11, azimuth_deg=40.0).truth()
     perfect = {"gyro_arw": 0.0, "accel_vrw": 0.0, "gyro_bias_instability": 0.0, "accel_bias_instability": 0.0}
     imu = replace(truth.imu, **perfect, gyro_lsb=1e-13, accel_lsb=1e-12)
     table = replace(truth.table, velocity_sigma=0.0)

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 from hypothesis import settings
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 
 sys.path.append(str(Path(__file__).parent.parent / "estimation"))
@@ -24,7 +24,7 @@ def solve_chain():
     from simulated_stages import block_of, prior_of, simulate, solved
 
     def chain(grade, seed, **bench):
-        truth = BenchTruth.draw(grade, seed, sample_rate=100.0, **bench)
+        truth = BenchConfig(grade=grade, seed=seed, sample_rate_hz=100.0, **bench).truth()
         simulator = Simulator(truth, seed)
         found = SimpleNamespace(truth=truth, prior=prior_of(truth), samples={}, priors={}, solutions={})
         belief = found.prior

@@ -13,7 +13,7 @@ from simulated_stages import block_of, geometry_of
 from simulated_stages import context_of as table_context
 from simulated_stages import prior_of as table_prior
 
-from calstation.bench.truth.bench import BenchTruth
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.samples import SampleBlock
@@ -92,7 +92,7 @@ def test_noise_beyond_the_profile_enlarges_the_sigmas(mems):
 
 
 def test_the_plan_runs_on_a_motorised_table_too():
-    truth = BenchTruth.draw("tactical", 8, sample_rate=100.0, instability=False)
+    truth = BenchConfig(grade="tactical", seed=8, sample_rate_hz=100.0, instability=False).truth()
     chosen = method("multi_position")
     schedule = chosen.schedule(step_deg=90.0, rest_s=4.0, initial_rest_s=5.0, rate_dps=60.0, acceleration_dps2=60.0)
     samples = Simulator(truth, 8).run(chosen.plan(geometry_of(truth), schedule), "multi_position")

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.imu.unit import WRITE, ImuUnit
 from calstation.bench.live import UNITS
-from calstation.bench.truth.bench import BenchTruth
-from calstation.bench.truth.simulate import Simulator
+from calstation.bench.truth.simulate import BenchTruth, Simulator
 from calstation.devices.codecs.frame_checks import check_bytes
 from calstation.devices.codecs.numbers import number
 from calstation.devices.imu.registers import RegisterMap
@@ -55,7 +55,8 @@ def profile(data: dict[str, Any]) -> ImuProfile:
 
 def truth(grade: str, seed: int, output: str, larger: float = 1.0) -> BenchTruth:
     """A drawn bench; its unit's errors `larger` times."""
-    drawn = BenchTruth.draw(grade, seed, latitude=SITE.latitude, height=SITE.height, output=output)
+    site = {"latitude_deg": float(np.rad2deg(SITE.latitude)), "height_m": SITE.height}
+    drawn = BenchConfig.model_validate({"grade": grade, "seed": seed, "output": output, **site}).truth()
     return replace(drawn, imu=replace(drawn.imu, parameters=larger * drawn.parameters))
 
 
@@ -67,7 +68,7 @@ class Looks:
         imu = bench.imu
         per_count = RATE if imu.output == "increment" else 1.0
         self.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
-        self.unit = UNITS[protocol]("SN-1")
+        self.unit = UNITS[protocol](BenchConfig(serial="SN-1"))
         self.path = verification_path((0.0, 0.0), GEOMETRY, LIMITS)
         self._simulator = Simulator(bench, seed)
         self._table = bench.table

@@ -14,11 +14,7 @@ _ROUNDS = 4
 class Correction:
     """rate = gyro · (measured − before) + after; force = accel · (measured − bias − quadratic force²) + size effect.
 
-    Attributes
-    ----------
-    gyro, accel : shape (3, 3); before, after : rad/s, shape (3,)
-    bias : m/s², shape (3,); quadratic : s²/m, shape (3,)
-    levers : displacement of each accelerometer along its own axis, m, shape (3,)
+    Matrices of shape (3, 3) and vectors of shape (3,), SI. `levers` displace each accelerometer along its own axis.
     """
 
     gyro: FloatArray
@@ -51,7 +47,7 @@ class Requantiser:
         self._left = np.zeros(6)
 
     def counts(self, values: FloatArray, scale: FloatArray, *, carry: bool) -> FloatArray:
-        """Whole counts of `values` (rad/s and m/s²), shape (n, 6); `scale` : of a count, in the same, shape (6,)."""
+        """Whole counts of `values`, shape (n, 6); `scale` is a count in the same units, shape (6,)."""
         exact = values / scale
         if not carry:
             return np.asarray(np.floor(exact + 0.5))

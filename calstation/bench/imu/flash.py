@@ -1,9 +1,4 @@
-"""The unit's flash: an image of its registers, written byte by byte, that a power cut may leave incomplete.
-
-A robust unit has two banks and writes the inactive one; the image with a valid checksum and the higher number is active
-at power-up, so that a power cut leaves the old or the new image. A simple unit has a single bank: after a power cut its
-checksum fails and the unit starts with its defaults.
-"""
+"""The unit's flash: an image of its registers, written byte by byte, that a power cut may leave incomplete."""
 
 import struct
 import zlib
@@ -20,18 +15,11 @@ class PowerCut(Exception):  # noqa: N818 - an event of the unit, not an error of
 
 
 class Flash:
-    """Banks with one image each.
+    """Banks with one image each, kept in a file between runs if one is given.
 
-    Parameters
-    ----------
-    size : size of the content of an image, bytes
-    banks : 2, or 1 for a unit that loses its image if a commit is cut short
-    file : keeps the banks between runs; None keeps them in memory
-
-    Attributes
-    ----------
-    cycles : number of times the flash was written
-    image_bytes : size of an image with its number and checksum
+    With two banks the inactive one is written; the valid image with the higher number is active at power-up, so a power
+    cut leaves the old or the new image. With a single bank, a power cut leaves none, and the unit starts with its
+    defaults. `cycles` counts writes.
     """
 
     def __init__(self, size: int, banks: int = 2, file: Path | None = None) -> None:

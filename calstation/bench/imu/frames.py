@@ -39,12 +39,7 @@ def crc16(data: bytes) -> int:
 def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, status: IntArray) -> bytes:
     """Frames of consecutive samples.
 
-    Parameters
-    ----------
-    counter : sample counters, shape (n,), of which the low 16 bits are sent
-    counts : whole numbers, shape (n, 6); NaN is sent as the lowest number
-    temperature : °C
-    status : shape (n,)
+    Only the low 16 bits of a counter are sent; NaN is sent as the lowest number.
     """
     frames = np.zeros(len(counter), dtype=STREAM)
     frames["sync"] = STREAM_SYNC

@@ -55,7 +55,7 @@ class DspUnit(ImuUnit):
 
     @property
     def flash_bytes(self) -> int:
-        """See `ImuUnit.flash_bytes`."""
+        """Size of the content of the flash, bytes."""
         return 2 * sum(count for _, count in PAGES.values())
 
     def _start(self, time: float) -> None:
@@ -143,11 +143,7 @@ class DspUnit(ImuUnit):
         first, count = PAGES.get(self._page, (0, 0))
         if not first <= address or address + len(words) > first + count:
             raise _Refused(ILLEGAL_ADDRESS)
-        if self.fails_writing is not None:
-            self.fails_writing -= 2 * len(words)
-            if self.fails_writing < 0:
-                self.fails_writing = None
-                raise PowerCut
+        self._draw_power(2 * len(words))
         self._words[self._page][address - first : address - first + len(words)] = words
 
     def _command(self, address: int, word: int, time: float) -> None:

@@ -14,19 +14,10 @@ _SATURATED = 2**31 - 1
 class StreamFaults:
     """Modifies samples and frames according to the active faults.
 
-    Parameters
-    ----------
-    random : draws bits and bytes
-
-    Attributes
-    ----------
-    corrupt, drop, duplicate, reorder, noise : number of frames still to get a flipped bit, to be omitted, to be sent
-        twice, to be swapped with the next one, to be preceded by random bytes
-    silent_until, garbled_until, saturated_until, invalid_until, frozen_until : device time, s, until which nothing is
-        sent, bytes are random as at a wrong baud, the first gyro channel saturates or is not a number, one channel
-        repeats its last value
-    frozen : number of the frozen channel
-    frame_size : bytes of a frame
+    Counts of frames still to get a flipped bit (`corrupt`), to be omitted (`drop`), sent twice (`duplicate`), swapped
+    with the next (`reorder`) or preceded by random bytes (`noise`). Device times, s, until which nothing is sent
+    (`silent`), bytes are random (`garbled`), the first gyro channel saturates or is not a number (`invalid`), or
+    channel number `frozen` repeats its last value.
     """
 
     def __init__(self, random: np.random.Generator) -> None:

@@ -2,10 +2,10 @@
 
 import struct
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.imu.correction import Correction, Requantiser
 from calstation.bench.imu.flash import Flash, PowerCut
 from calstation.bench.imu.frames import (
@@ -45,55 +45,22 @@ BOOT_TIME = 0.1
 class ImuUnit:
     """Answers commands and turns samples into frames; all times are device time, s.
 
-    Parameters
-    ----------
-    serial : serial number in the unit's answer
-    ready_time : from power-up or reset to the ready bit, s
-    ambient, warm_up, warm_up_time : °C, °C, s: temperature rises as warm_up·(1 − e^(−t/warm_up_time))
-    flash_file, flash_banks : see `flash.Flash`
-
-    Attributes
-    ----------
-    axes : registers of the table's axes, if the unit's line carries them
-    scale : size of a count, rad/s and m/s², shape (6,)
-    increments : whether counts are increments over the sample
-    corrected : whether the stream was switched to corrected samples
-    behind : whether the stream is always corrected
-    counter : of the next sample
-    flash : memory that survives a power cut
-    fails_writing, fails_committing : number of bytes after which the power fails briefly while registers or flash are
-        written; None for a sound supply
+    `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` are the registers of the table's axes, if the
+    unit's line carries them. `fails_writing` and `fails_committing` are the bytes of registers or flash after whose
+    writing the power fails briefly; None for a sound supply.
     """
 
-    def __init__(
-        self,
-        serial: str,
-        *,
-        ready_time: float = 1.0,
-        ambient: float = 23.0,
-        warm_up: float = 4.0,
-        warm_up_time: float = 30.0,
-        flash_file: Path | None = None,
-        flash_banks: int = 2,
-    ) -> None:
-        self._serial = serial
-        self._ready_time = ready_time
-        self._ambient, self._warm_up, self._warm_up_time = ambient, warm_up, warm_up_time
-        self.flash = Flash(self.flash_bytes, flash_banks, flash_file)
+    def __init__(self, config: BenchConfig, scale: FloatArray | None = None) -> None:
+        self._config, self._serial = config, config.serial
+        self.flash = Flash(self.flash_bytes, config.flash_banks, config.flash_file)
         self.axes: TableRegisters | None = None
-        self.scale: FloatArray = np.ones(6)
-        self.increments = True
-        self.behind = False
+        self.scale: FloatArray = np.ones(6) if scale is None else scale
+        self.increments = config.output == "increment"
         self.fails_writing: int | None = None
         self.fails_committing: int | None = None
         self._busy_until, self._refusals = -np.inf, 0
         self.streaming = True
         self._start(0.0)
-
-    @property
-    def flash_cycles(self) -> int:
-        """Number of times the flash was written."""
-        return self.flash.cycles
 
     @property
     def flash_bytes(self) -> int:
@@ -123,9 +90,18 @@ class ImuUnit:
         power_for, self.fails_committing = self.fails_committing, None
         self.flash.burn(self._given(), power_for)
 
+    def _draw_power(self, written: int) -> None:
+        """Count bytes of registers that are written; raises PowerCut if the supply fails at them."""
+        if self.fails_writing is not None:
+            self.fails_writing -= written
+            if self.fails_writing < 0:
+                self.fails_writing = None
+                raise PowerCut
+
     def temperature(self, time: float) -> float:
         """Sensor temperature, °C."""
-        return float(self._ambient + self._warm_up * -np.expm1(-time / self._warm_up_time))
+        config = self._config
+        return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
 
     def restart(self, time: float) -> None:
         """Reset: RAM registers from flash, counter from 0, ready bit after the ready time."""
@@ -139,10 +115,10 @@ class ImuUnit:
         self.counter += int(awake.sum())
         if not self.streaming or not awake.any():
             return b""
-        status = np.where(ends >= self._started + self._ready_time, READY, 0)
+        status = np.where(ends >= self._started + self._config.ready_time_s, READY, 0)
         status |= np.where(output.saturated, SATURATED, 0)
         counts = output.counts[awake]
-        if self.corrected or self.behind:
+        if self.corrected or self._config.behind_registers:
             values = self.correction().applied(counts * self.scale)
             counts = self._requantiser.counts(values, self.scale, carry=self.increments)
         return stream_frames(counter[awake], counts, self.temperature(float(ends[-1])), status[awake])
@@ -161,7 +137,7 @@ class ImuUnit:
         )
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
-        """A parser for one connection: takes received bytes and device time, s; returns replies in order."""
+        """A parser for one connection: takes received bytes and device time; returns replies in order."""
         parser = CommandParser()
         return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
 
@@ -206,11 +182,7 @@ class ImuUnit:
             return BAD_ADDRESS
         if self._burning(time):
             return FLASH_BUSY
-        if self.fails_writing is not None:
-            self.fails_writing -= len(payload)
-            if self.fails_writing < 0:
-                self.fails_writing = None
-                raise PowerCut
+        self._draw_power(len(payload))
         self.registers[address : address + count] = np.frombuffer(payload[3:], dtype="<f4")
         return payload[:3]
 
@@ -249,7 +221,7 @@ class ImuUnit:
             return FLASH_BUSY
         self._busy_until, self._refusals = time + FLASH_TIME, FLASH_REFUSALS
         self._burn()
-        return struct.pack("<BI", 0, self.flash_cycles)
+        return struct.pack("<BI", 0, self.flash.cycles)
 
     def _reset(self, payload: bytes, time: float) -> bytes | int:
         self.restart(time)

@@ -43,14 +43,7 @@ def check_line(words: str) -> int:
 
 
 class VectorNavUnit(ImuUnit):
-    """See the module. Its output must be a rate.
-
-    Attributes
-    ----------
-    rate : samples in a second
-    """
-
-    rate: float = 200.0
+    """See the module. Its output must be a rate."""
 
     def _start(self, time: float) -> None:
         super()._start(time)
@@ -160,11 +153,7 @@ class VectorNavUnit(ImuUnit):
         numbers = np.array([float(field) for field in fields], dtype=np.float32)
         if not np.all(np.isfinite(numbers)):
             return BAD_VALUE
-        if self.fails_writing is not None:
-            self.fails_writing -= sum(map(len, fields))
-            if self.fails_writing < 0:
-                self.fails_writing = None
-                raise PowerCut
+        self._draw_power(sum(map(len, fields)))
         numbers[list(_ONES)] -= np.float32(1.0)
         self.registers[_PLACES[register] : _PLACES[register] + 12] = numbers
         return "VNWRG," + ",".join(told)
@@ -173,7 +162,7 @@ class VectorNavUnit(ImuUnit):
         if len(told) < 4:
             return TOO_FEW
         mode, divisor = int(told[1]), int(told[2])
-        if mode not in (0, 1) or (mode == 1 and _IMU_RATE / divisor != self.rate):
+        if mode not in (0, 1) or (mode == 1 and _IMU_RATE / divisor != self._config.sample_rate_hz):
             return BAD_VALUE
         wanted = [word.upper().zfill(len(known)) for word, known in zip(told[3:], _OUTPUT, strict=False)]
         if wanted not in (_OUTPUT, _COMPENSATED_OUTPUT):

@@ -1,16 +1,21 @@
-"""Serial lines of the unit and of a table with a text protocol: TCP listeners or pseudo-terminals.
-
-The unit's line waits for a slow reader, so that no samples are lost.
-"""
+"""Serial lines of the unit and of a table with a text protocol: TCP listeners or pseudo-terminals."""
 
 import asyncio
 import os
 import select
 import socket
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 
-from calstation.bench.table import TextController
+#: Kernel buffer of the line, bytes: a reader with a larger backlog stops the bench's time.
+BUFFER = 65536
+
+#: Polling interval of a terminal, host time, s.
+POLL = 0.002
+
+#: Creates the parser of one connection, which takes received bytes and returns the replies.
+Talk = Callable[[], Callable[[bytes], list[bytes]]]
 
 
 def open_raw() -> tuple[int, int, str]:
@@ -19,7 +24,7 @@ def open_raw() -> tuple[int, int, str]:
     Raises OSError on platforms that have none.
     """
     if sys.platform == "win32":
-        raise OSError("pseudo-terminals do not exist on Windows: use socket://")
+        raise OSError("pseudo-terminals do not exist on Windows: use a TCP transport")
     import tty
 
     master, slave = os.openpty()
@@ -28,28 +33,11 @@ def open_raw() -> tuple[int, int, str]:
     return master, slave, os.ttyname(slave)
 
 
-#: Kernel buffer of the line, bytes: a reader with a larger backlog stops the bench's time.
-BUFFER = 65536
+class Line(ABC):
+    """A line to one client; it waits for a slow reader, so that no samples are lost.
 
-#: Creates the parser of one connection, which takes received bytes and returns the unit's replies.
-Talk = Callable[[], Callable[[bytes], list[bytes]]]
-
-
-async def _late(reply: bytes, slow: list[float]) -> bytes:
-    """The reply, after the ordered delay."""
-    if reply and slow:
-        await asyncio.sleep(slow.pop(0))
-    return reply
-
-
-class SocketLine:
-    """The unit's line as a TCP listener on 127.0.0.1, which serves the client that connected last.
-
-    Attributes
-    ----------
-    endpoint : "socket://host:port"
-    sent : bytes handed to the operating system for the present client
-    slow : delays of the next replies, host time, s
+    `endpoint` is what a client opens, `sent` the bytes handed to the present client, `slow` the delays of the next
+    replies, host time, s.
     """
 
     def __init__(self, talk: Talk) -> None:
@@ -57,17 +45,46 @@ class SocketLine:
         self.sent = 0
         self.slow: list[float] = []
         self._talk = talk
+
+    @abstractmethod
+    async def open(self) -> None:
+        """Begin to serve."""
+
+    @abstractmethod
+    async def send(self, data: bytes) -> None:
+        """Hand bytes to the operating system; they are lost without a client."""
+
+    @abstractmethod
+    def hang_up(self) -> None:
+        """Disconnect the client."""
+
+    @abstractmethod
+    async def close(self) -> None:
+        """Stop serving."""
+
+    async def _reply(self, replies: list[bytes]) -> None:
+        for reply in replies:
+            if reply and self.slow:
+                await asyncio.sleep(self.slow.pop(0))
+            await self.send(reply)
+
+
+class SocketLine(Line):
+    """A TCP listener on 127.0.0.1, which serves the client that connected last."""
+
+    def __init__(self, talk: Talk) -> None:
+        super().__init__(talk)
         self._server: asyncio.Server | None = None
         self._writer: asyncio.StreamWriter | None = None
 
-    async def open(self, port: int = 0) -> None:
-        """Listen, by default on a free port."""
-        self._server = await asyncio.start_server(self._serve, "127.0.0.1", port)
+    async def open(self) -> None:
+        """Listen on a free port."""
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
         host, port = self._server.sockets[0].getsockname()[:2]
         self.endpoint = f"socket://{host}:{port}"
 
     async def send(self, data: bytes) -> None:
-        """Hand bytes to the operating system; they are lost without a client."""
+        """See `Line`."""
         writer = self._writer
         if writer is None or not data:
             return
@@ -79,12 +96,12 @@ class SocketLine:
             self._drop(writer)
 
     def hang_up(self) -> None:
-        """Disconnect the client."""
+        """See `Line`."""
         if self._writer is not None:
             self._drop(self._writer)
 
     async def close(self) -> None:
-        """Stop listening."""
+        """See `Line`."""
         self.hang_up()
         if self._server is not None:
             self._server.close()
@@ -99,8 +116,7 @@ class SocketLine:
         answer = self._talk()
         try:
             while data := await reader.read(4096):
-                for reply in answer(data):
-                    await self.send(await _late(reply, self.slow))
+                await self._reply(answer(data))
         except (ConnectionError, asyncio.CancelledError):
             pass
         finally:
@@ -112,24 +128,11 @@ class SocketLine:
         writer.close()
 
 
-class TerminalLine:
-    """The unit's line as a pseudo-terminal (posix); bytes are lost while no process has it open.
-
-    Attributes
-    ----------
-    endpoint : path to open
-    sent : bytes handed to the present terminal
-    slow : delays of the next replies, host time, s
-    """
-
-    #: Polling interval of the terminal, host time, s.
-    POLL = 0.002
+class TerminalLine(Line):
+    """A pseudo-terminal (posix); bytes are lost while no process has it open."""
 
     def __init__(self, talk: Talk) -> None:
-        self.endpoint = ""
-        self.sent = 0
-        self.slow: list[float] = []
-        self._talk = talk
+        super().__init__(talk)
         self._master = -1
         self._task: asyncio.Task[None] | None = None
 
@@ -139,12 +142,12 @@ class TerminalLine:
         self._task = asyncio.create_task(self._read())
 
     async def send(self, data: bytes) -> None:
-        """Hand bytes to the terminal, waiting for its reader; they are lost without a reader."""
+        """See `Line`."""
         while data and self._attended():
             try:
                 written = os.write(self._master, data)
             except BlockingIOError:
-                await asyncio.sleep(self.POLL / 4)
+                await asyncio.sleep(POLL / 4)
                 continue
             except OSError:
                 return
@@ -153,9 +156,9 @@ class TerminalLine:
 
     def hang_up(self) -> None:
         """Unplug the adapter and plug it in again: a terminal with another name replaces the present one."""
-        gone = self._master
+        unplugged = self._master
         self._make()
-        os.close(gone)
+        os.close(unplugged)
 
     async def close(self) -> None:
         """Close the terminal."""
@@ -187,72 +190,5 @@ class TerminalLine:
                 data = os.read(self._master, 4096)
             except OSError:
                 data = b""
-            for reply in answer(data):
-                await self.send(await _late(reply, self.slow))
-            await asyncio.sleep(self.POLL)
-
-
-class TableLine:
-    """A running line.
-
-    Attributes
-    ----------
-    endpoint : "host:port" of the TCP listener, or the path of the terminal
-    mute : lines still to be left without an answer
-    """
-
-    def __init__(self, controller: TextController) -> None:
-        self.endpoint = ""
-        self.mute = 0
-        self._controller = controller
-        self._server: asyncio.Server | None = None
-        self._terminal: tuple[int, int] | None = None
-
-    async def serve_tcp(self, port: int = 0) -> None:
-        """Listen on 127.0.0.1, by default on a free port."""
-        self._server = await asyncio.start_server(self._serve, "127.0.0.1", port)
-        host, number = self._server.sockets[0].getsockname()[:2]
-        self.endpoint = f"{host}:{number}"
-
-    async def serve_rtu(self) -> None:
-        """Serve on a new pseudo-terminal (posix)."""
-        if sys.platform == "win32":
-            raise OSError("pseudo-terminals do not exist on Windows: use the TCP transport")
-        master, slave, self.endpoint = open_raw()
-        self._terminal = (master, slave)
-        asyncio.get_running_loop().add_reader(master, self._take, master)
-
-    async def close(self) -> None:
-        """Stop serving."""
-        if self._server is not None:
-            self._server.close()
-        if self._terminal is not None and sys.platform != "win32":
-            asyncio.get_running_loop().remove_reader(self._terminal[0])
-            for end in self._terminal:
-                os.close(end)
-            self._terminal = None
-
-    def _answer(self, data: bytes) -> bytes:
-        replies = []
-        for reply in self._controller.feed(data):
-            if self.mute > 0:
-                self.mute -= 1
-            else:
-                replies.append(reply)
-        return b"".join(replies)
-
-    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        try:
-            while data := await reader.read(4096):
-                writer.write(self._answer(data))
-                await writer.drain()
-        except (ConnectionError, asyncio.CancelledError):
-            pass
-        finally:
-            writer.close()
-
-    def _take(self, master: int) -> None:
-        try:
-            os.write(master, self._answer(os.read(master, 4096)))
-        except OSError:
-            return
+            await self._reply(answer(data))
+            await asyncio.sleep(POLL)

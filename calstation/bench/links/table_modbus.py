@@ -26,13 +26,7 @@ BAUD = 115200
 
 
 class TableUnit(Protocol):
-    """Registers of one unit.
-
-    Attributes
-    ----------
-    words : as last refreshed, from address 0 on
-    writable : what may be written, as (first, count)
-    """
+    """Registers of one Modbus unit: words from address 0 on, and what may be written as (first, count)."""
 
     words: list[int]
     writable: tuple[tuple[int, int], ...]
@@ -45,19 +39,10 @@ class TableUnit(Protocol):
 
 
 class TableLink:
-    """A running Modbus server.
+    """A running Modbus server with the registers of each unit number.
 
-    Attributes
-    ----------
-    endpoint : "host:port" of the TCP server, or the path of the terminal
-    mute : number of requests still to be ignored
-    slow : delays of the next answers, host time, s
-    refuse : Modbus exception of the next answer; 0 for none
-    garble : number of answers still to get a flipped bit
-
-    Parameters
-    ----------
-    units : registers by the number of the unit that has them
+    `mute`, `garble` : requests still to be ignored, answers still to get a flipped bit; `slow` : delays of the next
+    answers, host time, s; `refuse` : Modbus exception of the next answer, 0 for none.
     """
 
     def __init__(self, units: Mapping[int, TableUnit]) -> None:
@@ -70,11 +55,11 @@ class TableLink:
         # The server logs protocol exceptions as errors.
         logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
-    async def serve_tcp(self, port: int = 0) -> None:
-        """Listen on 127.0.0.1, by default on a free port."""
+    async def serve_tcp(self) -> None:
+        """Listen on a free port of 127.0.0.1."""
         server = ModbusTcpServer(
             self._devices(),
-            address=("127.0.0.1", port),
+            address=("127.0.0.1", 0),
             trace_pdu=self._trace,
             trace_packet=self._spoil,
             ignore_missing_devices=False,
@@ -86,8 +71,6 @@ class TableLink:
 
     async def serve_rtu(self) -> None:
         """Serve RTU on a new pseudo-terminal (posix)."""
-        if sys.platform == "win32":
-            raise OSError("pseudo-terminals do not exist on Windows: use the TCP transport")
         # Server and client each open their own terminal; bytes are copied between them.
         (near, near_slave, near_path), (far, far_slave, far_path) = open_raw(), open_raw()
         self._terminals = [near, near_slave, far, far_slave]

@@ -1,5 +1,6 @@
-from .cia402_drives import UNITS as UNITS
-from .cia402_drives import Drive as Drive
+from .axes import Axes as Axes
+from .cia402_drives import drives as drives
+from .machine import Clocks as Clocks
 from .machine import Fault as Fault
 from .machine import OutOfRange as OutOfRange
 from .machine import Power as Power
@@ -10,5 +11,4 @@ from .registers import SIZE as SIZE
 from .registers import WRITABLE as WRITABLE
 from .registers import TableRegisters as TableRegisters
 from .text import LANGUAGES as LANGUAGES
-from .text import Axes as Axes
 from .text import TextController as TextController

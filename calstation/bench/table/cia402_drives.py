@@ -6,13 +6,12 @@ its counts fall when the axis turns in its positive sense.
 """
 
 import struct
-from collections.abc import Callable
 
 import numpy as np
 
-from calstation.bench.table.machine import Fault, Power, TableMachine
+from calstation.bench.table.axes import Axes
+from calstation.bench.table.machine import Clocks, Fault, Power, TableMachine
 from calstation.bench.table.registers import text_words
-from calstation.bench.table.text import Axes
 
 #: Modbus unit numbers of the outer and the inner drive.
 UNITS = (1, 2)
@@ -34,33 +33,27 @@ _SPEED = np.deg2rad(1e-4)
 _NEW_SETPOINT, _RESET = 0x10, 0x80
 
 
-class Drive:
-    """Carries out reads and writes of one drive's registers on its axis; see `registers.TableRegisters`.
+def drives(machine: TableMachine, clocks: Clocks, serial: str) -> "dict[int, Drive]":
+    """Both drives of a machine by Modbus unit number; a letter is added to their serial numbers."""
+    axes = Axes(machine, clocks)
+    return {UNITS[joint]: Drive(joint, machine, axes, clocks, f"{serial}{'AB'[joint]}") for joint in (0, 1)}
 
-    Parameters
-    ----------
-    joint : 0 outer, 1 inner
-    machine : the controller of both joints
-    axes : the same, joint by joint
-    serial : of the drive
-    device_time : clock, s
-    """
+
+class Drive:
+    """Registers of one drive (0 outer, 1 inner); see `registers.TableRegisters`."""
 
     writable: tuple[tuple[int, int], ...] = ((CONTROL, 1), (MODE, 1), (TARGET, 8))
 
-    def __init__(
-        self, joint: int, machine: TableMachine, axes: Axes, serial: str, device_time: Callable[[], float]
-    ) -> None:
+    def __init__(self, joint: int, machine: TableMachine, axes: Axes, clocks: Clocks, serial: str) -> None:
         self._joint, self._sense = joint, SENSE[joint]
-        self._machine, self._axes = machine, axes
-        self._time = device_time
+        self._machine, self._axes, self._clocks = machine, axes, clocks
         self._controlword = 0
         self.words = [0] * SIZE
         self.words[MODEL_AT : SERIAL_AT + TEXT_WORDS] = text_words(MODEL) + text_words(serial)
         self.words[MODE] = PROFILE_POSITION
         ends = sorted(self._sense * end for end in (machine.limits.low[joint], machine.limits.high[joint]))
-        for place, end in zip((LOW, HIGH), ends, strict=True):
-            self._put(place, struct.pack(">i", round(end / _ANGLE)))
+        for register, end in zip((LOW, HIGH), ends, strict=True):
+            self._put(register, struct.pack(">i", round(end / _ANGLE)))
         self._put(PROFILE_VELOCITY, struct.pack(">I", 100_000))
         self._put(PROFILE_ACCELERATION, struct.pack(">I", 200_000))
 
@@ -126,7 +119,7 @@ class Drive:
 
     def _statusword(self) -> int:
         """Statusword of the machine with this drive's own power state (CiA 402-2, table 29)."""
-        word = self._machine.statusword(self._time())
+        word = self._machine.statusword(self._clocks.device())
         if self._machine.fault is Fault.NONE:
             word = word & ~0x6F | (Power.ENABLED if self._axes.wanted(self._joint) else Power.READY).value
         return word

@@ -3,6 +3,7 @@
 Motion goes by device time; the watchdog counts host time. Angles rad, rates rad/s, accelerations rad/s².
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
@@ -30,6 +31,15 @@ class Power(Enum):
     READY = 0x21
     ON = 0x23
     ENABLED = 0x27
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """Device time, host time, and device time at which a polled position was taken, s."""
+
+    device: Callable[[], float]
+    host: Callable[[], float]
+    reading: Callable[[], float]
 
 
 class Refusal(Exception):  # noqa: N818 - an answer of the protocol, not an error of the program
@@ -69,20 +79,10 @@ SWITCH_BEYOND = np.deg2rad(0.5)
 
 
 class TableMachine:
-    """State of the controller over the joints.
+    """State of the controller over the joints; `watchdog` is its timeout, host s, 0 for none.
 
-    Parameters
-    ----------
-    drive : the joints, at their true power-on angles
-    limits : travel and speeds
-    interlock_closed : state of the interlock at power-on
-    watchdog : timeout, host s, 0 where it is off
-
-    Attributes
-    ----------
-    jammed : whether the joints are blocked
-    restless_until : device time until which they do not settle, s
-    overshoot : overshoot of the next move, rad
+    Faults on order: `jammed` joints are blocked, until `restless_until` (device time) they do not settle, and the next
+    move goes too far by `overshoot`, rad.
     """
 
     def __init__(
@@ -213,7 +213,7 @@ class TableMachine:
             self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Start one joint independently of the other; repeating its present move has no effect."""
+        """Start one joint independently of the other; repeating its present move has no effect. Raises a `Refusal`."""
         beyond = self.overshoot
         if self._start_joint(time, joint, target, beyond, rate, acceleration):
             self.overshoot = 0.0

@@ -4,11 +4,9 @@ Registers are 16 bit, addresses 0-based, 32-bit values signed with the high word
 rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
-from calstation.bench.table.machine import OutOfRange, TableMachine
+from calstation.bench.table.machine import Clocks, OutOfRange, TableMachine
 
 MODEL_AT, SERIAL_AT, TEXT_WORDS = 0, 8, 8
 CONTROL, STATUS, FAULT, INTERLOCK, WATCHDOG, HEARTBEAT, COMMAND = 16, 17, 18, 19, 20, 21, 22
@@ -47,30 +45,12 @@ def long_value(words: list[int]) -> int:
 
 
 class TableRegisters:
-    """Carries out reads and writes of the register map on the machine.
-
-    Parameters
-    ----------
-    machine : the controller
-    model, serial : identity
-    device_time, host_time : clocks, s
-    reading_time : device time at which a polled position was taken, s
-    """
+    """Carries out reads and writes of the register map on the machine."""
 
     writable = WRITABLE
 
-    def __init__(
-        self,
-        machine: TableMachine,
-        *,
-        model: str,
-        serial: str,
-        device_time: Callable[[], float],
-        host_time: Callable[[], float],
-        reading_time: Callable[[], float],
-    ) -> None:
-        self._machine = machine
-        self._device_time, self._host_time, self._reading_time = device_time, host_time, reading_time
+    def __init__(self, machine: TableMachine, clocks: Clocks, model: str, serial: str) -> None:
+        self._machine, self._clocks = machine, clocks
         self.words = [0] * SIZE
         self.words[MODEL_AT : MODEL_AT + 2 * TEXT_WORDS] = text_words(model) + text_words(serial)
         self.words[WATCHDOG] = round(machine.watchdog * 1000.0)
@@ -82,12 +62,12 @@ class TableRegisters:
 
     def refresh(self) -> None:
         """Update status and positions."""
-        machine, time = self._machine, self._device_time()
-        machine.watch(self._host_time(), time)
+        machine, time = self._machine, self._clocks.device()
+        machine.watch(self._clocks.host(), time)
         self.words[STATUS] = machine.statusword(time)
         self.words[FAULT] = int(machine.fault)
         self.words[INTERLOCK] = int(machine.interlock_closed)
-        taken = self._reading_time()
+        taken = self._clocks.reading()
         positions, rates = machine.positions(taken), machine.drive.states(taken)[:, 1]
         for joint, first in enumerate(JOINTS):
             self._put(first + POSITION, positions[joint] / _ANGLE)
@@ -95,7 +75,7 @@ class TableRegisters:
 
     def write(self, address: int, values: list[int]) -> None:
         """Carry out one write request. Raises `machine.Refusal` and stores nothing."""
-        machine, time, host_time = self._machine, self._device_time(), self._host_time()
+        machine, time, host_time = self._machine, self._clocks.device(), self._clocks.host()
         machine.watch(host_time, time)
         touched = range(address, address + len(values))
         before = self.words[address : address + len(values)]

@@ -1,5 +1,4 @@
-from .bench import ARCSECOND as ARCSECOND
-from .bench import BenchTruth as BenchTruth
+from .drive import EncoderTruth as EncoderTruth
 from .drive import TableDrive as TableDrive
 from .free_unit import Place as Place
 from .free_unit import SecondaryTruth as SecondaryTruth
@@ -19,7 +18,9 @@ from .manual_rig import push as push
 from .manual_rig import record as record
 from .noise import INSTABILITY_TIMES as INSTABILITY_TIMES
 from .noise import instability_variance as instability_variance
+from .simulate import BenchTruth as BenchTruth
 from .simulate import Simulated as Simulated
 from .simulate import Simulator as Simulator
 from .stream import SensorStream as SensorStream
+from .table import TableTruth as TableTruth
 from .table import rotation as rotation

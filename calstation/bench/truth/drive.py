@@ -10,14 +10,10 @@ from calstation.physics import FloatArray
 
 @dataclass(frozen=True)
 class EncoderTruth:
-    """Errors of the joints' encoders.
+    """Errors of the joints' encoders, rad.
 
-    Attributes
-    ----------
-    stop_sigma : repeatability; the error is drawn anew for every move of a joint and reached at its end, rad
-    periodic : amplitude of the error with one period per turn, rad
-    phase : of the periodic error at angle 0, rad
-    white_sigma : noise of each reading, rad
+    `stop_sigma` : repeatability, drawn for every move of a joint and reached at its end; `periodic` and `phase` : an
+    error with one period per turn; `white_sigma` : noise of each reading.
     """
 
     stop_sigma: float = np.deg2rad(0.05)
@@ -27,14 +23,7 @@ class EncoderTruth:
 
 
 class TableDrive:
-    """Motion and encoders of both joints.
-
-    Parameters
-    ----------
-    encoder : errors of the encoders
-    angles : true angles at power-on, rad
-    seed : of the encoders' errors
-    """
+    """Motion and encoders of both joints, from true angles at power-on, rad; `seed` draws the encoders' errors."""
 
     def __init__(
         self,

@@ -19,8 +19,8 @@ _CHUNK = 20_000
 class Place:
     """Position and orientation of a unit on the body.
 
-    turn : from the unit's frame to the body's, shape (3, 3)
-    arm : of the unit's reference point from the body's, in the body's frame, m, shape (3,)
+    `turn` : from the unit's frame to the body's, shape (3, 3); `arm` : of the unit's reference point, in the body's
+    frame, m, shape (3,).
     """
 
     turn: FloatArray
@@ -69,15 +69,8 @@ def _outputs(
 class FreeStream:
     """Samples of one unit on a freely moving body; the sizes of the requests do not change them.
 
-    Parameters
-    ----------
-    imu, place, field : truth of the unit, its place on the body, force and rotation of a body at rest
-    vibration, noise : draw the body's vibration and the unit's noise; may be the same for a single request
-    begin : time of the motion at which the first sample begins, s
-
-    Attributes
-    ----------
-    interval : of a sample, s; produced : samples so far
+    The first sample begins at time `begin` of the motion, s. The generators of vibration and noise may be the same for
+    a single request.
     """
 
     def __init__(

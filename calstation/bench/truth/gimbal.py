@@ -23,11 +23,7 @@ LOOP_GAIN = 0.25
 
 @dataclass(frozen=True)
 class GimbalSamples:
-    """Samples of one motion or hold.
-
-    seq : counter; time : end of each sample, s; counts : gyro x y z, accel x y z; joints : x y z as their encoders
-    read at the end of each sample, rad, shape (n, 3); step : number of the motion
-    """
+    """Samples of one motion: counts of gyro x y z, accel x y z; angles of joints x y z, rad, shape (n, 3)."""
 
     seq: IntArray
     time: FloatArray
@@ -37,15 +33,10 @@ class GimbalSamples:
 
 
 class GimbalBench:
-    """The gimbal with its unit; time continues from call to call.
+    """The gimbal with its unit, whose accelerometers sit in the centre; time continues from call to call.
 
-    Parameters
-    ----------
-    imu : truth of the unit; its accelerometers sit in the centre
-    order : joints from the base to the body, e.g. "zxy"
-    up_force, earth : of a body at rest (m/s²) and the earth's rotation (rad/s) in the base's frame, shape (3,)
-    encoder_sigma : repeatability of the joints' encoders, an error drawn anew for every motion, rad; a tenth of it is
-        the noise of every reading
+    `order` names the joints from the base to the body. `up_force` (m/s²) and `earth` (rad/s) act on a body at rest, in
+    the base's frame. `encoder_sigma` is the repeatability, drawn for every motion, rad; a tenth of it is noise.
     """
 
     def __init__(

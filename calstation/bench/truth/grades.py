@@ -21,16 +21,7 @@ _CUT = 2.5
 
 @dataclass(frozen=True)
 class Grade:
-    """Sizes of one grade.
-
-    Attributes
-    ----------
-    sigma : standard deviation of a unit's parameters per group, SI
-    gyro_lsb, accel_lsb : size of a count of increment output, rad and m/s
-    gyro_arw, accel_vrw : rad/√s, m/s/√s
-    gyro_bias_instability, accel_bias_instability : rad/s, m/s²
-    gyro_range, accel_range : rad/s, m/s²
-    """
+    """Sizes of one grade, SI: `sigma` of a unit's parameters per group; counts are those of increment output."""
 
     sigma: dict[str, float]
     gyro_lsb: float
@@ -133,12 +124,11 @@ def draw_imu(
 
     Parameters
     ----------
-    sample_rate : Hz
+    grade, random, sample_rate : of the draw; Hz
     output : "rate" counts the same lsb times the sample rate, rad/s and m/s²
     outer_lever : "estimated" or "fixed"
     instability : False leaves out the bias instability
-    out_of_limits : True makes the x gyro's bias and the y accelerometer's scale factor twenty of their
-        grade's sigmas
+    out_of_limits : set the x gyro's bias and the y accelerometer's scale factor to twenty sigmas
     """
     size = GRADES[grade]
     per_count = sample_rate if output == "rate" else 1.0

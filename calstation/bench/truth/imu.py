@@ -12,17 +12,10 @@ from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector
 
 @dataclass(frozen=True)
 class ImuTruth:
-    """A unit's true errors, noise and output.
+    """A unit's true errors, noise and output, SI.
 
-    Attributes
-    ----------
-    parameters : true values in the order of `physics.parameters`, SI, shape (30,)
-    sample_rate : Hz
-    output : "increment" (rad, m/s per count) or "rate" (mean rate over the sample per count)
-    gyro_lsb, accel_lsb : size of a count
-    gyro_arw, accel_vrw : white noise, rad/√s and m/s/√s
-    gyro_bias_instability, accel_bias_instability : B of the flicker, rad/s and m/s²
-    gyro_range, accel_range : saturation, rad/s and m/s²
+    `output` is "increment" (rad and m/s per count) or "rate" (mean rate over the sample per count). The bias
+    instabilities are B of the flicker, the ranges where the output saturates.
     """
 
     parameters: FloatArray
@@ -38,7 +31,7 @@ class ImuTruth:
     accel_range: float = 400.0
 
     def error_model(self) -> FloatArray:
-        """Rows: I + M_g (3), I + M_a (3), b_g, b_a, K2, places of the accelerometers (3); shape (12, 3)."""
+        """Rows: I + M_g (3), I + M_a (3), b_g, b_a, K2, positions of the accelerometers (3); shape (12, 3)."""
         p = self.parameters
         sites = group_vector(p, "outer_lever") + np.diag(group_vector(p, "inner_lever"))
         return np.vstack(
@@ -109,11 +102,10 @@ def true_increments(
 
     Parameters
     ----------
-    model : `ImuTruth.error_model()`; chain : `TableTruth.chain()`; field : up force (m/s²) and
-        ω_ie (rad/s) in n, shape (2, 3)
+    model, chain, field : error model; chain of the table; up force (m/s²) and ω_ie (rad/s) in n, shape (2, 3)
     outer, inner : segments of the joints' profiles, shape (k, 6), and the times they come to rest, s
-    first : number of the first sample, which ends at (first + 1)·interval, s
-    base_velocity : velocity of the centre of rotation in n at the samples' borders, m/s, shape (n + 1, 3)
+    first, interval : the first sample ends at (first + 1)·interval, s
+    base_velocity : of the centre of rotation in n at the samples' borders, m/s, shape (n + 1, 3)
     """
     count = base_velocity.shape[0] - 1
     result = np.zeros((count, 6))
@@ -184,8 +176,7 @@ def digitise(
 
     Parameters
     ----------
-    increments : rad and m/s, shape (n, 6)
-    normals : standard normals, shape (n, >= 6 or 6 + 6m); the first six columns white, then the bank
+    increments, normals : rad and m/s, shape (n, 6); standard normals, white and then the bank, shape (n, 6 or 6 + 6m)
     white : sigma of the white noise of an increment, shape (6,)
     decay, driven, bias : bank of Gauss-Markov processes: shapes (m,), (6, m), (6, m); `bias` is updated
     lsb, limit : size of a count and the largest count, shape (6,)
@@ -224,14 +215,7 @@ class StreamOutput:
 class Digitiser:
     """Adds a unit's noise to its increments and counts them, one sample after another.
 
-    Parameters
-    ----------
-    imu : truth of the unit
-    instability : whether the biases drift; `start_drift` draws their initial values
-
-    Attributes
-    ----------
-    columns : standard normals that a sample needs
+    `columns` is the number of standard normals that a sample needs. The biases drift from what `start_drift` draws.
     """
 
     def __init__(self, imu: ImuTruth, *, instability: bool = True) -> None:
@@ -255,13 +239,7 @@ class Digitiser:
         self._bias = draw_instability(self._instability, random)
 
     def digitise(self, increments: FloatArray, normals: FloatArray) -> StreamOutput:
-        """Counts of the next samples.
-
-        Parameters
-        ----------
-        increments : without noise, rad and m/s, shape (n, 6)
-        normals : standard normals, shape (n, `columns` or more)
-        """
+        """Counts of increments, rad and m/s, shape (n, 6), with standard normals of shape (n, `columns` or more)."""
         counts, saturated = digitise(
             increments,
             normals,

@@ -80,12 +80,7 @@ def _joint_states(segments: FloatArray, still: float, times: FloatArray) -> Floa
 
 @dataclass(frozen=True)
 class JointProfile:
-    """The course of one joint from a time on.
-
-    Attributes
-    ----------
-    segments : as in `joint_state`, the last row at rest, shape (k, 6)
-    """
+    """The motion of one joint from a time on; `segments` as in `joint_state`, the last row at rest."""
 
     segments: FloatArray
 
@@ -129,9 +124,7 @@ class JointProfile:
     def move(self, time: float, target: float, rate: float, acceleration: float) -> "JointProfile":
         """Trapezoid to `target` (rad), no faster than `rate` (rad/s), with `acceleration` (rad/s²).
 
-        Raises
-        ------
-        ValueError : the joint's command is still moving at `time`, or rate or acceleration are not positive
+        Raises ValueError if the joint's command is still moving at `time`, or rate or acceleration are not positive.
         """
         if not (rate > 0.0 and acceleration > 0.0):
             raise ValueError("rate and acceleration must be positive")

@@ -1,8 +1,6 @@
-"""A manual rig: the unit on an inner rail in an outer rail, pushed by hand from position to position.
+"""A manual rig: the unit on an inner rail in an outer rail, pushed by an operator from position to position.
 
-Hands stop near the position they are asked for, correct themselves, tremble, push sideways and shake the rig; the rails
-have play. At rest the rig only vibrates. The unit sits off the rails' centre, so turning it also moves it. In a live
-recording the hands react after a moment, and now and then touch the rig again before it has rested long enough.
+Hands stop near the position, correct, tremble and shake the rig; the unit sits off the rails' centre.
 """
 
 from dataclasses import dataclass
@@ -21,19 +19,12 @@ Pose = tuple[float, float]
 
 @dataclass(frozen=True)
 class ManualRig:
-    """The rig and the hands; rad, s, m.
+    """The rig and the operator; rad, s, m.
 
-    Attributes
-    ----------
-    latitude, height : rad, m; gravity : m/s², None for the normal gravity
-    outer_axis, inner_axis : in b at home
-    initial_rest, rest : duration of the first rest and of the others, which vary by a fifth
-    speed : of a push, rad/s
-    stop_sigma : deviation from the intended position
-    play : largest turn about the third axis during a push, part of which remains
-    shake : rms acceleration of the rig while pushed, m/s²
-    tilt : of the rig's foot; arm : of the unit from the rails' centre, m
-    velocity_sigma : vibration of the foot, rms m/s
+    `rest` durations vary by a fifth. `stop_sigma` is the deviation from the intended position, `play` the largest turn
+    about the third axis during a push, part of which remains, `shake` the rms acceleration while pushed, m/s². `tilt`
+    is that of the rig's foot, `arm` that of the unit from the rails' centre, `velocity_sigma` the vibration of the
+    foot, m/s.
     """
 
     latitude: float = np.deg2rad(34.25)
@@ -106,12 +97,7 @@ def foot(rig: ManualRig, random: np.random.Generator) -> FloatArray:
 
 
 class Hands:
-    """Hands that push the rails.
-
-    Attributes
-    ----------
-    at : angles of the rails at the end of the last push, rad
-    """
+    """Hands that push the rails; `at` are the rails' angles at the end of the last push, rad."""
 
     def __init__(self, rig: ManualRig, random: np.random.Generator) -> None:
         self._rig, self._random = rig, random
@@ -180,16 +166,10 @@ _TOUCHED = np.deg2rad(12.0)
 
 
 class HandStream:
-    """Samples of one unit moved by hand; the sizes of the requests do not change them.
+    """Samples of one unit on a manual rig; the sizes of the requests do not change them.
 
-    Parameters
-    ----------
-    imu, rig : truth
-    seed : of all noise and of the hands
-
-    Attributes
-    ----------
-    asked : the pose requested last, rad
+    The operator reacts after a moment, and now and then touches the rig again before it has rested long enough.
+    `asked` is the pose requested last, rad.
     """
 
     def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:

@@ -58,10 +58,8 @@ def vibration_frequency() -> float:
 def vibration_steps(velocity_sigma: float, interval: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Exact discretisation of the base's (displacement, velocity) over one sample.
 
-    Returns
-    -------
-    transition : shape (2, 2); root : lower root of the driven covariance, shape (2, 2);
-    stationary : standard deviations of displacement (m) and velocity (m/s), shape (2,)
+    Returns transition and lower root of the driven covariance, shape (2, 2), and the standard deviations of
+    displacement (m) and velocity (m/s).
     """
     frequency = vibration_frequency()
     transition = expm(np.array([[0.0, 1.0], [-(frequency**2), -2.0 * VIBRATION_DAMPING * frequency]]) * interval)
@@ -77,11 +75,7 @@ def vibration_steps(velocity_sigma: float, interval: float) -> tuple[FloatArray,
 class Vibration:
     """Velocity of the vibrating base along each axis of n, continued from call to call.
 
-    Parameters
-    ----------
-    velocity_sigma : rms, m/s; 0 for a base at rest, for which nothing is drawn
-    interval : of a sample, s
-    random : draws the initial state
+    `velocity_sigma` is the rms, m/s; for 0 nothing is drawn.
     """
 
     def __init__(self, velocity_sigma: float, interval: float, random: np.random.Generator) -> None:

@@ -5,25 +5,41 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.bench.truth.bench import BenchTruth
-from calstation.bench.truth.drive import TableDrive
+from calstation.bench.truth.drive import EncoderTruth, TableDrive
+from calstation.bench.truth.grades import GradeName
+from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.stream import SensorStream
+from calstation.bench.truth.table import TableTruth
 from calstation.physics import Dwell, FloatArray, IntArray, Move, RoundEnd, Step
+
+
+@dataclass(frozen=True)
+class BenchTruth:
+    """True values of everything that the station estimates.
+
+    `azimuth`, rad, is that of the station file; the true one is `table.azimuth`. `outer_lever` is "estimated", or
+    "fixed" at 0.
+    """
+
+    imu: ImuTruth
+    table: TableTruth
+    encoder: EncoderTruth
+    grade: GradeName
+    azimuth: float
+    outer_lever: str
+
+    @property
+    def parameters(self) -> FloatArray:
+        """The 30 true parameters in the order of `physics.parameters`, SI, shape (30,)."""
+        return self.imu.parameters
 
 
 @dataclass(frozen=True)
 class Simulated:
     """Samples of one stage, as an ideal acquisition would stamp them.
 
-    Attributes
-    ----------
-    stage : name given to `Simulator.run`
-    seq : sample counter from 0, continuous over the simulator's stages, shape (n,)
-    time : end of each sample, s, (seq + 1) / sample rate, shape (n,)
-    counts : gyro x y z, accel x y z, whole numbers, shape (n, 6)
-    angles : encoder angles outer, inner at the end of the sample, rad, NaN between polls, shape (n, 2)
-    step : moves made so far, this one included, shape (n,)
-    temperature : °C, shape (n,)
+    `time` is the end of each sample, s. `angles` are encoder angles there, rad, NaN between polls, shape (n, 2). `step`
+    counts the moves so far.
     """
 
     stage: str
@@ -38,13 +54,8 @@ class Simulated:
 class Simulator:
     """Runs stage after stage on one bench; time, joints, noise, counter and step carry on.
 
-    Parameters
-    ----------
-    truth : the bench
-    seed : of all noise; equal seeds and plans give equal samples
-    poll_interval : time between encoder readings, s
-    start_angles : true joint angles at the start, rad
-    temperature : constant, °C
+    Equal seeds and plans give equal samples. `poll_interval` is the time between encoder readings, s, `temperature`
+    constant, °C.
     """
 
     def __init__(
@@ -70,16 +81,9 @@ class Simulator:
         return self._stream.time
 
     def run(self, steps: Iterable[Step], stage: str, rounds: int | None = None) -> Simulated:
-        """Drive one stage.
+        """Drive one stage; an endless plan needs `rounds`.
 
-        A move lasts until both joints have settled, a dwell its duration after that; other steps take no
-        time.
-
-        Parameters
-        ----------
-        steps : the stage's plan; an endless one needs `rounds`
-        stage : name
-        rounds : end at the `RoundEnd` that completes this many
+        A move lasts until both joints have settled, a dwell its duration after that; other steps take no time.
         """
         parts: list[tuple[FloatArray, FloatArray, IntArray]] = []
         first = self._stream.produced

@@ -9,18 +9,7 @@ from calstation.bench.truth.table import TableTruth
 
 
 class SensorStream:
-    """Samples of one unit on one table; the sizes of the requests do not change them.
-
-    Parameters
-    ----------
-    imu, table : truth
-    seed : of all noise of the stream
-
-    Attributes
-    ----------
-    interval : of a sample, s
-    produced : number of samples so far
-    """
+    """Samples of one unit on one table; the sizes of the requests do not change them."""
 
     def __init__(self, imu: ImuTruth, table: TableTruth, seed: int | np.random.SeedSequence) -> None:
         self.interval = 1.0 / imu.sample_rate

@@ -34,13 +34,7 @@ CENTRIFUGAL_RATIO = 3.449786506841e-3
 
 
 def normal_gravity(latitude: float, height: float) -> float:
-    """Somigliana gravity carried to a height, m/s².
-
-    Parameters
-    ----------
-    latitude : geodetic, rad
-    height : above the ellipsoid, m
-    """
+    """Somigliana gravity at a geodetic latitude, rad, carried to a height above the ellipsoid, m; m/s²."""
     sine2 = np.sin(latitude) ** 2
     eccentricity2 = FLATTENING * (2.0 - FLATTENING)
     surface = EQUATOR_GRAVITY * (1.0 + SOMIGLIANA * sine2) / np.sqrt(1.0 - eccentricity2 * sine2)
@@ -69,19 +63,12 @@ def rotation(vector: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class TableTruth:
-    """True geometry and site of the table.
+    """True geometry and site of the table; angles in rad, rotation vectors of shape (3,).
 
-    Attributes
-    ----------
-    latitude, height : rad, m
-    azimuth : true heading of the table's +y at home, clockwise from north, rad
-    base_tilt : rotation vector of the base in n, rad, shape (3,)
-    outer_axis, inner_axis : nominal unit vectors in b at home
-    non_orthogonality : turn of the inner axis about (outer × inner), rad
-    wobble : tilt of the outer and the inner bearing, rad; wobble_phase : its direction at angle 0, rad
-    mount : rotation vector of the unit on the inner platform (mounted to nominal), rad, shape (3,)
-    velocity_sigma : rms velocity of the centre of rotation along each axis of n, m/s
-    gravity : m/s², None for the normal gravity of the place
+    `base_tilt` turns the base in n, `mount` the unit on the inner platform. `non_orthogonality` turns the inner axis
+    about (outer × inner). `wobble` tilts the outer and the inner bearing towards `wobble_phase` at angle 0.
+    `velocity_sigma` is the rms velocity of the centre along each axis of n, m/s. `gravity` None stands for the normal
+    gravity.
     """
 
     latitude: float
@@ -194,9 +181,7 @@ def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray)
 def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors: FloatArray) -> None:
     """Carry a fixed vector, ω and its derivative (rows of `vectors`, in n) into b, in place.
 
-    Parameters
-    ----------
-    chain : shape (5, 15); outer, inner : angle, rate, acceleration, shape (3,); vectors : shape (3, 3)
+    `outer` and `inner` hold angle, rate and acceleration of the joints.
     """
     for j in range(chain.shape[0]):
         link = chain[j]

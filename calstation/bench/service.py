@@ -3,7 +3,7 @@
     {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": n}
     {"now": null}                        -> the same at once
     {"order": name, "value": number}     -> the same, once carried out
-    {"carry": [outer, inner], "rest": s} -> the same; the hands at a manual rig have been told (rad)
+    {"carry": [outer, inner], "rest": s} -> the same; the operator of the manual rig is asked for rail angles, rad
     anything else                        -> {"error": text}
 
 `samples` counts all samples produced, `bytes` what was handed to the IMU link's present client.
@@ -17,38 +17,32 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from calstation.bench import Order
+from calstation.bench.config import Order
+from calstation.bench.live import LiveBench
 
 
-class ClockLink:
+class ClockService:
     """TCP listener of the clock.
 
-    Parameters
-    ----------
-    advance : advances time by seconds; returns when the samples are handed over
-    obey : carries out an order
-    carry : moves the manual rig to rail angles, rad, for a rest, s
-    report : gives the fields of an answer
-    deserted : called when the last connection has ended
+    `advance` lets seconds pass and returns when the samples are handed over, `report` gives the fields of an answer,
+    `on_deserted` is called when the last connection has ended.
     """
 
     def __init__(
         self,
+        bench: LiveBench,
         advance: Callable[[float], Awaitable[None]],
-        obey: Callable[[Order], None],
-        carry: Callable[[float, float, float], None],
         report: Callable[[], dict[str, Any]],
-        deserted: Callable[[], None],
+        on_deserted: Callable[[], None],
     ) -> None:
         self.endpoint = ""
-        self._advance, self._obey, self._carry = advance, obey, carry
-        self._report, self._deserted = report, deserted
+        self._bench, self._advance, self._report, self._on_deserted = bench, advance, report, on_deserted
         self._connections = 0
         self._server: asyncio.Server | None = None
 
-    async def open(self, port: int = 0) -> None:
-        """Listen on 127.0.0.1."""
-        self._server = await asyncio.start_server(self._serve, "127.0.0.1", port)
+    async def open(self) -> None:
+        """Listen on a free port of 127.0.0.1."""
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
         host, port = self._server.sockets[0].getsockname()[:2]
         self.endpoint = f"{host}:{port}"
 
@@ -70,7 +64,7 @@ class ClockLink:
             self._connections -= 1
             writer.close()
             if self._connections == 0:
-                self._deserted()
+                self._on_deserted()
 
     async def _answer(self, line: bytes) -> dict[str, Any]:
         try:
@@ -78,10 +72,10 @@ class ClockLink:
             if "advance" in request:
                 await self._advance(max(0.0, float(request["advance"])))
             elif "order" in request:
-                self._obey(Order.model_validate(request))
+                self._bench.obey(Order.model_validate(request))
             elif "carry" in request:
                 outer, inner = map(float, request["carry"])
-                self._carry(outer, inner, float(request.get("rest", 0.0)))
+                self._bench.carry(outer, inner, float(request.get("rest", 0.0)))
             elif "now" not in request:
                 return {"error": "ask for one of: advance, now, order, carry"}
         except (ValueError, TypeError, ValidationError) as exc:
