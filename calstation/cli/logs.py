@@ -52,7 +52,7 @@ def resolve_command(
         )
     for event_id, values in resolved.messages:
         console.print(sentence(event_text(event_id, values)), highlight=False, markup=False)
-    emit_json(resolved.result_json, json)
+    emit_json(resolved.result.to_json(), json)
     passed = resolved.result.passed
     if json != "-":
         out = Console(file=sys.stdout)

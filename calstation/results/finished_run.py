@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from calstation.jobs import ProgressCallback
 from calstation.records import SUFFIX, open_log
@@ -20,11 +19,6 @@ class FinishedRun:
     log: Path | None  #: None if it is missing.
     previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
     solved_now: bool = False  #: The log held no result and has been solved.
-
-    @property
-    def result_json(self) -> dict[str, Any]:
-        """The result JSON."""
-        return self.result.to_json()
 
 
 def load_finished_run(tell: ProgressCallback, path: Path, runs: Path) -> FinishedRun:

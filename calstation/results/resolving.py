@@ -31,11 +31,6 @@ class Resolved:
     messages: tuple[tuple[str, dict[str, Any]], ...]
     missing_data: tuple[Text, ...] = ()
 
-    @property
-    def result_json(self) -> dict[str, Any]:
-        """The result JSON."""
-        return self.result.to_json()
-
 
 def resolve(
     path: Path,

@@ -66,11 +66,11 @@ def _unit(stage: str, grade: GradeName, seed: int, nis: list[float]) -> dict[str
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "recording.h5"
         _, truth = make_recording(KIND_OF[stage], log, grade, seed)
-        result = resolve(log, (stage,)).result_json
-    nis.append(result["consistency"][stage]["nis_mean"])
+        result = resolve(log, (stage,)).result
+    nis.append(result.consistency[stage].nis_mean)
     found: dict[str, list[tuple[float, float]]] = {}
-    for name, row in result["parameters"].items():
+    for name, row in result.parameters.items():
         pair = pair_parameter(name)
         group = pair.group if pair is not None else PARAMETERS[INDEX[name]].group
-        found.setdefault(group, []).append((row["value"] - truth[name], row["sigma"]))
+        found.setdefault(group, []).append((row.value - truth[name], row.sigma))
     return found

@@ -35,7 +35,7 @@ def test_columns_in_any_order_and_strange_ones_beside_them(tmp_path: Path) -> No
     (tmp_path / "b").mkdir()
     plain = write_log(tmp_path, rows)
     other = write_log(tmp_path / "b", shuffled, ",".join(np.array(names)[order]))
-    first, second = resolve(plain).result_json, resolve(other).result_json
+    first, second = resolve(plain).result.to_json(), resolve(other).result.to_json()
     assert first["parameters"] == second["parameters"]
     assert first["log"]["sha256"] == second["log"]["sha256"]
 

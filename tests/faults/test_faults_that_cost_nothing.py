@@ -57,7 +57,7 @@ def test_it_ends_in_a_verdict_that_is_right(ran: Ran) -> None:
     result = ran.verdict.result
     assert ran.verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
     assert result["registers"]["verified"] is True
-    assert resolve(Path(ran.verdict.log)).result_json["parameters"] == result["parameters"]
+    assert resolve(Path(ran.verdict.log)).result.to_json()["parameters"] == result["parameters"]
 
 
 @pytest.mark.parametrize("reason", ["gap", "saturated"])

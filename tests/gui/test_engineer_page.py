@@ -90,7 +90,7 @@ class Engineer(Operator):
         self.until_ended()
         assert self.run.fault is None, self.run.fault
         assert self.page.analysis.result.shown is not None
-        return dict(self.page.analysis.result.shown.result_json)
+        return dict(self.page.analysis.result.shown.result.to_json())
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
         """A parameter table as it stands: texts by row and heading."""

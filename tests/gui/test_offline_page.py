@@ -221,7 +221,7 @@ def test_the_same_log_gives_the_same_result_bit_for_bit(page: OfflinePage, run_l
     assert page.comparison.offline_badge.text() == "Inside every limit of the product"
     stored = json.loads(run_log.with_suffix(".json").read_text("utf-8"))["parameters"]
     assert page.solved is not None
-    assert page.solved.result_json["parameters"] == stored
+    assert page.solved.result.to_json()["parameters"] == stored
     assert set(cells(page, "in σ").values()) == {"0"}
     assert set(cells(page, "unit")) == set(stored)
 
@@ -237,8 +237,8 @@ def test_a_range_chosen_in_the_boxes_is_solved(page: OfflinePage, run_log: Path,
     assert not page.findChild(QCheckBox, "offline_stage_check_six_position").isEnabled()
     solve(page, qtbot)
     assert page.solved is not None
-    expected = resolve(run_log, None, rate.first_seq, rate.last_seq).result_json
-    assert page.solved.result_json == expected
+    expected = resolve(run_log, None, rate.first_seq, rate.last_seq).result.to_json()
+    assert page.solved.result.to_json() == expected
     assert expected["stages"] == ["rate"]
     assert f"samples {rate.first_seq} to {rate.last_seq}" in page.comparison.note_label.text()
     # and dragged further in, so far that a turn is missing
@@ -249,7 +249,7 @@ def test_a_range_chosen_in_the_boxes_is_solved(page: OfflinePage, run_log: Path,
     said = page.notice.text_label.text()
     assert "Include both directions about every axis" in said
     assert "--" not in said
-    assert page.solved.result_json == expected  # what was solved before still stands
+    assert page.solved.result.to_json() == expected  # what was solved before still stands
 
 
 def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
@@ -404,7 +404,7 @@ def test_a_dropped_csv_is_opened_and_a_picture_is_not(page: OfflinePage, tmp_pat
     assert page.comparison.online_badge.text() == "The log holds no result of a run"
     solve(page, qtbot)
     assert page.solved is not None
-    assert page.solved.result_json["parameters"] == resolve(log).result_json["parameters"]
+    assert page.solved.result.to_json()["parameters"] == resolve(log).result.to_json()["parameters"]
     assert [path.name for path in page.source.recent()] == [log.name]
 
 
@@ -413,14 +413,14 @@ def test_log_and_result_are_exported(page: OfflinePage, run_log: Path, tmp_path:
     solve(page, qtbot)
     assert page.solved is not None
     save_as(page, "export_result_button", tmp_path / "answer", 0, qtbot)
-    assert json.loads((tmp_path / "answer.json").read_text("utf-8")) == page.solved.result_json
+    assert json.loads((tmp_path / "answer.json").read_text("utf-8")) == page.solved.result.to_json()
     save_as(page, "export_result_button", tmp_path / "answer", 1, qtbot)
     rows = (tmp_path / "answer.csv").read_text("utf-8").splitlines()
-    assert len(rows) == 1 + len(page.solved.result_json["parameters"])
+    assert len(rows) == 1 + len(page.solved.result.to_json()["parameters"])
     save_as(page, "export_log_button", tmp_path / "copy", 0, qtbot)
     assert str(tmp_path / "copy.csv") in page.notice.text_label.text()
-    copy = resolve(tmp_path / "copy.csv").result_json["parameters"]
-    assert copy == page.solved.result_json["parameters"]
+    copy = resolve(tmp_path / "copy.csv").result.to_json()["parameters"]
+    assert copy == page.solved.result.to_json()["parameters"]
 
 
 def test_a_cancelled_export_leaves_nothing(page: OfflinePage, long_log: Path, tmp_path: Path, qtbot: QtBot) -> None:

@@ -256,7 +256,7 @@ def test_motions_across_cuts_are_not_used(mems):
 
 @pytest.mark.skipif(not real.HAND.exists(), reason="the real recordings are not beside the project")
 def test_the_hand_recording_agrees_with_its_authors():
-    result = resolve(real.HAND, ("multi_position",)).result_json
+    result = resolve(real.HAND, ("multi_position",)).result.to_json()
     for name, faces, modulus in (
         ("accel_scale", (-1.399e-3, -4.007e-3, 2.848e-2), (-1.227e-3, -4.232e-3, 2.861e-2)),
         ("accel_bias", (-0.0288, -0.2312, -0.1387), (-0.0290, -0.2310, -0.1413)),
@@ -273,7 +273,7 @@ def test_the_hand_recording_agrees_with_its_authors():
 
 @pytest.mark.skipif(not real.IMU_TK.exists(), reason="the real recordings are not beside the project")
 def test_the_xsens_recording_agrees_with_its_authors(tmp_path: Path):
-    result = resolve(real.imu_tk(tmp_path), ("multi_position",)).result_json
+    result = resolve(real.imu_tk(tmp_path), ("multi_position",)).result.to_json()
     published = real.imu_tk_published()
     value, sigma = (
         np.array([result["parameters"].get(n, {key: 0.0})[key] for n in NAMES]) for key in ("value", "sigma")

@@ -22,9 +22,9 @@ def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(site_folde
     second = site_folder.run("six_position")
     by_result = load_finished_run(tell, Path(second.result_file), runs)
     by_log = load_finished_run(tell, Path(second.log), runs)
-    assert by_result.result_json == by_log.result_json == second.result
+    assert by_result.result.to_json() == by_log.result.to_json() == second.result
     text = (Path(second.result_file)).read_text(encoding="utf-8")
-    assert json.dumps(by_result.result_json, indent=1, ensure_ascii=False) + "\n" == text
+    assert json.dumps(by_result.result.to_json(), indent=1, ensure_ascii=False) + "\n" == text
     assert by_result.log == by_log.log == Path(second.log)
     assert not by_result.solved_now
     assert by_result.previous == {n: row["value"] for n, row in first.result["parameters"].items()}
@@ -38,7 +38,7 @@ def test_a_log_without_a_result_is_solved(site_folder: SiteFolder) -> None:
     found = load_finished_run(tell, csv, site_folder.folder / "nowhere")
     assert found.solved_now
     assert found.previous == {}
-    assert found.result_json["parameters"] == verdict.result["parameters"]
+    assert found.result.to_json()["parameters"] == verdict.result["parameters"]
 
 
 def test_a_result_whose_log_has_gone_is_still_shown(site_folder: SiteFolder) -> None:

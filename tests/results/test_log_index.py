@@ -72,7 +72,16 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     writer = RawLogWriter(path, LogMeta.model_validate(META))
     for part in blocks():
         writer.append(part)
-    writer.add_result({"outcome": "passed", "parameters": {}})
+    writer.add_result(
+        {
+            "schema": "calstation.result/1",
+            "unit": {"serial": "SN-7"},
+            "stages": [],
+            "parameters": {},
+            "outcome": "passed",
+            "log": {"file": "log.h5"},
+        }
+    )
     writer.close("passed")
     return path
 
@@ -109,7 +118,7 @@ def test_the_result_of_the_run_comes_along(log: Path, tmp_path: Path) -> None:
     seen = log_index(told, log, tmp_path / "picture")
     assert seen.outcome == "passed"
     assert seen.stored is not None
-    assert seen.stored["outcome"] == "passed"
+    assert seen.stored.outcome == "passed"
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def named(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
 
 
 def test_a_recording_by_hand_is_judged_by_its_products_checks(tmp_path: Path) -> None:
-    result = resolve(hand_log(tmp_path, CHECKS)).result_json
+    result = resolve(hand_log(tmp_path, CHECKS)).result.to_json()
     checks = named(result)
     assert {"gravity_at_rest", "improvement_at_rest", *HELD} <= set(checks)
     assert result["passed"] is True
@@ -90,7 +90,7 @@ def test_a_recording_by_hand_is_judged_by_its_products_checks(tmp_path: Path) ->
 
 def test_a_missed_check_fails_the_unit_and_says_where(tmp_path: Path) -> None:
     strict = {"gravity_at_rest": {"within": 1e-7}, "near_miss_beyond": 0.5}
-    result = resolve(hand_log(tmp_path, strict)).result_json
+    result = resolve(hand_log(tmp_path, strict)).result.to_json()
     assert result["passed"] is False
     assert not named(result)["gravity_at_rest"]["passed"]
 
@@ -106,7 +106,7 @@ def test_a_run_is_judged_as_its_log_is_and_by_the_run_before(judged: SiteFolder)
     checks = named(first.result)
     assert {"gravity_at_rest", "improvement_at_rest", "level_vertical", "motion_angle"} <= set(checks)
     assert not any(name.startswith("previous") for name in checks)
-    again = resolve(Path(first.log)).result_json
+    again = resolve(Path(first.log)).result.to_json()
     assert again["checks"][: len(first.result["checks"])] == first.result["checks"]
     assert named(again)["offline_online"]["value"] == 0.0
     second = judged.run("six_position")

@@ -62,16 +62,16 @@ def log(run_log: Path, tmp_path: Path) -> Damaged:
 def test_a_hole_is_a_gap_and_told(log: Damaged, run_log: Path) -> None:
     row = log.rest("six_position")
     log.hurt(row)
-    whole, solved = resolve(run_log).result_json, resolve(log.path)
+    whole, solved = resolve(run_log).result.to_json(), resolve(log.path)
     missing = f"{log.seq[row]}…{log.seq[row + HURT - 1]}"
-    assert solved.result_json["log"]["damaged"] == [{"rows": HURT, "seq": missing}]
-    assert solved.result_json["log"]["gaps"] == whole["log"]["gaps"] + 1
+    assert solved.result.to_json()["log"]["damaged"] == [{"rows": HURT, "seq": missing}]
+    assert solved.result.to_json()["log"]["gaps"] == whole["log"]["gaps"] + 1
     assert solved.messages[0] == (
         "log_damaged",
         {"file": "hurt.h5", "rows": HURT, "where": missing},
     )
     for name, parameter in whole["parameters"].items():
-        found = solved.result_json["parameters"][name]
+        found = solved.result.to_json()["parameters"][name]
         assert abs(found["value"] - parameter["value"]) < 4.0 * found["sigma"]
     assert "damaged" not in whole["log"]
 
@@ -87,11 +87,11 @@ def test_only_a_stage_that_lacks_data_then_is_refused(log: Damaged) -> None:
     assert in_stage.values["what"].code == "solve.no_whole_turn"
     assert in_stage.values["what"].values["gaps_note"].code == "solve.gaps_cost_turns"
     solved = resolve(log.path)
-    assert (solved.result_json["stages"], list(solved.result_json["lacking"])) == (["six_position"], ["rate"])
+    assert (solved.result.to_json()["stages"], list(solved.result.to_json()["lacking"])) == (["six_position"], ["rate"])
     assert solved.missing_data[0].values["stage"] == "rate"
-    assert solved.result_json["passed"] is not True
-    alone = resolve(log.path, ("six_position",)).result_json
-    assert solved.result_json["parameters"] == alone["parameters"]
+    assert solved.result.to_json()["passed"] is not True
+    alone = resolve(log.path, ("six_position",)).result.to_json()
+    assert solved.result.to_json()["parameters"] == alone["parameters"]
     assert solved.messages[0][0] == "log_damaged"
     assert str(solved.messages[0][1]["where"]).endswith(", …")
 
@@ -102,7 +102,7 @@ def test_a_stage_of_which_nothing_is_left_is_not_passed_over(log: Damaged) -> No
     with raises_code(InsufficientDataError, "solution.in_log") as refused:
         resolve(log.path)
     assert refused.value.values["what"] == Text.of("solution.stage_damaged", stage="six_position")
-    assert resolve(log.path, ("rate",)).result_json["stages"] == ["rate"]
+    assert resolve(log.path, ("rate",)).result.to_json()["stages"] == ["rate"]
 
 
 def test_the_terminal_says_what_is_left_out(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
@@ -120,7 +120,7 @@ def test_an_export_has_all_that_is_left(log: Damaged) -> None:
     log.hurt(log.rest("six_position"))
     target = log.path.with_suffix(".csv")
     assert export_csv(log.path, target).damaged == HURT
-    assert resolve(target).result_json["parameters"] == resolve(log.path).result_json["parameters"]
+    assert resolve(target).result.to_json()["parameters"] == resolve(log.path).result.to_json()["parameters"]
 
 
 def test_samples_behind_a_hole_are_drawn_where_they_are(log: Damaged, tmp_path: Path) -> None:

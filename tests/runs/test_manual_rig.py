@@ -83,7 +83,7 @@ def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bi
     assert np.isnan(np.concatenate([block.angles for block in blocks])).all()
     assert np.concatenate([block.valid for block in blocks]).all()
     assert len(np.unique(np.concatenate([block.step for block in blocks]))) == len(planned.positions)
-    again = resolve(Path(verdict.log)).result_json
+    again = resolve(Path(verdict.log)).result.to_json()
     assert again["parameters"] == result["parameters"]
 
 

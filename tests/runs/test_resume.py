@@ -103,7 +103,7 @@ def test_a_stopped_run_is_resumed_at_its_last_finished_stage(site_folder: SiteFo
 
     assert Path(verdict.log).parent == Path(before.log).parent
     Path(before.log).unlink()
-    again = resolve(Path(verdict.log)).result_json
+    again = resolve(Path(verdict.log)).result.to_json()
     for key in ("parameters", "consistency", "unobservable", "details"):
         assert again[key] == result[key]
     assert resumable(site_folder.folder / "runs") == []
@@ -132,7 +132,7 @@ def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Ver
     site_folder.events, site_folder.control = [], Control()
     verdict = resumed(site_folder, third.log)
     assert verdict.outcome == "passed"
-    assert resolve(Path(verdict.log)).result_json["parameters"] == verdict.result["parameters"]
+    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
 @pytest.mark.long
@@ -167,7 +167,7 @@ def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(site_fo
     assert incomplete["finished_stages"] == ["rate", "six_position"]
     for told, path in ((incomplete, log), (result, Path(verdict.log))):
         assert told["duration_s"] == open_log(path).facts().samples / 200.0, "the same thing of every run"
-    again = resolve(Path(verdict.log)).result_json
+    again = resolve(Path(verdict.log)).result.to_json()
     assert again["parameters"] == result["parameters"]
     assert again["consistency"] == result["consistency"]
     assert again["log"]["sha256"] == result["log"]["sha256"]

@@ -39,7 +39,7 @@ def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(site_folder: 
     assert log.results == [result]
     assert any(event["event"] == "OldRegisters" for event in log.events)
 
-    again = resolve(Path(verdict.log)).result_json
+    again = resolve(Path(verdict.log)).result.to_json()
     assert again["parameters"] == result["parameters"]
     assert again["consistency"] == result["consistency"]
     assert again["log"]["sha256"] == result["log"]["sha256"]
@@ -50,7 +50,7 @@ def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(site_folder: 
     export_csv(Path(verdict.log), csv)
     import_csv(csv, back)
     for path in (csv, back):
-        assert resolve(path).result_json["parameters"] == result["parameters"]
+        assert resolve(path).result.to_json()["parameters"] == result["parameters"]
 
 
 @pytest.mark.long
@@ -90,7 +90,7 @@ def test_pause_and_resume(site_folder: SiteFolder) -> None:
     assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
     assert [e.state for e in site_folder.told(StateChanged)].count("paused") == 1
     assert len(site_folder.told(StageSolved)[0].parameters) == 3
-    assert resolve(Path(verdict.log)).result_json["parameters"] == verdict.result["parameters"]
+    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
 @pytest.mark.parametrize("moment", [StateChanged, StepStarted])

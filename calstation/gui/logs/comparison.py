@@ -1,7 +1,6 @@
 """The answer beside the run's own: parameter by parameter, the difference in units of sigma."""
 
 from collections.abc import Mapping
-from typing import Any
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
@@ -9,7 +8,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 from calstation.gui.text import KINDS, event_sentence, on_language_change, show, term
 from calstation.gui.widgets import Column, ParameterModel, ParameterTable, StateBadge, theme
 from calstation.physics import INDEX, NAMES, aligned, display, number
-from calstation.results import Resolved, in_sigma
+from calstation.results import Parameter, Resolved, Result, in_sigma
 from calstation.results.plots import LogIndex
 
 #: A difference of more than so many sigmas is marked.
@@ -105,10 +104,10 @@ class Comparison(QWidget):
 
     # The table
 
-    def _parameters(self) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
+    def _parameters(self) -> tuple[Mapping[str, Parameter], Mapping[str, Parameter]]:
         stored = self._log_index.stored if self._log_index is not None else None
-        online = {} if stored is None else stored["parameters"]
-        return online, {} if self._solved is None else self._solved.result_json["parameters"]
+        online = {} if stored is None else stored.parameters
+        return online, {} if self._solved is None else self._solved.result.parameters
 
     def _fill(self) -> None:
         online, offline = self._parameters()
@@ -116,11 +115,10 @@ class Comparison(QWidget):
         names = [*(n for n in NAMES if n in found), *(n for n in found if n not in INDEX)]
         self._cells = {name: _row(name, online.get(name), offline.get(name)) for name in names}
         self._marks = {n: in_sigma(offline[n], online[n]) for n in names if n in online and n in offline}
-        checks = [] if self._solved is None else self._solved.result_json["checks"]
-        failed = [c["name"].partition(" ") for c in checks if not c["passed"]]
-        self._outside = frozenset(name for name, _, kind in failed if kind != "sigma below")
-        self._coarse = frozenset(name for name, _, kind in failed if kind == "sigma below")
-        self._lost = frozenset([] if self._solved is None else self._solved.result_json["unobservable"])
+        failed = [] if self._solved is None else self._solved.result.failed_checks
+        self._outside = frozenset(check.subject for check in failed if check.kind != "sigma_below")
+        self._coarse = frozenset(check.subject for check in failed if check.kind == "sigma_below")
+        self._lost = frozenset([] if self._solved is None else self._solved.result.unobservable)
         for column in ("online", "online_sigma", "offline", "offline_sigma", "difference"):
             there = [name for name in names if column in self._cells[name]]
             texts = aligned([self._cells[name][column] for name in there])
@@ -157,13 +155,13 @@ class Comparison(QWidget):
             else:
                 self.online_badge.show_state("none", self.tr("The log holds no result of a run"))
         else:
-            outcome = str(stored["outcome"])
+            outcome = stored.outcome
             self.online_badge.show_state(KINDS.get(outcome, "none"), term("badge", outcome))
         if self._solved is None:
             self.offline_badge.show_state("none", self.tr("Not solved yet"))
             self.note_label.setText("")
         else:
-            self.offline_badge.show_state(*self._verdict(self._solved.result_json))
+            self.offline_badge.show_state(*self._verdict(self._solved.result))
             self.note_label.setText("\n".join(self._notes()))
         self.note_label.setVisible(bool(self.note_label.text()))
         for widget in (self._heads[-1], self.difference_badge):
@@ -171,15 +169,15 @@ class Comparison(QWidget):
         if self._marks:
             self.difference_badge.show_state(*self._difference())
 
-    def _verdict(self, result: Mapping[str, Any]) -> tuple[str, str]:
-        if result["passed"] is None and result.get("lacking"):
+    def _verdict(self, result: Result) -> tuple[str, str]:
+        if result.passed is None and result.missing_data:
             return "caution", self.tr("Solved as far as the data go; not every stage is")
-        if result["passed"] is None:
+        if result.passed is None:
             return "none", self.tr("Solved; the log names no limits to compare with")
-        if result["passed"]:
+        if result.passed:
             return "good", self.tr("Inside every limit of the product")
-        count = sum(not check["passed"] for check in result["checks"])
-        return "bad", self.tr("Outside the limits: {0} of {1} checks").format(count, len(result["checks"]))
+        failed, checks = len(result.failed_checks), len(result.checks)
+        return "bad", self.tr("Outside the limits: {0} of {1} checks").format(failed, checks)
 
     def _difference(self) -> tuple[str, str]:
         if self.identical:
@@ -194,41 +192,41 @@ class Comparison(QWidget):
     def _notes(self) -> list[str]:
         assert self._solved is not None
         assert self._log_index is not None
-        result, facts = self._solved.result_json, self._log_index.facts
+        result, facts = self._solved.result, self._log_index.facts
         notes = []
-        log = result["log"]
-        if (log["first_seq"], log["last_seq"]) != (facts.first_seq, facts.last_seq):
-            notes.append(self.tr("From samples {0} to {1}, part of the log.").format(log["first_seq"], log["last_seq"]))
-        run = None if self._log_index.stored is None else self._log_index.stored["stages"]
-        if run and run != result["stages"]:
-            stages = self.tr(", ").join(term("stage", stage) for stage in result["stages"])
+        log = result.log
+        if (log.first_seq, log.last_seq) != (facts.first_seq, facts.last_seq):
+            notes.append(self.tr("From samples {0} to {1}, part of the log.").format(log.first_seq, log.last_seq))
+        run = None if self._log_index.stored is None else self._log_index.stored.stages
+        if run and run != result.stages:
+            stages = self.tr(", ").join(term("stage", stage) for stage in result.stages)
             notes.append(self.tr("Stages solved: {0}.").format(stages))
         if self._lost:
             notes.append(
                 self.tr("Not determined by these data: {0} of {1} parameters, marked below.").format(
-                    len(self._lost), len(result["parameters"])
+                    len(self._lost), len(result.parameters)
                 )
             )
         notes += [show(reason) for reason in self._solved.missing_data]
         return notes + [event_sentence(key, values) for key, values in self._solved.messages]
 
 
-def _figures(parameters: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
-    return {name: (row["value"], row["sigma"]) for name, row in parameters.items()}
+def _figures(parameters: Mapping[str, Parameter]) -> dict[str, tuple[float, float]]:
+    return {name: (row.value, row.sigma) for name, row in parameters.items()}
 
 
-def _row(name: str, online: Mapping[str, Any] | None, offline: Mapping[str, Any] | None) -> dict[str, str]:
+def _row(name: str, online: Parameter | None, offline: Parameter | None) -> dict[str, str]:
     """A parameter's cells, each with the digits that its sigma is worth."""
     cells = {"unit": display(name, 0.0)[1]}
     for column, answer in (("online", online), ("offline", offline)):
         if answer is not None:
-            value, sigma = display(name, answer["value"])[0], display(name, answer["sigma"])[0]
+            value, sigma = display(name, answer.value)[0], display(name, answer.sigma)[0]
             cells[column] = number(value, sigma)
             cells[f"{column}_sigma"] = number(sigma, sigma)
     if online is not None and offline is not None:
-        sigma = display(name, max(online["sigma"], offline["sigma"]))[0]
-        difference = display(name, offline["value"] - online["value"])[0]
-        same = offline["value"] == online["value"]
+        sigma = display(name, max(online.sigma, offline.sigma))[0]
+        difference = display(name, offline.value - online.value)[0]
+        same = offline.value == online.value
         cells["difference"] = "0" if same else number(difference, sigma)
         cells["in_sigma"] = "0" if same else f"{in_sigma(offline, online):+.2f}"
     return cells

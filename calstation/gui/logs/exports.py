@@ -1,6 +1,6 @@
 """Writes the log as CSV and TOML, and the solution as JSON or CSV, where the user wants them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QFileDialog, QWidget
 
 from calstation.gui.widgets import JobWatch
 from calstation.jobs import JobQueue
-from calstation.results import drop_partial, export_log, export_result
+from calstation.results import Result, drop_partial, export_log, export_result
 from calstation.results.plots import LogIndex
 
 
@@ -37,9 +37,7 @@ class Exports(QObject):
             lambda target: self._begin(target, export_log, log.path, target, first, last),
         )
 
-    def ask_result(
-        self, log: Path, result: Mapping[str, Any], stored: Mapping[str, Any] | None, ending: str = "offline"
-    ) -> None:
+    def ask_result(self, log: Path, result: Result, stored: Result | None, ending: str = "offline") -> None:
         """Ask where the solution of a log is to go; `stored`: the run's own result; `ending` of the name proposed."""
         kinds = ["JSON (*.json)", self.tr("Parameters as CSV (*.csv)")]
         self._ask(

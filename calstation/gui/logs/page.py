@@ -322,7 +322,7 @@ class OfflinePage(Page):
     def _export_result(self) -> None:
         assert self.log is not None
         assert self.solved is not None
-        self.exports.ask_result(self.log.path, self.solved.result_json, self.log.stored)
+        self.exports.ask_result(self.log.path, self.solved.result, self.log.stored)
 
     def _exporting_began(self) -> None:
         self.notice.dismiss()

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from calstation.messages import os_reason
 from calstation.physics import FloatArray, IntArray
 from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, open_log, raw_rows, row_count
 from calstation.results.plots.min_max_pyramid import Columns, MinMaxPyramid, PyramidWriter, group_of, joined
+from calstation.results.result import Result
 
 #: Largest number of marks of a kind; further ones are only counted.
 MOST_MARKS = 20_000
@@ -53,7 +53,7 @@ class LogIndex:
     path: Path
     meta: LogMeta
     outcome: str | None
-    stored: dict[str, Any] | None  #: Result JSON of its run.
+    stored: Result | None  #: Result JSON of its run.
     facts: LogFacts
     folder: Path  #: Folder of the min-max pyramid.
     spans: tuple[StageSpan, ...]  #: Stages in order.
@@ -196,7 +196,7 @@ class _IndexBuilder:
             log.path,
             log.meta,
             log.outcome,
-            log.results[-1] if log.results else None,
+            Result.from_json(log.results[-1]) if log.results else None,
             log.facts(),
             folder,
             tuple(self._spans),

@@ -249,7 +249,7 @@ class MethodPanel(QWidget):
 
     def _export(self) -> None:
         if self.answer is not None:
-            self.exports.ask_result(self.answer.recording.path, self.answer.resolved.result_json, None, self.stage)
+            self.exports.ask_result(self.answer.recording.path, self.answer.resolved.result, None, self.stage)
 
     def _exported(self, target: Path) -> None:
         self._allow()
