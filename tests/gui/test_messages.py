@@ -26,12 +26,12 @@ def english(qapp: QApplication) -> Iterator[None]:
 def test_an_error_is_source_reason_and_remedy_in_both_languages() -> None:
     fault = Fault.of(DeviceFaultError("program.internal", detail="KeyError: 3"))
     text = fault_text(fault)
-    assert (text.source, text.place) == ("program", "Program")
+    assert (text.source, text.where) == ("program", "Program")
     assert text.reason == "Internal error: KeyError: 3."
     assert text.remedy.startswith("Start the run again.")
     language.use("zh_CN")
     text = fault_text(fault)
-    assert (text.source, text.place) == ("program", "程序")
+    assert (text.source, text.where) == ("program", "程序")
     assert text.reason == "程序内部错误：KeyError: 3。"
 
 

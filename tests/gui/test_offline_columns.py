@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calstation.gui.logs.log_columns import LogColumns, parted
+from calstation.gui.logs.log_columns import LogColumns, split_at_gaps
 from calstation.gui.logs.time_axis import time_text
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
@@ -53,19 +53,19 @@ def columns_with_gap(samples: int) -> Columns:
 
 
 def test_lines_end_at_a_gap_between_samples() -> None:
-    seq, low, high = parted(columns_with_gap(1), 10.0)
+    seq, low, high = split_at_gaps(columns_with_gap(1), 10.0)
     assert np.flatnonzero(np.isnan(seq)).tolist() == [4]
     assert len(low) == len(high) == 7
 
 
 def test_a_column_with_a_gap_in_it_is_left_out() -> None:
-    seq, low, _ = parted(columns_with_gap(16), 10.0)
+    seq, low, _ = split_at_gaps(columns_with_gap(16), 10.0)
     assert np.flatnonzero(np.isnan(seq)).tolist() == [3]
     assert len(low) == 6
 
 
 def test_a_gap_narrower_than_a_pixel_parts_nothing() -> None:
-    assert not np.isnan(parted(columns_with_gap(16), 2_000.0)[0]).any()
+    assert not np.isnan(split_at_gaps(columns_with_gap(16), 2_000.0)[0]).any()
 
 
 @pytest.mark.parametrize(

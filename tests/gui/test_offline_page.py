@@ -298,10 +298,10 @@ def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
     assert page.plot.range_seconds[1] == pytest.approx((last.value() + 1 - FAR) / 1000.0)
     first.setValue(2**52)
     assert first.value() == last.value()
-    assert "cannot lie behind the last" in page.range.note_label.text()
+    assert "cannot be after the last" in page.range.note_label.text()
     last.setValue(0)
     assert last.value() == first.value()
-    assert "cannot lie before the first" in page.range.note_label.text()
+    assert "cannot be before the first" in page.range.note_label.text()
     assert button(page, "export_log_button").text() == "Export range…"
     last.lineEdit().selectAll()
     qtbot.keyClicks(last.lineEdit(), "7")
@@ -326,7 +326,7 @@ def test_a_sigma_beyond_its_limit_marks_the_sigma_alone(qtbot: QtBot) -> None:
     result = {"parameters": parameters, "checks": checks, "unobservable": [], "passed": False, "log": log}
     shown = Comparison()
     qtbot.addWidget(shown)
-    before = {**result, "outcome": "failed", "stages": ["rate"]}
+    before = result_with(**result, outcome="failed", stages=["rate"])
     shown.show_log(SimpleNamespace(stored=before, facts=SimpleNamespace(first_seq=0, last_seq=9)))  # type: ignore[arg-type]
     shown.show_solved(Resolved(result_with(**result, stages=["rate"], outcome="resolved"), ()))
     states = [[shown.model.index(line, column).data(Qt.ItemDataRole.UserRole) for column in (3, 4)] for line in (0, 1)]
@@ -335,7 +335,7 @@ def test_a_sigma_beyond_its_limit_marks_the_sigma_alone(qtbot: QtBot) -> None:
 
 def test_the_latest_runs_are_offered_below_the_recent_logs(app: AppContext, qtbot: QtBot) -> None:
     app.settings.clear()
-    bar = SourceBar(app.settings, latest=lambda: [Path("/runs/b.h5"), Path("/runs/a.h5")])
+    bar = SourceBar(app.settings, lambda: [Path("/runs/b.h5"), Path("/runs/a.h5")])
     qtbot.addWidget(bar)
     assert bar.recent_button.isEnabled()
     bar.remember(Path("/runs/a.h5"))

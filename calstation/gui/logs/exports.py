@@ -1,10 +1,10 @@
-"""Writes the log as CSV and TOML, and the solution as JSON or CSV, where the user wants them."""
+"""Exports the log as CSV and TOML, and the result as JSON or CSV, to files that the user chooses."""
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog, QWidget
 
 from calstation.gui.widgets import JobWatch
@@ -14,19 +14,17 @@ from calstation.results.plots import LogIndex
 
 
 class Exports(QObject):
-    """Asks where to and has it done; `began()` once it is on its way, how it goes on `watch` tells."""
-
-    began = Signal()
+    """Asks for the file and submits the job; `watch` follows it."""
 
     def __init__(self, job_queue: JobQueue, page: QWidget) -> None:
         super().__init__(page)
         self._job_queue, self._page = job_queue, page
-        self.target: Path | None = None
-        self.watch, self._sweeper = JobWatch(self), JobWatch(self)
-        self.watch.cancelled.connect(self._sweep)
+        self._target = Path()
+        self.watch, self._cleanup = JobWatch(self), JobWatch(self)
+        self.watch.cancelled.connect(self._drop_partial)
 
     def ask_log(self, log: LogIndex, first: int, last: int) -> None:
-        """Ask where a log's samples from `first` to `last` are to go."""
+        """Ask for the file of a log's samples from `first` to `last`."""
         whole = (first, last) == (log.facts.first_seq, log.facts.last_seq)
         ending = "export" if whole else f"{first}-{last}"
         kinds = ["CSV (*.csv)", self.tr("Compressed CSV (*.csv.gz)")]
@@ -38,7 +36,14 @@ class Exports(QObject):
         )
 
     def ask_result(self, log: Path, result: Result, stored: Result | None, ending: str = "offline") -> None:
-        """Ask where the solution of a log is to go; `stored`: the run's own result; `ending` of the name proposed."""
+        """Ask for the file of a log's result.
+
+        Parameters
+        ----------
+        log, result : the log, and its result
+        stored : the result of the log's run, if it has one
+        ending : of the proposed file name
+        """
         kinds = ["JSON (*.json)", self.tr("Parameters as CSV (*.csv)")]
         self._ask(
             self.tr("Export the result"),
@@ -60,14 +65,12 @@ class Exports(QObject):
         dialog.open()
 
     def _begin(self, target: Path, work: Callable[..., Any], *arguments: Any) -> None:
-        self.target = target
+        self._target = target
         self.watch.watch(self._job_queue.submit(work, *arguments))
-        self.began.emit()
 
-    def _sweep(self) -> None:
-        """A worker that was killed cannot tidy up."""
-        assert self.target is not None
-        self._sweeper.watch(self._job_queue.submit(drop_partial, self.target))
+    def _drop_partial(self) -> None:
+        """Remove the partial file, which a cancelled worker leaves."""
+        self._cleanup.watch(self._job_queue.submit(drop_partial, self._target))
 
 
 def _stem(path: Path) -> str:

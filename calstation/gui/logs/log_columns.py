@@ -1,4 +1,4 @@
-"""Which columns of a log a view of a given width draws, and which single samples would be worth fetching for it."""
+"""Chooses the columns of a log that a view of a given width draws, and the single samples worth fetching for it."""
 
 from dataclasses import dataclass
 
@@ -20,36 +20,36 @@ class Wanted:
 
 
 class LogColumns:
-    """A log's picture, with the single samples fetched last."""
+    """A log's min-max pyramid, with the single samples fetched last."""
 
     def __init__(self, log_index: LogIndex) -> None:
         self._facts = log_index.facts
-        self._picture = MinMaxPyramid(log_index.folder)
+        self._pyramid = MinMaxPyramid(log_index.folder)
         self._fine: tuple[Wanted, Columns] | None = None
 
     def keep(self, wanted: Wanted, columns: Columns) -> None:
-        """Take the single samples that were wanted."""
+        """Keep the single samples that were wanted."""
         self._fine = (wanted, columns)
 
     def view(self, first: int, last: int, count: int) -> tuple[Columns, Wanted | None]:
-        """At most `count` columns over a range of sequence numbers; what would show more of it, or None."""
-        columns = self._picture.columns(first, last, count)
+        """At most `count` columns over a range of sequence numbers; samples that would show more of it, or None."""
+        columns = self._pyramid.columns(first, last, count)
         if columns.samples > BINS[0] or len(columns) >= count // 2:
             return columns, None
         if self._fine is not None:
             wanted, fine = self._fine
-            near = wanted.first <= first and last <= wanted.last
-            if near and fine.samples <= max(1, (last - first) // count):
+            inside = wanted.first <= first and last <= wanted.last
+            if inside and fine.samples <= max(1, (last - first) // count):
                 return _between(fine, first, last, count), None
         width = last - first
         reach = max(self._facts.first_seq, first - width), min(self._facts.last_seq, last + width)
-        return columns, Wanted(*reach, *self._picture.rows(*reach), 8 * count)
+        return columns, Wanted(*reach, *self._pyramid.rows(*reach), 8 * count)
 
 
-def parted(columns: Columns, wide: float) -> tuple[NDArray[np.float64], Values, Values]:
-    """Columns whose lines end where more than `wide` samples are missing: sequence numbers, lowest and highest values.
+def split_at_gaps(columns: Columns, wide: float) -> tuple[NDArray[np.float64], Values, Values]:
+    """Sequence numbers, lowest and highest values; NaN interrupts the lines if more than `wide` samples are missing.
 
-    A joined column with such a gap may hold samples from before and behind it, and is left out.
+    A joined column with such a gap may hold samples from before and after it, and is left out.
     """
     gaps = np.flatnonzero(np.diff(columns.seq) - columns.samples > wide)
     seq, low, high = columns.seq.astype(np.float64), columns.low, columns.high

@@ -1,4 +1,4 @@
-"""What lies over a log's curves: stages as bands, moves as faint lines, gaps and spoilt samples as marks."""
+"""Marks of a log over its curves: stages as bands, moves as faint lines, gaps and invalid samples."""
 
 from collections.abc import Callable
 
@@ -12,15 +12,15 @@ from calstation.gui.widgets import theme
 from calstation.physics import FloatArray
 from calstation.results.plots import LogIndex
 
-#: Moves nearer to each other than this on the average, px, are not drawn.
-_STEPS_APART = 5
-#: Width of a gap or spoilt stretch too short to be seen, px.
+#: Moves are not drawn if they are closer together than this on average, px.
+_MOVES_APART = 5
+#: Least width of a gap or invalid stretch, px.
 _LEAST = 3.0
-#: Size of a mark's sign, px.
+#: Size of a sign, px.
 _SIGN = 9.0
 
 
-class Marked:
+class LogMarks:
     """A log's marks in seconds from its first sample; empty without a log."""
 
     def __init__(self, log_index: LogIndex | None = None) -> None:
@@ -38,18 +38,23 @@ class Marked:
 
 
 class _Layer(pg.GraphicsObject):  # type: ignore[misc]
-    """Paints in pixels over the whole of a view; `column(seconds)` is a place's pixel."""
+    """Paints in pixels over the whole of a view; `to_pixels` converts times to horizontal positions."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.marked = Marked()
+        self._marks = LogMarks()
+
+    def show_marks(self, marks: LogMarks) -> None:
+        """Draw these marks."""
+        self._marks = marks
+        self.update()
 
     def boundingRect(self) -> QRectF:
         """The view's rectangle."""
         return QRectF(self.viewRect())
 
     def viewRangeChanged(self) -> None:
-        """Another part of the log is in view."""
+        """Draw another part of the log."""
         self.prepareGeometryChange()
         self.update()
 
@@ -60,85 +65,74 @@ class _Layer(pg.GraphicsObject):  # type: ignore[misc]
         painter.save()
         painter.resetTransform()
         painter.setClipRect(box)
-        self.draw(painter, box, lambda seconds: seconds * scale + shift)
+        self._draw(painter, box, lambda seconds: seconds * scale + shift)
         painter.restore()
 
-    def draw(self, painter: QPainter, box: QRectF, column: Callable[..., FloatArray]) -> None:
-        """Draw into `box`."""
+    def _draw(self, painter: QPainter, box: QRectF, to_pixels: Callable[[FloatArray], FloatArray]) -> None:
         raise NotImplementedError
 
 
 class Backdrop(_Layer):
-    """Bands, moves, gaps and spoilt samples behind curves."""
+    """Bands of every other stage, moves, gaps and invalid samples under the curves."""
 
     def __init__(self) -> None:
         super().__init__()
         self.setZValue(-100)
 
-    def draw(self, painter: QPainter, box: QRectF, column: Callable[..., FloatArray]) -> None:
-        """Bands of every other stage, then what lies on them."""
+    def _draw(self, painter: QPainter, box: QRectF, to_pixels: Callable[[FloatArray], FloatArray]) -> None:
         c = theme.colours()
-        band = QColor(c.muted)
-        band.setAlpha(22)
-        for k, (_, start, stop) in enumerate(self.marked.stages):
-            left, right = column(np.array([start, stop]))
-            if k % 2 == 0:
-                painter.fillRect(QRectF(QPointF(left, box.top()), QPointF(right, box.bottom())), band)
-        steps = column(self.marked.steps)
+
+        def fill(left: float, right: float, brush: QBrush) -> None:
+            painter.fillRect(QRectF(QPointF(left, box.top()), QPointF(right, box.bottom())), brush)
+
+        for _, start, stop in self._marks.stages[::2]:
+            left, right = to_pixels(np.array([start, stop]))
+            fill(left, right, QBrush(_faint(c.muted, 22)))
+        steps = to_pixels(self._marks.steps)
         steps = np.unique(np.rint(steps[(steps >= box.left()) & (steps <= box.right())]))
-        if 0 < len(steps) <= box.width() / _STEPS_APART:
-            faint = QColor(c.muted)
-            faint.setAlpha(70)
-            painter.setPen(QPen(faint, 1, Qt.PenStyle.DotLine))
+        if len(steps) <= box.width() / _MOVES_APART:
+            painter.setPen(QPen(_faint(c.muted, 70), 1, Qt.PenStyle.DotLine))
             for x in steps.tolist():
                 painter.drawLine(QPointF(x, box.top()), QPointF(x, box.bottom()))
-        for places, colour, style in (
-            (self.marked.gaps, c.caution, Qt.BrushStyle.BDiagPattern),
-            (self.marked.spoilt, c.bad, Qt.BrushStyle.DiagCrossPattern),
+        for times, colour, style in (
+            (self._marks.gaps, c.caution, Qt.BrushStyle.BDiagPattern),
+            (self._marks.spoilt, c.bad, Qt.BrushStyle.DiagCrossPattern),
         ):
-            brush = QBrush(QColor(colour), style)
-            for left, right in stretches(column(places), box).tolist():
-                painter.fillRect(QRectF(QPointF(left, box.top()), QPointF(right, box.bottom())), brush)
+            for left, right in _stretches(to_pixels(times), box).tolist():
+                fill(left, right, QBrush(QColor(colour), style))
 
 
 class Strip(_Layer):
-    """The stages' names in a row of their own, with the signs of gaps and spoilt samples."""
+    """The stages' names in a row of their own, with the signs of gaps and invalid samples."""
 
-    def __init__(self, word: Callable[[str], str]) -> None:
+    def __init__(self, stage_name: Callable[[str], str]) -> None:
         super().__init__()
-        self._word = word
+        self._stage_name = stage_name
 
-    def draw(self, painter: QPainter, box: QRectF, column: Callable[..., FloatArray]) -> None:
-        """Each name in the visible part of its band."""
+    def _draw(self, painter: QPainter, box: QRectF, to_pixels: Callable[[FloatArray], FloatArray]) -> None:
         c = theme.colours()
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        font = theme.font()
-        painter.setFont(font)
-        metrics = QFontMetricsF(font)
-        names = QRectF(box.left(), box.top(), box.width(), box.height() - _SIGN - 2)
-        for stage, start, stop in self.marked.stages:
-            left, right = np.clip(column(np.array([start, stop])), box.left(), box.right())
+        painter.setFont(theme.font())
+        metrics = QFontMetricsF(theme.font())
+        bottom = box.bottom() - _SIGN
+        for stage, start, stop in self._marks.stages:
+            left, right = np.clip(to_pixels(np.array([start, stop])), box.left(), box.right())
             if right - left < 2:
                 continue
-            cell = QRectF(QPointF(left + 1, names.top()), QPointF(right - 1, names.bottom()))
-            fill = QColor(c.accent)
-            fill.setAlpha(36)
-            painter.fillRect(cell, fill)
-            word = metrics.elidedText(self._word(stage), Qt.TextElideMode.ElideRight, cell.width() - 8)
-            if len(word) > 1:
+            cell = QRectF(QPointF(left + 1, box.top()), QPointF(right - 1, bottom - 2))
+            painter.fillRect(cell, _faint(c.accent, 36))
+            name = metrics.elidedText(self._stage_name(stage), Qt.TextElideMode.ElideRight, cell.width() - 8)
+            if len(name) > 1:
                 painter.setPen(QColor(c.text))
-                painter.drawText(cell, Qt.AlignmentFlag.AlignCenter, word)
-        row = QRectF(box.left(), box.bottom() - _SIGN, box.width(), _SIGN)
-        for kind, places in (("gap", self.marked.gaps), ("spoilt", self.marked.spoilt)):
-            centres = np.mean(stretches(column(places), box), axis=1)
-            if len(centres):
-                centres = centres[np.diff(centres, prepend=-np.inf) >= _SIGN]
-            for x in centres.tolist():
-                draw_sign(painter, kind, QRectF(x - _SIGN / 2, row.top(), _SIGN, _SIGN))
+                painter.drawText(cell, Qt.AlignmentFlag.AlignCenter, name)
+        for kind, times in (("gap", self._marks.gaps), ("spoilt", self._marks.spoilt)):
+            centres = np.mean(_stretches(to_pixels(times), box), axis=1)
+            for x in centres[np.diff(centres, prepend=-np.inf) >= _SIGN].tolist():
+                draw_sign(painter, kind, QRectF(x - _SIGN / 2, bottom, _SIGN, _SIGN))
 
 
 def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
-    """A gap's sign, a triangle, or that of spoilt samples and damaged rows, a square."""
+    """Draw a triangle for a gap, or a square for invalid samples and damaged rows."""
     c = theme.colours()
     painter.setPen(Qt.PenStyle.NoPen)
     if kind == "gap":
@@ -149,16 +143,20 @@ def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
         painter.drawRect(box.adjusted(1, 1, -1, -1))
 
 
-def stretches(places: FloatArray, box: QRectF) -> FloatArray:
-    """Stretches (left, right) in pixels within a box, widened where too narrow to be seen, those that meet joined."""
-    inside = places[(places[:, 1] >= box.left()) & (places[:, 0] <= box.right())]
+def _faint(colour: str, alpha: int) -> QColor:
+    faint = QColor(colour)
+    faint.setAlpha(alpha)
+    return faint
+
+
+def _stretches(stretches: FloatArray, box: QRectF) -> FloatArray:
+    """Stretches (left, right) in pixels within a box, widened to the least width, adjacent ones joined."""
+    inside = stretches[(stretches[:, 1] >= box.left()) & (stretches[:, 0] <= box.right())]
     if len(inside) == 0:
         return inside
     widen = np.maximum(0.0, _LEAST - (inside[:, 1] - inside[:, 0])) / 2
     left, right = inside[:, 0] - widen, inside[:, 1] + widen
-    apart = np.concatenate([[True], left[1:] > right[:-1] + 1])
-    starts = np.flatnonzero(apart)
+    starts = np.flatnonzero(np.concatenate([[True], left[1:] > right[:-1] + 1]))
     stops = np.append(starts[1:], len(inside)) - 1
     joined: FloatArray = np.column_stack([left[starts], right[stops]])
-    np.clip(joined, box.left() - 1, box.right() + 1, out=joined)
-    return joined
+    return np.clip(joined, box.left() - 1, box.right() + 1)

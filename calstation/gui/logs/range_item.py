@@ -1,4 +1,4 @@
-"""The chosen range over a plot: edges to drag, and a body to drag where not all of the view lies in it."""
+"""The chosen range over a plot: edges to drag, and a body to drag unless it covers the view."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from PySide6.QtGui import QColor, QPen
 
 from calstation.gui.widgets import theme
 
-#: Width within which an edge is taken hold of, px.
+#: Width within which an edge can be dragged, px.
 _GRIP = 20
 
 
@@ -17,16 +17,17 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
     def __init__(self) -> None:
         super().__init__(swapMode="block")
         self.setZValue(50)
-        self.dress()
 
-    def dress(self) -> None:
-        """Take the theme's colours."""
-        accent = QColor(theme.colours().accent)
-        self.setBrush(_faint(accent, 18))
-        self.setHoverBrush(_faint(accent, 30))
+    def apply_theme(self) -> None:
+        """Take the colours of the current theme."""
+        colours = {alpha: QColor(theme.colours().accent) for alpha in (18, 30, 160, 255)}
+        for alpha, colour in colours.items():
+            colour.setAlpha(alpha)
+        self.setBrush(colours[18])
+        self.setHoverBrush(colours[30])
         for line in self.lines:
-            line.setPen(QPen(accent, 2))
-            line.setHoverPen(QPen(_faint(accent, 160), _GRIP))
+            line.setPen(QPen(colours[255], 2))
+            line.setHoverPen(QPen(colours[160], _GRIP))
             line.pen.setCosmetic(True)
             line.hoverPen.setCosmetic(True)
 
@@ -38,18 +39,12 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
             super().mouseDragEvent(event)
 
     def hoverEvent(self, event: Any) -> None:
-        """Show that the body can be dragged, where it can."""
+        """Highlight the body if it can be dragged."""
         if not self._covers_view():
             super().hoverEvent(event)
 
     def _covers_view(self) -> bool:
         left, right = self.getViewBox().viewRange()[0]
         start, stop = self.getRegion()
-        reach = 0.03 * (right - left)
-        return bool(start <= left + reach and stop >= right - reach)
-
-
-def _faint(colour: QColor, alpha: int) -> QColor:
-    faint = QColor(colour)
-    faint.setAlpha(alpha)
-    return faint
+        margin = 0.03 * (right - left)
+        return bool(start <= left + margin and stop >= right - margin)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import pyqtgraph as pg
 
-#: Distances between ticks that read well, s.
+#: Round distances between ticks, s.
 _SPACINGS = (
     *(base * 10.0**power for power in range(-5, 0) for base in (1, 2, 5)),
     *(1.0, 2.0, 5.0, 10.0, 15.0, 30.0),
@@ -12,7 +12,7 @@ _SPACINGS = (
     *(3600.0 * hours for hours in (1, 2, 3, 6, 12, 24, 48, 96, 240, 480, 960)),
 )
 #: Least distance between ticks, px.
-_WIDE = 110
+_DISTANCE = 110
 
 
 class TimeAxis(pg.AxisItem):  # type: ignore[misc]
@@ -22,8 +22,8 @@ class TimeAxis(pg.AxisItem):  # type: ignore[misc]
         super().__init__("bottom")
 
     def tickSpacing(self, low: float, high: float, size: float) -> list[tuple[float, float]]:
-        """The smallest spacing whose ticks' words do not touch."""
-        least = (high - low) * _WIDE / max(size, 1.0)
+        """The smallest spacing without overlapping labels."""
+        least = (high - low) * _DISTANCE / max(size, 1.0)
         return [(next((s for s in _SPACINGS if s >= least), _SPACINGS[-1]), 0.0)]
 
     def tickStrings(self, values: Sequence[float], _: float, spacing: float) -> list[str]:
@@ -32,14 +32,12 @@ class TimeAxis(pg.AxisItem):  # type: ignore[misc]
 
 
 def time_text(seconds: float, resolution: float = 1.0) -> str:
-    """Seconds as h:mm:ss, with decimals where `resolution` is finer than a second."""
-    decimals = 0
-    while decimals < 5 and resolution < 0.99 * 10.0**-decimals:
-        decimals += 1
+    """Seconds as h:mm:ss, with decimals if `resolution` is finer than a second."""
+    decimals = next((d for d in range(5) if resolution >= 0.99 * 10.0**-d), 5)
     units = 10**decimals
     ticks = round(abs(seconds) * units)
     minutes, rest = divmod(ticks, 60 * units)
     hours, minutes = divmod(minutes, 60)
-    width = 3 + decimals if decimals else 2
     sign = "−" if seconds < 0 and ticks else ""
+    width = 3 + decimals if decimals else 2
     return f"{sign}{hours}:{minutes:02d}:{rest / units:0{width}.{decimals}f}"

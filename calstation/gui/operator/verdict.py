@@ -167,8 +167,8 @@ class VerdictPanel(QFrame):
         self._station_button.setVisible(False)
         if fault is not None:
             text = fault_text(fault)
-            self._source.setText(self.tr("Where: {place}").format(place=text.place))
-            self._source.setVisible(bool(text.place))
+            self._source.setText(self.tr("Where: {place}").format(place=text.where))
+            self._source.setVisible(bool(text.where))
             self.reason_label.setText(text.reason)
             self._station_button.setVisible(text.source == "configuration")
         else:

@@ -31,17 +31,12 @@ KINDS = {
 class ErrorText:
     """An error in the language of the window.
 
-    Attributes
-    ----------
-    source : where its cause is, a name of the catalogue family ``source``; "" if unknown
-    place : the same in words
-    reason : what happened
-    remedy : what to do; may be empty
-    resettable : whether an operator may reset the fault on the device
+    `source` is where its cause is, a name of the catalogue family ``source`` or "", and `where` the same in words;
+    an operator may reset a `resettable` fault on the device.
     """
 
     source: str
-    place: str
+    where: str
     reason: str
     remedy: str
     resettable: bool = False
@@ -62,9 +57,9 @@ def show(message: Text) -> str:
     return rendering.render(message.code, message.values, language.current(), window=True).sentences
 
 
-def term(family: str, name: str) -> str:
+def term(family: str, name: str, **values: Any) -> str:
     """A term of a catalogue family, such as the stage ``rate``."""
-    return rendering.term(family, name, language.current())
+    return rendering.term(family, name, language.current(), **values)
 
 
 def event_sentence(event_id: str, values: Mapping[str, Any]) -> str:
@@ -73,7 +68,7 @@ def event_sentence(event_id: str, values: Mapping[str, Any]) -> str:
 
 
 def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
-    """What a step does; a dwell after a labelled move says where it rests."""
+    """What a step does; a dwell after a labelled move names the position."""
     if kind == "dwell" and label:
         return f"{show(step_text('move', label))}  ·  {show(step_text(kind, ()))}"
     return show(step_text(kind, label))

@@ -5,7 +5,6 @@
     <name>Comparison</name>
     <message>
         <source>unit</source>
-        <extracomment>A difference of more than so many sigmas is marked.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -34,15 +33,16 @@
     </message>
     <message>
         <source>Difference</source>
+        <extracomment>A difference of more than so many sigmas is marked.</extracomment>
         <translation>比较</translation>
-    </message>
-    <message>
-        <source>Parameters and their sigmas will stand here once a range is solved.</source>
-        <translation>解算完成后，这里显示各参数及其标准差。</translation>
     </message>
     <message>
         <source>The run&apos;s parameters and those solved offline</source>
         <translation>在线标定与离线解算的参数</translation>
+    </message>
+    <message>
+        <source>Parameters and their sigmas are shown here once a range is solved.</source>
+        <translation>解算完成后，这里显示各参数及其标准差。</translation>
     </message>
     <message>
         <source>No result: this run did not reach its end</source>
@@ -57,7 +57,7 @@
         <translation>尚未解算</translation>
     </message>
     <message>
-        <source>Solved as far as the data go; not every stage is</source>
+        <source>Solved as far as the data allow; some stages are not</source>
         <translation>已按现有数据解算，并非每个阶段都能解算</translation>
     </message>
     <message>
@@ -86,7 +86,7 @@
     </message>
     <message>
         <source>From samples {0} to {1}, part of the log.</source>
-        <translation>只解算了记录的一部分：采样 {0} 至 {1}。</translation>
+        <translation>只解算了记录的一部分：采样点 {0} 至 {1}。</translation>
     </message>
     <message>
         <source>, </source>
@@ -152,15 +152,15 @@
     </message>
     <message>
         <source>{0} samples, {1} Hz</source>
-        <translation>{0} 个样本，{1} Hz</translation>
+        <translation>{0} 个采样点，{1} Hz</translation>
     </message>
     <message>
         <source>gaps: {0}</source>
         <translation>中断 {0} 处</translation>
     </message>
     <message>
-        <source>spoilt samples: {0}</source>
-        <translation>无效采样 {0} 个</translation>
+        <source>invalid samples: {0}</source>
+        <translation>无效采样点 {0} 个</translation>
     </message>
     <message>
         <source>damaged rows: {0}</source>
@@ -171,12 +171,12 @@
     <name>LogPlot</name>
     <message>
         <source>outer</source>
-        <extracomment>Channels of each plot: gyro, accelerometer, angles. Width of the axes at the left, px. What the view shows beyond the log&apos;s ends, of its length: an edge there can still be taken hold of. Samples in the closest view. Room for the note at the top of a plot, px. Of the view, what an arrow key moves it.</extracomment>
-        <translation>外轴</translation>
+        <extracomment>Channels of each plot: gyro, accelerometer, angles. Width of the axes at the left, px. Height of the row of stage names, px. Margin beyond the log&apos;s ends, in terms of its length: an edge of the range there can still be dragged. Samples in the closest view. Width of the view after zooming in, in terms of the width before. Shift of the view by an arrow key, in terms of its width. Samples that a drawn column joins; 1 if single samples are drawn.</extracomment>
+        <translation>外框</translation>
     </message>
     <message>
         <source>inner</source>
-        <translation>内轴</translation>
+        <translation>内框</translation>
     </message>
     <message>
         <source>Gyro, °/s</source>
@@ -199,11 +199,8 @@
     <name>OfflinePage</name>
     <message>
         <source>Offline</source>
+        <extracomment>Number of latest runs that are offered.</extracomment>
         <translation>离线解算</translation>
-    </message>
-    <message>
-        <source>Another log can be opened when this work is done or cancelled.</source>
-        <translation>等当前任务完成或取消后，才能打开另一个记录。</translation>
     </message>
     <message>
         <source>This log cannot be opened</source>
@@ -223,15 +220,15 @@
     </message>
     <message>
         <source>Sample {0}</source>
-        <translation>采样 {0}</translation>
+        <translation>采样点 {0}</translation>
+    </message>
+    <message>
+        <source>Another log can be opened when this job has ended or is cancelled.</source>
+        <translation>等当前任务完成或取消后，才能打开另一个记录。</translation>
     </message>
     <message>
         <source>Open a log first</source>
         <translation>请先打开一个记录</translation>
-    </message>
-    <message>
-        <source>Wait for the work at hand, or cancel it</source>
-        <translation>请等当前任务完成，或取消它</translation>
     </message>
     <message>
         <source>The range holds no stage; widen it</source>
@@ -244,10 +241,6 @@
     <message>
         <source>Export range…</source>
         <translation>导出范围…</translation>
-    </message>
-    <message>
-        <source>Only the samples chosen; “Set to…” goes back to the whole log</source>
-        <translation>仅所选采样；用“设为…”可恢复整个记录</translation>
     </message>
     <message>
         <source>Solve the log first</source>
@@ -274,28 +267,32 @@
         <translation>导出结果…</translation>
     </message>
     <message>
+        <source>Wait for the current job to finish, or cancel it</source>
+        <translation>请等当前任务完成，或取消它</translation>
+    </message>
+    <message>
         <source>Export log…</source>
         <translation>导出记录…</translation>
     </message>
     <message>
-        <source>Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range; the solver of the run solves it again, and both results are compared.</source>
-        <translation>打开原始日志（.h5）或带同名 TOML 的 CSV，也可将文件拖到此处。选择区间后，用与运行时相同的解算程序重新解算，并比较两个结果。</translation>
+        <source>Only the chosen samples; “Set to…” returns to the whole log</source>
+        <translation>仅所选采样点；用“设为…”可恢复整个记录</translation>
     </message>
     <message>
-        <source>Close</source>
-        <translation>关闭</translation>
+        <source>Open a raw log (.h5) or a CSV with its TOML beside it, or drop the file here. Choose a range; the solver of the run solves it again, and both results are compared.</source>
+        <translation>打开原始日志（.h5）或带同名 TOML 的 CSV，也可将文件拖到此处。选择区间后，用与运行时相同的解算程序重新解算，并比较两个结果。</translation>
     </message>
 </context>
 <context>
     <name>RangeBar</name>
     <message>
         <source>First sample</source>
-        <extracomment>Up to here a double, and so this box, holds every whole number.</extracomment>
-        <translation>起始采样</translation>
+        <extracomment>Largest number up to which a double, and so this box, holds every whole number.</extracomment>
+        <translation>起始采样点</translation>
     </message>
     <message>
         <source>Last sample</source>
-        <translation>结束采样</translation>
+        <translation>结束采样点</translation>
     </message>
     <message>
         <source>Set to…</source>
@@ -310,27 +307,27 @@
         <translation>整个记录</translation>
     </message>
     <message>
-        <source>The first sample cannot lie behind the last: set to {0}.</source>
-        <translation>起始采样不能在结束采样之后：已设为 {0}。</translation>
+        <source>The first sample cannot be after the last: set to {0}.</source>
+        <translation>起始采样点不能在结束采样点之后：已设为 {0}。</translation>
     </message>
     <message>
-        <source>The last sample cannot lie before the first: set to {0}.</source>
-        <translation>结束采样不能在起始采样之前：已设为 {0}。</translation>
+        <source>The last sample cannot be before the first: set to {0}.</source>
+        <translation>结束采样点不能在起始采样点之前：已设为 {0}。</translation>
     </message>
     <message>
         <source>{0} is not in this log; it holds samples {1} to {2}.</source>
-        <translation>{0} 不在此记录内；记录含采样 {1} 至 {2}。</translation>
+        <translation>{0} 不在此记录内；记录含采样点 {1} 至 {2}。</translation>
     </message>
 </context>
 <context>
     <name>SourceBar</name>
     <message>
         <source>Open a log</source>
-        <extracomment>A path that has not changed for this long and leads to a file is opened, as one that is pasted or filled in is.</extracomment>
         <translation>打开记录</translation>
     </message>
     <message>
         <source>Logs (*.h5 *.csv *.csv.gz)</source>
+        <extracomment>Number of recent logs. A path that has not changed for this long and leads to a file is opened, for example one that was pasted. File name endings of logs.</extracomment>
         <translation>数据记录 (*.h5 *.csv *.csv.gz)</translation>
     </message>
     <message>
@@ -366,7 +363,7 @@
     <name>StageChoice</name>
     <message>
         <source>The range holds no sample of this stage</source>
-        <translation>所选范围内没有这个阶段的采样</translation>
+        <translation>所选范围内没有这个阶段的采样点</translation>
     </message>
 </context>
 </TS>

@@ -40,7 +40,7 @@
     <name>JobRow</name>
     <message>
         <source>Cancel</source>
-        <extracomment>Interval between two polls of a job, ms. Fraction from which the time left is shown.</extracomment>
+        <extracomment>Interval between two polls of a job, ms. Steps of the progress bar. Fraction from which the time left is shown.</extracomment>
         <translation>取消</translation>
     </message>
     <message>
@@ -94,6 +94,13 @@
     <message>
         <source>Table and unit are simulated: nothing moves.</source>
         <translation>转台和产品均为模拟，设备不会实际运动。</translation>
+    </message>
+</context>
+<context>
+    <name>NoticeBar</name>
+    <message>
+        <source>Close</source>
+        <translation>关闭</translation>
     </message>
 </context>
 <context>

@@ -5,9 +5,10 @@ from functools import cache, partial
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QIcon, QPainter, QPaintEvent, QPen, QPixmap, QPolygonF
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import row
 
 #: Kinds of state: ring, ring with a dot, filled triangle, tick, cross, triangle with a mark, two bars, square.
 KINDS = ("none", "waiting", "active", "good", "bad", "caution", "paused", "stopped")
@@ -31,7 +32,7 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
     ----------
     painter : an active painter
     kind : one of `KINDS`
-    box : where to draw; the shape fills the largest square in its middle
+    box : rectangle; the shape fills the largest square in its middle
     colour : of the shape; the state's own by default
     """
     colour = colour or state_colour(kind)
@@ -142,10 +143,10 @@ def _pixmap(size: int, draw: Callable[[QPainter], None]) -> QPixmap:
 
 
 class StateIcon(QWidget):
-    """The shape of a state alone, where its word stands beside it."""
+    """The shape of a state, without a word."""
 
-    def __init__(self, size: int = 20, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, size: int = 20) -> None:
+        super().__init__()
         self._kind = "none"
         self.setFixedSize(QSize(size, size))
 
@@ -163,16 +164,12 @@ class StateIcon(QWidget):
 class StateBadge(QWidget):
     """Shape and word side by side."""
 
-    def __init__(self, size: int = theme.BODY, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._icon = StateIcon(size + 6)
-        self._word = QLabel()
-        self._word.setFont(theme.font(size, bold=True))
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.setSpacing(theme.GRID)
-        layout.addWidget(self._icon)
-        layout.addWidget(self._word)
+    def __init__(self, size: int = theme.BODY, name: str = "") -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self._icon, self._word = StateIcon(), QLabel()
+        self.set_size(size)
+        row(self._icon, self._word, on=self)
         self.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
 
     def show_state(self, kind: str, word: str) -> None:

@@ -1,24 +1,29 @@
 """Follows background jobs from a timer, and shows their progress in a row with a Cancel button."""
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
-from PySide6.QtWidgets import QLabel, QProgressBar, QWidget
+from PySide6.QtWidgets import QProgressBar, QStackedWidget, QWidget
 
 from calstation.gui.text import duration_text, on_language_change
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import button, row
+from calstation.gui.widgets.layout import Words, button, label, row
 from calstation.jobs import Job
 
 #: Interval between two polls of a job, ms.
-_EVERY = 50
+_INTERVAL = 50
+#: Steps of the progress bar.
+_STEPS = 1000
+#: Fraction from which the time left is shown.
+_RELIABLE = 0.05
 
 
 class JobWatch(QObject):
     """Polls one job after another.
 
-    `progress(fraction, remaining)` with seconds left or None; `done(result)`; `failed(error)` with a
-    `CalstationError`; `cancelled()`.
+    `busy_changed()` when a job begins and after it has ended; `progress(fraction, remaining)` with seconds left or
+    None; `done(result)`; `failed(error)` with a `CalstationError`; `cancelled()`.
     """
 
+    busy_changed = Signal()
     progress = Signal(float, object)
     done = Signal(object)
     failed = Signal(object)
@@ -27,8 +32,7 @@ class JobWatch(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.job: Job | None = None
-        self._timer = QTimer(self)
-        self._timer.setInterval(_EVERY)
+        self._timer = QTimer(self, interval=_INTERVAL)
         self._timer.timeout.connect(self._poll)
 
     @property
@@ -40,6 +44,7 @@ class JobWatch(QObject):
         """Follow `job` in place of the one before."""
         self.job = job
         self._timer.start()
+        self.busy_changed.emit()
         self.progress.emit(0.0, None)
 
     def cancel(self) -> None:
@@ -58,6 +63,7 @@ class JobWatch(QObject):
             return
         self.job = None
         self._timer.stop()
+        self.busy_changed.emit()
         if job.state == "done":
             self.progress.emit(1.0, 0.0)
             self.done.emit(job.result)
@@ -67,28 +73,27 @@ class JobWatch(QObject):
             self.cancelled.emit()
 
 
-_STEPS = 1000
-#: Fraction from which the time left is shown.
-_FIRM = 0.05
-
-
 class JobRow(QWidget):
-    """Follows one `JobWatch`."""
+    """Follows one `JobWatch`: what is done, how far it is, and a Cancel button with an object name."""
 
-    def __init__(self, watch: JobWatch, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._watch = watch
+    def __init__(self, watch: JobWatch, cancel_name: str = "", words: Words | None = None) -> None:
+        super().__init__()
+        self.watch = watch
+        self._words = words
         self._fraction = 0.0
         self._remaining: float | None = None
+        self._work_label, self.left_label = label(), label()
         self.bar = QProgressBar()
         self.bar.setRange(0, _STEPS)
         self.bar.setTextVisible(False)
         self.bar.setFixedHeight(2 * theme.GRID)
-        self.left_label = QLabel()
         self.left_label.setMinimumWidth(15 * theme.GRID)
         self.left_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        self.cancel_button = button("", lambda: self.tr("Cancel"), watch.cancel)
-        row((self.bar, 1), self.left_label, self.cancel_button, on=self)
+        self.cancel_button = button(cancel_name, lambda: self.tr("Cancel"), watch.cancel)
+        if words is None:
+            self._work_label.hide()
+        self._work_label.setMinimumWidth(22 * theme.GRID)
+        row(self._work_label, (self.bar, 1), self.left_label, self.cancel_button, on=self)
         watch.progress.connect(self._show)
         on_language_change(self, self._refresh)
 
@@ -97,15 +102,34 @@ class JobRow(QWidget):
         self._refresh()
 
     def _refresh(self) -> None:
-        job = self._watch.job
+        job = self.watch.job
+        if self._words is not None:
+            self._work_label.setText(self._words())
         self.cancel_button.setVisible(job is None or job.cancellable)
         self.bar.setValue(round(_STEPS * self._fraction))
         percent = f"{100 * self._fraction:.0f} %"
         if job is not None and job.state == "waiting":
             self.left_label.setText(self.tr("waiting for other work"))
-        elif self._remaining is None or self._fraction < _FIRM:
+        elif self._remaining is None or self._fraction < _RELIABLE:
             self.left_label.setText(percent)
         else:
             left = self.tr("{0} left").format(duration_text(self._remaining))
             self.left_label.setText(f"{percent}, {left}")
         self.bar.setAccessibleName(self.left_label.text())
+
+
+class JobStack(QStackedWidget):
+    """The row of the job that is running, else an idle widget."""
+
+    def __init__(self, idle: QWidget, *rows: JobRow) -> None:
+        super().__init__()
+        self._idle, self._rows = idle, rows
+        self.setFixedHeight(theme.BUTTON)
+        for widget in (idle, *rows):
+            self.addWidget(widget)
+        for each in rows:
+            each.watch.busy_changed.connect(self._refresh)
+
+    def _refresh(self) -> None:
+        running = next((each for each in self._rows if each.watch.busy), self._idle)
+        self.setCurrentWidget(running)

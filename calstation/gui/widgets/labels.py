@@ -2,16 +2,19 @@
 
 from PySide6.QtCore import QSize, Qt
 from PySide6.QtGui import QPainter, QPaintEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import column, label, row
 
 
 class ElidedLabel(QLabel):
-    """A line of text that ends in an ellipsis where there is no room for all of it; the tooltip has it whole."""
+    """A line of text that ends in an ellipsis if it is too long; the tooltip shows all of it."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, kind: str = "") -> None:
+        super().__init__()
+        if kind:
+            self.setProperty("kind", kind)
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
 
     def minimumSizeHint(self) -> QSize:
@@ -38,37 +41,23 @@ _WIDTH = 70 * theme.GRID
 class EmptyState(QWidget):
     """What will be here and how to get it: a centred title, a sentence or two, and widgets below them."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._title = QLabel()
-        self._title.setProperty("kind", "section")
-        self._text = QLabel()
-        self._text.setProperty("kind", "muted")
-        for label in (self._title, self._text):
-            label.setWordWrap(True)
-            label.setAlignment(Qt.AlignmentFlag.AlignHCenter)
+    def __init__(self, *widgets: QWidget) -> None:
+        super().__init__()
+        self._title, self._text = label(kind="section", wrap=True), label(kind="muted", wrap=True)
+        for each in (self._title, self._text):
+            each.setAlignment(Qt.AlignmentFlag.AlignHCenter)
         middle = QWidget()
         middle.setFixedWidth(_WIDTH)
-        self._box = QVBoxLayout(middle)
-        self._box.setContentsMargins(0, 0, 0, 0)
-        self._box.setSpacing(2 * theme.GRID)
-        self._box.addStretch(2)
-        self._box.addWidget(self._title)
-        self._box.addWidget(self._text)
-        self._box.addStretch(3)
-        row = QHBoxLayout(self)
-        row.addStretch(1)
-        row.addWidget(middle)
-        row.addStretch(1)
+        below = [(widget, 0, Qt.AlignmentFlag.AlignHCenter) for widget in widgets]
+        box = column(self._title, self._text, *below, on=middle, spacing=2 * theme.GRID)
+        box.insertStretch(0, 2)
+        box.addStretch(3)
+        row(None, middle, None, on=self)
 
     @property
     def title(self) -> str:
         """The title."""
         return self._title.text()
-
-    def add(self, widget: QWidget) -> None:
-        """Add a widget below the text."""
-        self._box.insertWidget(self._box.count() - 1, widget, 0, Qt.AlignmentFlag.AlignHCenter)
 
     def say(self, title: str, text: str) -> None:
         """Show a title and a text (may be empty)."""

@@ -4,7 +4,19 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from PySide6.QtCore import SignalInstance
-from PySide6.QtWidgets import QBoxLayout, QHBoxLayout, QLabel, QLayout, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import (
+    QBoxLayout,
+    QFrame,
+    QHBoxLayout,
+    QLabel,
+    QLayout,
+    QPushButton,
+    QScrollArea,
+    QStackedWidget,
+    QTabBar,
+    QVBoxLayout,
+    QWidget,
+)
 
 from calstation.gui.text import bind
 from calstation.gui.widgets import theme
@@ -24,23 +36,52 @@ Box = TypeVar("Box", bound=QBoxLayout)
 def column(
     *items: Item, on: QWidget | None = None, spacing: int = theme.GRID, margins: Margins = (0, 0, 0, 0)
 ) -> QVBoxLayout:
-    """Lay out items one below the other.
-
-    Parameters
-    ----------
-    items : see `Item`
-    on : the widget that gets the layout
-    spacing : between items, px
-    margins : left, top, right and bottom, px
-    """
+    """Lay out items one below the other, `on` a widget if given; distances in px."""
     return _filled(QVBoxLayout(), items, on, spacing, margins)
 
 
 def row(
     *items: Item, on: QWidget | None = None, spacing: int = theme.GRID, margins: Margins = (0, 0, 0, 0)
 ) -> QHBoxLayout:
-    """Lay out items side by side; parameters as for `column`."""
+    """Lay out items side by side, as `column` does."""
     return _filled(QHBoxLayout(), items, on, spacing, margins)
+
+
+def panel(*items: Item) -> QFrame:
+    """Frame items, one below the other."""
+    frame = QFrame()
+    frame.setProperty("kind", "panel")
+    column(*items, on=frame, margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID))
+    return frame
+
+
+def scroll_area(content: QWidget) -> QScrollArea:
+    """A frameless area with scroll bars that appear if the content is too large."""
+    area = QScrollArea()
+    area.setWidgetResizable(True)
+    area.setFrameShape(QFrame.Shape.NoFrame)
+    area.setProperty("kind", "clear")
+    area.setWidget(content)
+    return area
+
+
+def stack(*pages: QWidget) -> QStackedWidget:
+    """Lay out widgets of which one is visible at a time."""
+    stacked = QStackedWidget()
+    for page in pages:
+        stacked.addWidget(page)
+    return stacked
+
+
+class ViewTabs(QTabBar):
+    """A bar of tabs above the views of a page."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self.setProperty("kind", "views")
+        self.setDrawBase(False)
+        self.setExpanding(False)
 
 
 def label(words: Words | None = None, kind: str = "", *, name: str = "", wrap: bool = False) -> QLabel:
@@ -48,7 +89,7 @@ def label(words: Words | None = None, kind: str = "", *, name: str = "", wrap: b
 
     Parameters
     ----------
-    words : its text; None where the caller sets it
+    words : its text; None if the caller sets it
     kind : of the style sheet, such as ``muted`` or ``section``
     name : object name
     wrap : whether long texts take several lines
@@ -69,15 +110,17 @@ def button(
     pressed: Callable[..., Any] | SignalInstance | None = None,
     *,
     kind: str = "",
+    tip: Words | None = None,
 ) -> QPushButton:
     """Make a button.
 
     Parameters
     ----------
     name : object name
-    words : its text; None where the caller sets it
+    words : its text; None if the caller sets it
     pressed : called, or emitted if it is a signal, at each click
     kind : of the style sheet, such as ``primary``
+    tip : its tooltip
     """
     made = QPushButton()
     made.setObjectName(name)
@@ -85,9 +128,20 @@ def button(
         made.setProperty("kind", kind)
     if words is not None:
         bind(made, words)
+    if tip is not None:
+        bind(made.setToolTip, tip)
     if pressed is not None:
         made.clicked.connect(pressed)
     return made
+
+
+def clear(layout: QLayout) -> None:
+    """Remove all items of a layout, and delete their widgets."""
+    while (item := layout.takeAt(0)) is not None:
+        widget = item.widget()
+        if widget is not None:
+            widget.setParent(None)
+            widget.deleteLater()
 
 
 def enable(widget: QWidget, why_not: str, tip: str = "") -> None:

@@ -5,25 +5,18 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QPushButton, QWidget
+from PySide6.QtWidgets import QFrame, QPushButton
 
-from calstation.gui.text import on_language_change
+from calstation.errors import CalstationError
+from calstation.gui.text import error_text, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
-from calstation.gui.widgets.layout import Words, button, column, label, row
+from calstation.gui.widgets.layout import Words, button, clear, column, label, row
 
 
 @dataclass(frozen=True)
 class Choice:
-    """An answer to a question.
-
-    Attributes
-    ----------
-    name : object name of its button
-    words : text of the button
-    act : called when it is pressed, after the bar has closed
-    primary : whether it has the focus
-    """
+    """An answer to a question: its button, what a press does after the bar has closed, whether it has the focus."""
 
     name: str
     words: Words
@@ -34,8 +27,9 @@ class Choice:
 class NoticeBar(QFrame):
     """Hidden while there is nothing to show; a new question replaces the one before."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, name: str = "") -> None:
+        super().__init__()
+        self.setObjectName(name)
         self.setProperty("kind", "panel")
         self._kind = "none"
         self._title: Words = str
@@ -80,6 +74,14 @@ class NoticeBar(QFrame):
             if choice.primary:
                 self.button(choice.name).setFocus()
 
+    def inform(self, kind: str, title: Words, text: Words, then: Callable[[], None]) -> None:
+        """Show a notice with a Close button; `then` is called after it."""
+        self.ask(kind, title, text, (Choice(f"{self.objectName()}_close", lambda: self.tr("Close"), then),))
+
+    def report(self, title: Words, error: CalstationError, then: Callable[[], None]) -> None:
+        """Show an error with a Close button; `then` is called after it."""
+        self.inform("bad", title, lambda: error_text(error).sentences, then)
+
     def button(self, name: str) -> QPushButton:
         """The button of an answer."""
         found = self.findChild(QPushButton, name)
@@ -90,14 +92,10 @@ class NoticeBar(QFrame):
         """Hide the bar."""
         self.hide()
         self._choices = ()
-        while (item := self._buttons.takeAt(0)) is not None:
-            widget = item.widget()
-            if widget is not None:
-                widget.setParent(None)
-                widget.deleteLater()
+        clear(self._buttons)
 
     def refresh(self) -> None:
-        """Show title, text and answers again, after what they tell has changed."""
+        """Show title, text and answers again after they have changed."""
         title, text = self._title(), self._text()
         self.title_label.setText(title)
         self.title_label.setVisible(bool(title))

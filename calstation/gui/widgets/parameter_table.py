@@ -1,6 +1,6 @@
 """Tables whose rows are parameters: a model made of columns, and a view that copies rows as text."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidge
 
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
+from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
 
@@ -32,6 +33,20 @@ class Column:
     number: bool = True
     state: Callable[[str], str | None] | None = None
     hint: Callable[[str], str] | None = None
+
+
+def ordered(parameters: Iterable[str]) -> list[str]:
+    """Parameters in the order of the contract; those it does not name come last."""
+    found = list(parameters)
+    return [*(name for name in NAMES if name in found), *(name for name in found if name not in INDEX)]
+
+
+def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -> None:
+    """Align the decimal points of columns of numbers in place; `cells` are by row and column, some may be missing."""
+    for column in columns:
+        rows = [row for row in cells.values() if column in row]
+        for row, text in zip(rows, aligned([row[column] for row in rows]), strict=True):
+            row[column] = text
 
 
 class ParameterModel(QAbstractTableModel):

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPointF, QRectF, QSize, Qt
+from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
@@ -17,32 +17,51 @@ pg.setConfigOptions(antialias=False)
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     """A plot with two axes in the colours of the current theme."""
 
-    _built = False
-
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent, enableMenu=False)
-        self._built = True
-        self.setMenuEnabled(False)
         self.hideButtons()
         for side in ("left", "bottom"):
             axis = self.getAxis(side)
             axis.setStyle(tickFont=theme.font())
             axis.label.setFont(theme.font())
             axis.enableAutoSIPrefix(False)
-        self._dress()
+        self.apply_theme()
+        theme.themes.changed.connect(self.apply_theme)
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Follow the theme."""
-        if self._built and event.type() == QEvent.Type.PaletteChange:
-            self._dress()
-        super().changeEvent(event)
-
-    def _dress(self) -> None:
+    def apply_theme(self) -> None:
+        """Take the colours of the current theme."""
         c = theme.colours()
         self.setBackground(QColor(c.panel))
         for side in ("left", "bottom"):
             self.getAxis(side).setPen(QColor(c.line))
             self.getAxis(side).setTextPen(QColor(c.text))
+
+
+#: Space for a note at the top of a plot, px.
+_NOTE = 28
+
+
+class PlotNote(pg.TextItem):  # type: ignore[misc]
+    """A line of words at the top of a plot, each with its colour."""
+
+    def __init__(self, view_box: pg.ViewBox) -> None:
+        super().__init__(anchor=(0, 0))
+        self.setFont(theme.font())
+        self.setParentItem(view_box)
+        self.setPos(4, 0)
+
+    def say(self, parts: Sequence[tuple[str, str]]) -> None:
+        """Show words, each with its colour."""
+        spans = (f'<span style="color:{colour}">{word}</span>' for word, colour in parts)
+        self.setHtml("&nbsp;&nbsp; ".join(spans))
+
+
+def fit_below_note(plot: pg.PlotItem, low: float, high: float, least_span: float) -> None:
+    """Set the vertical range so that values from `low` to `high` are drawn below the note of the plot."""
+    span = max(high - low, least_span)
+    bottom, top = low - 0.06 * span, low + 1.06 * span
+    height = max(float(plot.getViewBox().height()), 3.0 * _NOTE)
+    plot.setYRange(bottom, top + (top - bottom) * _NOTE / (height - _NOTE), padding=0)
 
 
 #: Width of the leader lines from the end of a curve to its label, px.
@@ -66,12 +85,11 @@ def spread(wanted: Sequence[float], distance: float, top: float, bottom: float) 
     Parameters
     ----------
     wanted : positions in ascending order, px
-    distance : least distance between two of them if there is room, px
+    distance : least distance between two of them if they fit, px
     top, bottom : range of positions, px
     """
-    if not wanted:
-        return []
-    distance = min(distance, (bottom - top) / max(1, len(wanted) - 1)) if len(wanted) > 1 else distance
+    if len(wanted) > 1:
+        distance = min(distance, (bottom - top) / (len(wanted) - 1))
     positions = []
     lowest = top
     for position in wanted:
@@ -88,16 +106,11 @@ def spread(wanted: Sequence[float], distance: float, top: float, bottom: float) 
 class LineLabels(QWidget):
     """Labels at the right of a plot, of the same height."""
 
-    def __init__(self, width: int, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, width: int) -> None:
+        super().__init__()
         self._labels: list[LineLabel] = []
-        self._width = width
         self.setFixedWidth(width)
         self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Expanding)
-
-    def sizeHint(self) -> QSize:
-        """The given width."""
-        return QSize(self._width, 6 * theme.GRID)
 
     def show_labels(self, labels: Sequence[LineLabel]) -> None:
         """Show these labels."""

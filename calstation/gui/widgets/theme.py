@@ -1,10 +1,14 @@
 """Appearance of the window: light and dark palette, sizes on an 8 px grid, axis colours, style sheet."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
+from PySide6.QtCore import QObject, Signal
 from PySide6.QtGui import QColor, QFont, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
+
+from calstation.gui.text import on_language_change
 
 #: Grid of margins and distances, px.
 GRID = 8
@@ -86,6 +90,14 @@ COLOURS = {
 _current = "light"
 
 
+class _Themes(QObject):
+    changed = Signal()
+
+
+#: Emits `changed` after another theme has been applied.
+themes = _Themes()
+
+
 def colours() -> Colours:
     """Colours of the current theme."""
     return COLOURS[_current]
@@ -107,6 +119,13 @@ def apply(name: str) -> None:
     _current = name
     app.setPalette(palette(colours()))
     app.setStyleSheet(style_sheet(colours()))
+    themes.changed.emit()
+
+
+def on_appearance_change(owner: QObject, show: Callable[[], object]) -> None:
+    """Call `show`, a method of `owner`, now and after each change of language or theme."""
+    themes.changed.connect(show)
+    on_language_change(owner, show)
 
 
 def palette(c: Colours) -> QPalette:
@@ -187,6 +206,10 @@ def style_sheet(c: Colours) -> str:
     }}
     QTreeView[kind="readable"]::item {{ min-height: {3 * GRID}px; }}
     QScrollArea[kind="clear"], QScrollArea[kind="clear"] > QWidget > QWidget {{ background: transparent; }}
+    QLabel[kind="number"] {{
+        background: {c.accent}; color: {c.on_accent}; border-radius: 14px; min-height: 28px; min-width: 28px;
+        font-weight: 600; qproperty-alignment: AlignCenter;
+    }}
     QLabel[kind="pill"] {{
         border: 1px solid {c.line}; border-radius: 4px; padding: 0 {GRID}px; min-height: 28px; color: {c.text};
     }}

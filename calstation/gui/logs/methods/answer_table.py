@@ -1,71 +1,54 @@
-"""A method's parameters: value and sigma, what they were before, and what else they can be compared with."""
+"""A method's parameters: value and sigma, their previous values, and what else they can be compared with."""
 
 from collections.abc import Callable
 
-from PySide6.QtWidgets import QVBoxLayout, QWidget
-
-from calstation.gui.text import on_language_change
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable
-from calstation.physics import INDEX, NAMES, aligned, display, number
+from calstation.gui.text import bind
+from calstation.gui.widgets import Column, ParameterModel, ParameterTable, align_columns, ordered
+from calstation.physics import display, number
 from calstation.results import Parameter
 from calstation.results.plots import GimbalPlotData, MethodAnswer
 
 _NONE = "–"
 #: A difference of more than so many sigmas is marked.
 _NOTABLE = 3.0
-_NUMBERS = ("value", "sigma", "before", "before_sigma", "other", "other_sigma", "apart", "truth", "error")
+_NUMBERS = ("value", "sigma", "before", "before_sigma", "other", "other_sigma", "apart", "truth", "truth_in_sigma")
 
 
-class AnswerTable(QWidget):
-    """Rows are parameters by their contract names.
+class AnswerTable(ParameterTable):
+    """Parameters by their contract names.
 
-    Beside value and sigma stand what was known before, or for a gimbal the least-squares answer, and where the virtual
-    bench made the recording, the truth.
+    Beside value and sigma stand the previous value, or for a gimbal the least-squares solution, and for a recording of
+    the virtual bench the truth.
     """
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        self._parameters = ParameterModel(())
+        super().__init__(self._parameters)
+        self.setObjectName("method_table")
         self._cells: dict[str, dict[str, str]] = {}
-        self._apart: dict[str, dict[str, float]] = {}
+        self._in_sigma: dict[str, dict[str, float]] = {}
         self._lost: frozenset[str] = frozenset()
         self._outside: frozenset[str] = frozenset()
-        self.model = ParameterModel(())
-        self.table = ParameterTable(self.model)
-        self.table.setObjectName("method_table")
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.addWidget(self.table)
-        on_language_change(self, self.retranslate)
+        bind(self.setAccessibleName, lambda: self.tr("Parameters found"))
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Show an answer's parameters."""
-        parameters, picture = answer.parameters, answer.picture
-        other = picture.least_squares if isinstance(picture, GimbalPlotData) else {}
-        truth = answer.recording.truth
-        names = [*(n for n in NAMES if n in parameters), *(n for n in parameters if n not in INDEX)]
-        self._apart = {}
-        self._cells = {}
-        for name in names:
-            row = parameters[name]
+        """Show the parameters of an answer."""
+        result, truth = answer.resolved.result, answer.recording.truth
+        other = answer.picture.least_squares if isinstance(answer.picture, GimbalPlotData) else {}
+        self._in_sigma, self._cells = {}, {}
+        for name in ordered(result.parameters):
+            row = result.parameters[name]
+            self._in_sigma[name] = _in_sigma(row, other.get(name), truth.get(name))
             self._cells[name] = _cells(name, row, answer.before.get(name), other.get(name), truth.get(name))
-            self._apart[name] = _apart(row, other.get(name), truth.get(name))
-        for column in _NUMBERS:
-            there = [name for name in names if column in self._cells[name]]
-            texts = aligned([self._cells[name][column] for name in there])
-            for name, text in zip(there, texts, strict=True):
-                self._cells[name][column] = text
-        result = answer.resolved.result
+            for column, sigmas in self._in_sigma[name].items():
+                self._cells[name][column] = f"{sigmas:+.2f}".replace("-", "−")
+        align_columns(self._cells, _NUMBERS)
         self._lost = frozenset(result.unobservable)
         self._outside = frozenset(check.subject for check in result.failed_checks)
-        self.model.set_columns(self._columns(answer, bool(other), bool(truth)))
-        self.model.set_names(names)
+        self._parameters.set_columns(self._columns(bool(other), bool(truth)))
+        self._parameters.set_names(list(self._cells))
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        self.table.setAccessibleName(self.tr("Parameters found"))
-        self.model.refresh()
-
-    def _columns(self, answer: MethodAnswer, other: bool, truth: bool) -> list[Column]:
+    def _columns(self, other: bool, truth: bool) -> list[Column]:
         columns = [
             Column(lambda: self.tr("unit"), self._text("unit"), number=False),
             Column(lambda: self.tr("found"), self._text("value"), state=self._value_state),
@@ -76,7 +59,7 @@ class AnswerTable(QWidget):
                 Column(lambda: self.tr("least squares"), self._text("other")),
                 Column(lambda: "± σ", self._text("other_sigma")),
                 Column(lambda: self.tr("difference"), self._text("apart")),
-                Column(lambda: self.tr("in σ"), self._text("apart_in_sigma"), state=self._mark("other")),
+                Column(lambda: self.tr("in σ"), self._text("other_in_sigma"), state=self._state("other_in_sigma")),
             ]
         else:
             columns.append(Column(lambda: self.tr("before"), self._text("before")))
@@ -85,12 +68,17 @@ class AnswerTable(QWidget):
         if truth:
             columns += [
                 Column(lambda: self.tr("bench's truth"), self._text("truth")),
-                Column(lambda: self.tr("error in σ"), self._text("error"), state=self._mark("truth")),
+                Column(
+                    lambda: self.tr("error in σ"), self._text("truth_in_sigma"), state=self._state("truth_in_sigma")
+                ),
             ]
         return columns
 
     def _text(self, column: str) -> Callable[[str], str]:
         return lambda name: self._cells[name].get(column, _NONE)
+
+    def _state(self, column: str) -> Callable[[str], str | None]:
+        return lambda name: "caution" if abs(self._in_sigma[name].get(column, 0.0)) > _NOTABLE else None
 
     def _value_state(self, name: str) -> str | None:
         return "bad" if name in self._outside else None
@@ -101,9 +89,6 @@ class AnswerTable(QWidget):
     def _sigma_hint(self, name: str) -> str:
         return self.tr("Not determined by this recording") if name in self._lost else ""
 
-    def _mark(self, kind: str) -> Callable[[str], str | None]:
-        return lambda name: "caution" if abs(self._apart[name].get(kind, 0.0)) > _NOTABLE else None
-
 
 def _cells(
     name: str,
@@ -112,39 +97,36 @@ def _cells(
     other: tuple[float, float] | None,
     truth: float | None,
 ) -> dict[str, str]:
-    """A parameter's cells, each with the digits that its sigma is worth."""
+    """The cells of a parameter, each with the digits that its sigma allows."""
     sigma, unit = display(name, row.sigma)
     value = display(name, row.value)[0]
-    cells = {
-        "unit": unit if unit != "1" else "",
-        "value": _signed(value, sigma),
-        "sigma": number(sigma, sigma),
-    }
+    cells = {"unit": unit if unit != "1" else "", "value": _signed(value, sigma), "sigma": number(sigma, sigma)}
     if before is not None:
-        was, was_sigma = display(name, before[0])[0], before[1]
-        if was_sigma is None:
-            cells["before"] = _signed(was, sigma)
+        previous, previous_sigma = display(name, before[0])[0], before[1]
+        if previous_sigma is None:
+            cells["before"] = _signed(previous, sigma)
         else:
-            shown = display(name, was_sigma)[0]
-            cells["before"], cells["before_sigma"] = _signed(was, shown), number(shown, shown)
+            shown = display(name, previous_sigma)[0]
+            cells |= {"before": _signed(previous, shown), "before_sigma": number(shown, shown)}
     if other is not None:
-        (least, _), (least_sigma, _) = display(name, other[0]), display(name, other[1])
-        cells["other"], cells["other_sigma"] = _signed(least, least_sigma), number(least_sigma, least_sigma)
-        cells["apart"] = _signed(value - least, sigma)
-        cells["apart_in_sigma"] = f"{_apart(row, other, None)['other']:+.2f}".replace("-", "−")
+        least, least_sigma = (display(name, each)[0] for each in other)
+        cells |= {
+            "other": _signed(least, least_sigma),
+            "other_sigma": number(least_sigma, least_sigma),
+            "apart": _signed(value - least, sigma),
+        }
     if truth is not None:
         cells["truth"] = _signed(display(name, truth)[0], sigma)
-        cells["error"] = f"{_apart(row, None, truth)['truth']:+.2f}".replace("-", "−")
     return cells
 
 
-def _apart(row: Parameter, other: tuple[float, float] | None, truth: float | None) -> dict[str, float]:
-    """Differences in sigmas: from the other answer in the larger of both sigmas, from the truth in its own."""
+def _in_sigma(row: Parameter, other: tuple[float, float] | None, truth: float | None) -> dict[str, float]:
+    """Differences in sigmas: from the other solution in the larger of both sigmas, from the truth in its own."""
     apart = {}
     if other is not None:
-        apart["other"] = (row.value - other[0]) / max(row.sigma, other[1], 1e-300)
+        apart["other_in_sigma"] = (row.value - other[0]) / max(row.sigma, other[1], 1e-300)
     if truth is not None:
-        apart["truth"] = (row.value - truth) / max(row.sigma, 1e-300)
+        apart["truth_in_sigma"] = (row.value - truth) / max(row.sigma, 1e-300)
     return apart
 
 

@@ -1,130 +1,140 @@
-"""The views of a method's answer: which there are, under which names, and what fills them."""
+"""The tabs of a method: how it is carried out, and the views of its answer."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
-from PySide6.QtCore import QCoreApplication, QEvent
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
 from calstation.gui.logs.methods.answer_table import AnswerTable
 from calstation.gui.logs.methods.applied_view import AppliedView
-from calstation.gui.logs.methods.figures import scrolled
 from calstation.gui.logs.methods.gimbal_view import GimbalView
+from calstation.gui.logs.methods.guidance import guidance
 from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
-from calstation.gui.logs.methods.pair_view import PairCheckView, PairLeftView
+from calstation.gui.logs.methods.pair_view import PairCheckView, PairResidualsView
 from calstation.gui.logs.methods.positions_view import PositionsView
-from calstation.gui.text import duration_text, event_sentence
-from calstation.gui.widgets import ChecksTable, StateBadge, theme
-from calstation.results.plots import GimbalPlotData, MethodAnswer, PositionPlotData
+from calstation.gui.shell import AppContext
+from calstation.gui.text import duration_text, event_sentence, on_language_change
+from calstation.gui.widgets import (
+    ChecksTable,
+    StateBadge,
+    ViewTabs,
+    Words,
+    column,
+    label,
+    row,
+    scroll_area,
+    stack,
+    theme,
+)
+from calstation.results.plots import GimbalPlotData, MethodAnswer, PairPlotData, PositionPlotData
 
 
-@dataclass(frozen=True)
-class View:
-    """One view: `words` says its name anew whenever asked."""
+class AnswerViews(QWidget):
+    """Guidance first, then the views of the method, and those that every method has: parameters and checks."""
 
-    words: Callable[[], str]
-    widget: QWidget
-
-
-class AnswerViews:
-    """A method's own views, and those that every method has: parameters and checks."""
-
-    def __init__(self, stage: str) -> None:
+    def __init__(self, app: AppContext, stage: str, export_button: QPushButton) -> None:
+        super().__init__()
+        self._answered = False
         self.positions = PositionsView() if stage == MULTI_POSITION else None
-        self.applied = AppliedView() if stage == MULTI_POSITION else None
+        self.applied = AppliedView(app) if stage == MULTI_POSITION else None
         self.gimbal = GimbalView() if stage == GIMBAL else None
         self.check = PairCheckView() if stage == CROSS_CALIBRATION else None
-        self._checking = None if self.check is None else scrolled(self.check)
-        self.left = PairLeftView() if stage == CROSS_CALIBRATION else None
+        self.residuals = PairResidualsView() if stage == CROSS_CALIBRATION else None
         self.table, self.checks = AnswerTable(), ChecksTable()
+        self.tabs, self._head = ViewTabs(f"{stage}_tabs"), _AnswerHead()
+        self._stack: QStackedWidget = stack()
+        self._titles: list[Words] = []
+        self._add(lambda: self.tr("How it is done"), guidance(stage))
+        self._add(lambda: self.tr("Rests and motions"), self.positions)
+        self._add(lambda: self.tr("Before and after"), self.applied)
+        self._add(lambda: self.tr("Convergence"), self.gimbal)
+        self._add(lambda: self.tr("Check and monitoring"), self.check and scroll_area(self.check))
+        self._add(lambda: self.tr("Residuals"), self.residuals)
+        self._add(lambda: self.tr("Parameters"), self.table)
+        self._add(lambda: self.tr("Checks"), self.checks)
+        self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
+        top = row(self.tabs, None, export_button, spacing=2 * theme.GRID)
+        column(top, self._head, (self._stack, 1), on=self)
+        on_language_change(self, self._refresh)
 
-    @property
-    def views(self) -> Sequence[View]:
-        """In the order of their tabs."""
-        own = (
-            (lambda: QCoreApplication.translate("method_views", "Rests and motions"), self.positions),
-            (lambda: QCoreApplication.translate("method_views", "Before and after"), self.applied),
-            (lambda: QCoreApplication.translate("method_views", "Convergence"), self.gimbal),
-            (lambda: QCoreApplication.translate("method_views", "Check and watch"), self._checking),
-            (lambda: QCoreApplication.translate("method_views", "What is left"), self.left),
-            (lambda: QCoreApplication.translate("method_views", "Parameters"), self.table),
-            (lambda: QCoreApplication.translate("method_views", "Checks"), self.checks),
-        )
-        return [View(words, widget) for words, widget in own if widget is not None]
+    def clear(self) -> None:
+        """Show the guidance only."""
+        self._answered = False
+        self.tabs.setCurrentIndex(0)
+        self._head.hide()
+        self._refresh()
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Fill all of them."""
-        picture = answer.picture
-        if self.positions is not None and isinstance(picture, PositionPlotData):
-            self.positions.show_picture(picture)
-        if self.gimbal is not None and isinstance(picture, GimbalPlotData):
-            self.gimbal.show_picture(picture)
-        if self.check is not None and self.left is not None:
-            self.check.show_answer(answer)
-            self.left.show_answer(answer)
+        """Fill all views and show the first one of the answer."""
+        self._answered = True
+        data = answer.picture
+        if self.positions is not None and isinstance(data, PositionPlotData):
+            self.positions.show_data(data)
+        if self.applied is not None:
+            self.applied.show_answer(answer)
+        if self.gimbal is not None and isinstance(data, GimbalPlotData):
+            self.gimbal.show_data(data)
+        if self.check is not None and self.residuals is not None and isinstance(data, PairPlotData):
+            self.check.show_data(data, answer.schedule)
+            self.residuals.show_data(data, answer.parameters)
         self.table.show_answer(answer)
         self.checks.show_checks(answer.resolved.result.checks)
+        self._head.show_answer(answer)
+        self._refresh()
+        self.tabs.setCurrentIndex(1)
+
+    def _add(self, title: Words, view: QWidget | None) -> None:
+        if view is not None:
+            self._titles.append(title)
+            self.tabs.addTab("")
+            self._stack.addWidget(view)
+
+    def _refresh(self) -> None:
+        unsolved = "" if self._answered else self.tr("Solve a recording first")
+        for index, title in enumerate(self._titles):
+            self.tabs.setTabText(index, title())
+            if index:
+                self.tabs.setTabEnabled(index, self._answered)
+                self.tabs.setTabToolTip(index, unsolved)
 
 
-class AnswerHead(QWidget):
-    """Hidden while there is no answer."""
+class _AnswerHead(QWidget):
+    """Verdict, recording and remarks; hidden without an answer."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self) -> None:
+        super().__init__()
         self._answer: MethodAnswer | None = None
-        self.badge, self._about, self._remarks = StateBadge(theme.BODY), QLabel(), QLabel()
-        self._about.setProperty("kind", "muted")
-        self._remarks.setProperty("kind", "caution")
-        self._remarks.setWordWrap(True)
-        line = QHBoxLayout()
-        line.setSpacing(2 * theme.GRID)
-        line.addWidget(self.badge)
-        line.addWidget(self._about, 1)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addLayout(line)
-        column.addWidget(self._remarks)
+        self._badge, self._about, self._remarks = StateBadge(), label(kind="muted"), label(kind="caution", wrap=True)
+        column(row(self._badge, (self._about, 1), spacing=2 * theme.GRID), self._remarks, on=self)
+        self.hide()
+        on_language_change(self, self._refresh)
 
-    def show_answer(self, answer: MethodAnswer | None) -> None:
-        """Show an answer, or none."""
+    def show_answer(self, answer: MethodAnswer) -> None:
+        """Show an answer."""
         self._answer = answer
-        self.setVisible(answer is not None)
-        self.retranslate()
+        self._refresh()
+        self.show()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
+    def _refresh(self) -> None:
         answer = self._answer
         if answer is None:
             return
         remarks = "\n".join(event_sentence(key, values) for key, values in answer.resolved.messages)
         self._remarks.setText(remarks)
         self._remarks.setVisible(bool(remarks))
-        self.badge.show_state(*self._verdict(answer))
+        self._badge.show_state(*self._verdict(answer))
         result, recording = answer.resolved.result, answer.recording
-        about = [
-            recording.serial,
-            self.tr("{0} at {1:g} Hz").format(duration_text(recording.duration), recording.rate),
-        ]
-        lost = result.unobservable
+        parts = [recording.serial, self.tr("{0} at {1:g} Hz").format(duration_text(recording.duration), recording.rate)]
+        lost = len(result.unobservable)
         if lost:
-            about.append(self.tr("not determined: {0} of {1}").format(len(lost), len(result.parameters)))
-        self._about.setText("  ·  ".join(about))
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language."""
-        if event.type() == QEvent.Type.LanguageChange:
-            self.retranslate()
-        super().changeEvent(event)
+            parts.append(self.tr("not determined: {0} of {1}").format(lost, len(result.parameters)))
+        self._about.setText("  ·  ".join(parts))
 
     def _verdict(self, answer: MethodAnswer) -> tuple[str, str]:
-        """Shape and words of what the checks say."""
+        """Shape and text of the verdict."""
         result = answer.resolved.result
         failed = len(result.failed_checks)
         near = sum(check.near_miss for check in result.checks)
         if failed:
-            said = self.tr("{0} of {1} checks failed").format(failed, len(result.checks))
-            return "bad" if result.passed is False else "caution", said
+            text = self.tr("{0} of {1} checks failed").format(failed, len(result.checks))
+            return "bad" if result.passed is False else "caution", text
         if result.passed is None:
             return "good", self.tr("Solved; the recording names no limits")
         if near:

@@ -1,90 +1,104 @@
-"""How a method is done: its picture, numbered steps, what is needed and what is found."""
+"""How a method is carried out: numbered steps, what it needs and finds, and a picture with the names of its parts."""
 
-from PySide6.QtCore import QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QScrollArea, QVBoxLayout, QWidget
+from functools import cache, partial
+from pathlib import Path
 
-from calstation.gui.logs.methods.kinds import words
-from calstation.gui.logs.methods.pictures import MethodPicture
-from calstation.gui.text import on_language_change
-from calstation.gui.widgets import theme
+from PySide6.QtCore import QByteArray, QPointF, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen
+from PySide6.QtSvg import QSvgRenderer
+from PySide6.QtWidgets import QGridLayout, QScrollArea, QSizePolicy, QWidget
 
-_DISC = 28
+from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
+from calstation.gui.text import on_language_change, term
+from calstation.gui.widgets import column, label, row, scroll_area, spread, theme
+
+_STEPS = 4
+_FOLDER = Path(__file__).parent / "images"
+#: Colours of the files by the theme's names for them.
+_DRAWN = {"text": "#14191d", "muted": "#55616a", "line": "#c3ccd2", "field": "#ffffff", "accent": "#1f5f8b"}
+#: Half of a picture's width, in its own units.
+_EXTENT = 1.3
+#: Position of each part, in the same units from the centre, right and down.
+_PARTS = {
+    MULTI_POSITION: {"outer": (-0.914, -0.126), "inner": (-0.524, -0.533), "unit": (0.208, 0.183)},
+    GIMBAL: {"z": (-0.687, -0.722), "x": (0.802, 0.053), "y": (-0.218, -0.278), "unit": (-0.248, 0.235)},
+    CROSS_CALIBRATION: {"primary": (-0.787, 0.195), "secondary": (0.752, 0.182), "lever": (0.092, 0.043)},
+}
+#: Share of the width that is kept for names on either side.
+_NAMES_SHARE = 0.3
 
 
-class _Number(QWidget):
-    """A step's number on a disc."""
+def guidance(stage: str) -> QScrollArea:
+    """Make the view that explains a method."""
+    steps, foot = QGridLayout(), QGridLayout()
+    for number in range(1, _STEPS + 1):
+        step = label(partial(term, "method", f"{stage}_step_{number}"), wrap=True)
+        step.setFont(theme.font(theme.BODY + 1))
+        steps.addWidget(label(partial(str, number), "number"), number, 0, Qt.AlignmentFlag.AlignTop)
+        steps.addWidget(step, number, 1)
+    for line, key in enumerate(("needs", "finds")):
+        foot.addWidget(label(partial(term, "method", key), "muted"), line, 0, Qt.AlignmentFlag.AlignTop)
+        foot.addWidget(label(partial(term, "method", f"{stage}_{key}"), wrap=True), line, 1)
+    for grid in (steps, foot):
+        grid.setSpacing(2 * theme.GRID)
+        grid.setColumnStretch(1, 1)
+    body = QWidget()
+    left = column(steps, foot, None, spacing=3 * theme.GRID)
+    margins = (theme.GRID, 2 * theme.GRID, theme.GRID, theme.GRID)
+    row((left, 11), (MethodPicture(stage), 9), on=body, spacing=4 * theme.GRID, margins=margins)
+    return scroll_area(body)
 
-    def __init__(self, number: int) -> None:
+
+class MethodPicture(QWidget):
+    """The picture of a method with the names of its parts."""
+
+    def __init__(self, stage: str) -> None:
         super().__init__()
-        self._number = number
-        self.setFixedSize(QSize(_DISC, _DISC))
+        self._stage = stage
+        self.setMinimumSize(260, 200)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
+        on_language_change(self, self.update)
+
+    def sizeHint(self) -> QSize:
+        """Wider than high, because of the names."""
+        return QSize(380, 280)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Disc and figure."""
-        c = theme.colours()
+        """Draw picture and names."""
+        box = QRectF(self.rect())
+        half = min(box.width() * (1.0 - _NAMES_SHARE), box.height()) / 2.0
+        square = QRectF(box.center().x() - half, box.center().y() - half, 2.0 * half, 2.0 * half)
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-        painter.setPen(Qt.PenStyle.NoPen)
-        painter.setBrush(QColor(c.accent))
-        painter.drawEllipse(QRectF(self.rect()).adjusted(1, 1, -1, -1))
-        painter.setPen(QColor(c.on_accent))
-        painter.setFont(theme.font(bold=True))
-        painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, str(self._number))
+        _renderer(self._stage, theme.current()).render(painter, square)
+        self._write_names(painter, box, half)
+
+    def _write_names(self, painter: QPainter, box: QRectF, half: float) -> None:
+        """Write the names at both sides, with thin lines to their parts."""
+        painter.setFont(theme.font())
+        metrics = QFontMetricsF(painter.font())
+        colours, centre = theme.colours(), box.center()
+        at = {k: centre + QPointF(x, y) * (half / _EXTENT) for k, (x, y) in _PARTS[self._stage].items()}
+        for right in (False, True):
+            keys = sorted((k for k in at if (at[k].x() >= centre.x()) is right), key=lambda k: at[k].y())
+            heights = spread([at[k].y() for k in keys], metrics.height(), box.top(), box.bottom())
+            for key, y in zip(keys, heights, strict=True):
+                name = term("method", f"part_{key}")
+                width = metrics.horizontalAdvance(name)
+                edge = centre.x() + (half if right else -half)
+                edge = min(edge, box.right() - width - 6) if right else max(edge, box.left() + width + 6)
+                painter.setPen(QPen(QColor(colours.muted), 1))
+                painter.drawLine(at[key], QPointF(edge, y))
+                painter.setPen(QColor(colours.text))
+                left = edge + 4 if right else edge - 4 - width
+                painter.drawText(QPointF(left, y + 0.35 * metrics.ascent()), name)
 
 
-class Guidance(QScrollArea):
-    """Also what a method shows before it has a recording."""
-
-    def __init__(self, stage: str, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._stage = stage
-        self.setWidgetResizable(True)
-        self.setFrameShape(QFrame.Shape.NoFrame)
-        self.setProperty("kind", "clear")
-        count = len(words(stage).steps)
-        self._steps = [QLabel() for _ in range(count)]
-        self._heads = QLabel(), QLabel()
-        self._texts = QLabel(), QLabel()
-        steps = QGridLayout()
-        steps.setHorizontalSpacing(2 * theme.GRID)
-        steps.setVerticalSpacing(2 * theme.GRID)
-        steps.setColumnStretch(1, 1)
-        for row, label in enumerate(self._steps):
-            label.setWordWrap(True)
-            label.setFont(theme.font(theme.BODY + 1))
-            steps.addWidget(_Number(row + 1), row, 0, Qt.AlignmentFlag.AlignTop)
-            steps.addWidget(label, row, 1)
-        foot = QGridLayout()
-        foot.setHorizontalSpacing(3 * theme.GRID)
-        foot.setVerticalSpacing(theme.GRID)
-        foot.setColumnStretch(1, 1)
-        for row, (head, text) in enumerate(zip(self._heads, self._texts, strict=True)):
-            head.setProperty("kind", "muted")
-            text.setWordWrap(True)
-            foot.addWidget(head, row, 0, Qt.AlignmentFlag.AlignTop)
-            foot.addWidget(text, row, 1)
-        left = QVBoxLayout()
-        left.setSpacing(3 * theme.GRID)
-        left.addLayout(steps)
-        left.addLayout(foot)
-        left.addStretch(1)
-        picture = MethodPicture(stage)
-        body = QWidget()
-        sides = QHBoxLayout(body)
-        sides.setContentsMargins(theme.GRID, 2 * theme.GRID, theme.GRID, theme.GRID)
-        sides.setSpacing(4 * theme.GRID)
-        sides.addLayout(left, 11)
-        sides.addWidget(picture, 9)
-        self.setWidget(body)
-        on_language_change(self, self.retranslate)
-
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        said = words(self._stage)
-        for label, text in zip(self._steps, said.steps, strict=True):
-            label.setText(text)
-        for head, text in zip(self._heads, (self.tr("Needs"), self.tr("Finds")), strict=True):
-            head.setText(text)
-        for label, text in zip(self._texts, (said.needs, said.finds), strict=True):
-            label.setText(text)
+@cache
+def _renderer(stage: str, theme_name: str) -> QSvgRenderer:
+    """The picture in the colours of a theme."""
+    text, colours = (_FOLDER / f"{stage}.svg").read_text(encoding="utf-8"), theme.colours()
+    for name, drawn in _DRAWN.items():
+        dark_field = name == "field" and theme_name != "light"
+        text = text.replace(drawn, colours.line if dark_field else getattr(colours, name))
+    return QSvgRenderer(QByteArray(text.encode()))

@@ -1,307 +1,235 @@
-"""Two IMUs or more at rest and in motion: the check against thresholds, the watch, what is kept, what is left."""
+"""IMUs on one body: the check at rest against thresholds, the replay, what is stored, and the residuals."""
 
 from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
-from PySide6.QtCore import QEvent, QSignalBlocker, Signal
-from PySide6.QtWidgets import QComboBox, QFrame, QHBoxLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtWidgets import QComboBox, QWidget
 
 from calstation.gui.logs.methods.figures import Figure, three_digits
-from calstation.gui.logs.methods.pair_parts import (
-    SENSORS,
-    CheckBar,
-    CheckBars,
-    Timeline,
-    shown,
-    why_given_up,
-    word_schedule,
-    word_sensor,
-)
+from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.plots import MethodPlot
-from calstation.gui.text import on_language_change
-from calstation.gui.widgets import theme
-from calstation.physics import DEGREE, display, number, pair_name
-from calstation.results import PairCheckResult, PairProgress
-from calstation.results.plots import (
-    MethodAnswer,
-    PairPlotData,
-    PairResiduals,
-    SecondaryPlotData,
-    StoredPairFile,
-)
+from calstation.gui.text import on_language_change, say, show, term
+from calstation.gui.widgets import button, column, label, panel, row, theme
+from calstation.messages import Text
+from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G, display, number, pair_name
+from calstation.results import PairCheckResult, PairProgress, Parameter
+from calstation.results.plots import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile
 
-#: What is left is drawn in °/s and m/s²: it is mostly that of motion.
-_RATE, _FORCE = DEGREE, 1.0
+_SENSORS = ("gyro", "accel")
+#: Unit of a deviation at rest.
+_UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
 
 
 class PairCheckView(QWidget):
-    """The check at rest, the watch and what is kept. `check_wanted()`: the button was pressed."""
+    """The check at rest, the replay and what is stored. `check_wanted()`: the button was pressed."""
 
     check_wanted = Signal()
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._answer: MethodAnswer | None = None
+    def __init__(self) -> None:
+        super().__init__()
+        self._data: PairPlotData | None = None
+        self._schedule: Mapping[str, Any] = {}
         self._checked: PairCheckResult | None = None
-        self.schedule_label, self._why, self._kept = QLabel(), QLabel(), QLabel()
-        self.schedule_label.setWordWrap(True)
-        self._why.setWordWrap(True)
-        self._why.setProperty("kind", "caution")
-        self._kept.setWordWrap(True)
-        self._kept.setObjectName("pair_kept_label")
-        self._heads = QLabel(), QLabel(), QLabel()
-        for head in self._heads:
-            head.setProperty("kind", "section")
+        self.schedule_label, self._why = label(wrap=True), label(kind="caution", wrap=True)
+        self._stored = label(name="pair_stored_label", wrap=True)
         self.bars, self.timeline = CheckBars(), Timeline()
-        self.check_button = QPushButton()
-        self.check_button.setObjectName("check_button")
-        self.check_button.clicked.connect(self.check_wanted)
-        panel = QFrame()
-        panel.setProperty("kind", "panel")
-        inside = QVBoxLayout(panel)
-        inside.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        inside.setSpacing(theme.GRID)
-        inside.addWidget(self._heads[0])
-        inside.addWidget(self.bars)
-        watch = QFrame()
-        watch.setProperty("kind", "panel")
-        below = QVBoxLayout(watch)
-        below.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        below.setSpacing(theme.GRID)
-        top = QHBoxLayout()
-        top.addWidget(self._heads[1])
-        top.addStretch(1)
-        top.addWidget(self.check_button)
-        self._unwatched = QLabel()
-        self._unwatched.setProperty("kind", "muted")
-        self._unwatched.setWordWrap(True)
-        below.addLayout(top)
-        below.addWidget(self._unwatched)
-        below.addWidget(self.timeline)
-        below.addWidget(self._why)
-        kept = QHBoxLayout()
-        kept.setSpacing(2 * theme.GRID)
-        kept.addWidget(self._heads[2])
-        kept.addWidget(self._kept, 1)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, theme.GRID, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addWidget(self.schedule_label)
-        column.addWidget(panel)
-        column.addWidget(watch)
-        column.addLayout(kept)
-        column.addStretch(1)
-        on_language_change(self, self.retranslate)
+        self.check_button = button(
+            "check_button",
+            lambda: self.tr("Check now"),
+            self.check_wanted,
+            tip=lambda: self.tr("Replays the recording: IMUs out of tolerance are calibrated, the results are stored"),
+        )
+        self._explanation = label(
+            lambda: self.tr(
+                "Check now replays this recording as if it were live: it checks at the first rest, and calibrates what "
+                "is out of tolerance from the motion after it."
+            ),
+            "muted",
+            wrap=True,
+        )
+        head = row(label(lambda: self.tr("Monitoring"), "section"), None, self.check_button)
+        stored = row(label(lambda: self.tr("Stored"), "section"), (self._stored, 1), spacing=2 * theme.GRID)
+        column(
+            self.schedule_label,
+            panel(label(lambda: self.tr("Check at rest"), "section"), self.bars),
+            panel(head, self._explanation, self.timeline, self._why),
+            stored,
+            None,
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        on_language_change(self, self._refresh)
 
-    def show_answer(self, answer: MethodAnswer) -> None:
-        """Show what a solved recording says at rest, and what its triggers led to where it has any."""
-        self._answer, self._checked = answer, None
-        picture = answer.picture
-        assert isinstance(picture, PairPlotData)
-        end = PairProgress(picture.duration, picture.duration, "waiting", 0.0, picture.happened)
-        self.timeline.show_followed(end if picture.happened else None)
-        self.retranslate()
+    def show_data(self, data: PairPlotData, schedule: Mapping[str, Any]) -> None:
+        """Show the rests of a solved recording, and what its triggers led to if it has any."""
+        self._data, self._schedule, self._checked = data, schedule, None
+        end = PairProgress(data.duration, data.duration, "waiting", 0.0, data.happened)
+        self.timeline.show_progress(end if data.happened else None)
+        self._refresh()
 
-    def show_followed(self, followed: PairProgress | None) -> None:
-        """How far the watch has come."""
-        self.timeline.show_followed(followed)
-        self._show_watch(followed)
+    def show_progress(self, progress: PairProgress | None) -> None:
+        """Show how far the replay is."""
+        self.timeline.show_progress(progress)
+        self._explanation.setVisible(progress is None)
+        self.timeline.setVisible(progress is not None)
+        reasons = [] if progress is None else [h.values["why"] for h in progress.happened if h.kind == "given_up"]
+        self._why.setText(self.tr("Abandoned: {0}").format(show(reasons[-1])) if reasons else "")
+        self._why.setVisible(bool(reasons))
 
     def show_checked(self, checked: PairCheckResult) -> None:
-        """The watch has come to its end."""
+        """Show the end of the replay."""
         self._checked = checked
-        self.timeline.show_followed(checked.followed)
-        self.retranslate()
+        self.timeline.show_progress(checked.followed)
+        self._refresh()
 
-    @property
-    def kept(self) -> tuple[StoredPairFile, ...]:
-        """What is kept of the pairs at hand."""
-        if self._checked is not None:
-            return self._checked.kept
-        picture = None if self._answer is None else self._answer.picture
-        return picture.kept if isinstance(picture, PairPlotData) else ()
+    def _refresh(self) -> None:
+        if self._data is not None:
+            self.schedule_label.setText(_schedule_text(self._schedule))
+            self.bars.show_bars(self._bars(self._data))
+            stored = self._data.kept if self._checked is None else self._checked.kept
+            self._stored.setText("\n".join(map(self._stored_text, stored)))
+        self.show_progress(self.timeline.progress)
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        texts = self.tr("Check at rest"), self.tr("Watch"), self.tr("Kept")
-        for head, text in zip(self._heads, texts, strict=True):
-            head.setText(text)
-        self.check_button.setText(self.tr("Check now"))
-        self.check_button.setToolTip(
-            self.tr("Follows the recording as if it were live: what is off is calibrated and kept")
-        )
-        self._unwatched.setText(
-            self.tr(
-                "Check now follows this recording as it would be followed live: a check at the first rest, and "
-                "for what is off a calibration from the motion after it."
-            )
-        )
-        if self._answer is not None:
-            self.schedule_label.setText(word_schedule(self._answer.schedule))
-            self.bars.show_bars(self._bars())
-        self._kept.setText("\n".join(self._word_kept(kept) for kept in self.kept))
-        self._show_watch(self.timeline.followed)
-
-    def _show_watch(self, followed: PairProgress | None) -> None:
-        self._unwatched.setVisible(followed is None)
-        self.timeline.setVisible(followed is not None)
-        why = "" if followed is None else why_given_up(followed)
-        self._why.setText(self.tr("Given up: {0}").format(why) if why else "")
-        self._why.setVisible(bool(why))
-
-    def _bars(self) -> list[CheckBar]:
-        assert self._answer is not None
-        picture = self._answer.picture
-        assert isinstance(picture, PairPlotData)
-        bars: list[CheckBar] = []
-        by_trigger = {h.number for h in picture.happened if h.kind == "calibrated"}
-        for place, secondary in enumerate(picture.secondaries):
-            check: Mapping[str, Any] | None = secondary.check
-            calibrated: Mapping[str, float | None] = {}
-            if secondary.number in by_trigger:
-                calibrated = secondary.static
+    def _bars(self, data: PairPlotData) -> list[CheckBar]:
+        """A row for each sensor of every secondary, and last of the primary, as the last check found it."""
+        bars = []
+        check: Mapping[str, Any] | None = None
+        by_trigger = {h.number for h in data.happened if h.kind == "calibrated"}
+        for k, secondary in enumerate(data.secondaries):
+            check, after = secondary.check, secondary.static if secondary.number in by_trigger else {}
             if self._checked is not None:
-                check, calibrated = self._checked.checks.get(secondary.number, check), {}
-                if secondary.number in self._checked.calibrated:
-                    calibrated = self._checked.kept[place].static
+                check = self._checked.checks.get(secondary.number, check)
+                after = self._checked.kept[k].static if secondary.number in self._checked.calibrated else {}
             name = self.tr("IMU {0}").format(secondary.number)
-            for sensor in SENSORS:
-                bars.append(self._bar(name, sensor, check and check["secondary"][sensor], calibrated.get(sensor)))
-            if place == len(picture.secondaries) - 1:
-                for sensor in SENSORS:
-                    bars.append(self._bar(self.tr("primary"), sensor, check and check["primary"][sensor], None))
-        return bars
+            bars += [self._bar(name, s, check and check["secondary"][s], after.get(s)) for s in _SENSORS]
+        return bars + [self._bar(self.tr("primary"), s, check and check["primary"][s], None) for s in _SENSORS]
 
-    def _bar(self, unit: str, sensor: str, told: Mapping[str, Any] | None, calibrated: float | None) -> CheckBar:
-        name = f"{unit}  {word_sensor(sensor)}"
-        if told is None:
+    def _bar(self, unit: str, sensor: str, check: Mapping[str, Any] | None, after: float | None) -> CheckBar:
+        """The row of a sensor; `after` is its deviation after a calibration."""
+        name = f"{unit}  {term('sensor', sensor)}"
+        if check is None:
             return CheckBar(name, 0.0, "–", "", self.tr("no rest to check at"), "none")
-        within = bool(told["within"])
-        verdict, state = (self.tr("within"), "good") if within else (self.tr("off"), "bad")
-        if not within and calibrated is not None:
-            now = shown(sensor, calibrated)
-            good = calibrated <= told["limit"]
-            verdict = (self.tr("calibrated: now {0}") if good else self.tr("calibrated, still {0}")).format(now)
-            state = "good" if good else "caution"
-        return CheckBar(
-            name,
-            told["value"] / told["limit"],
-            shown(sensor, told["value"]),
-            self.tr("at most {0}").format(shown(sensor, told["limit"])),
-            verdict,
-            state,
-        )
+        verdict, state = (self.tr("within"), "good") if check["within"] else (self.tr("out of tolerance"), "bad")
+        if not check["within"] and after is not None:
+            good = after <= check["limit"]
+            text = self.tr("calibrated: now {0}") if good else self.tr("calibrated, still {0}")
+            verdict, state = text.format(_shown(sensor, after)), "good" if good else "caution"
+        limit = self.tr("at most {0}").format(_shown(sensor, check["limit"]))
+        return CheckBar(name, check["value"] / check["limit"], _shown(sensor, check["value"]), limit, verdict, state)
 
-    def _word_kept(self, kept: StoredPairFile) -> str:
-        if not kept.utc:
-            return self.tr("IMU {0}, {1}: nothing is kept of it yet.").format(kept.number, kept.serial)
-        when = datetime.fromisoformat(kept.utc).astimezone().strftime("%Y-%m-%d %H:%M")
-        return self.tr("IMU {0}, {1}: calibrated last on {2}, {3} values in {4}").format(
-            kept.number, kept.serial, when, kept.values, kept.file
+    def _stored_text(self, stored: StoredPairFile) -> str:
+        if not stored.utc:
+            return self.tr("IMU {0}, {1}: nothing is stored yet.").format(stored.number, stored.serial)
+        when = datetime.fromisoformat(stored.utc).astimezone().strftime("%Y-%m-%d %H:%M")
+        return self.tr("IMU {0}, {1}: last calibrated on {2}, {3} values in {4}").format(
+            stored.number, stored.serial, when, stored.values, stored.file
         )
 
 
-class PairLeftView(QWidget):
-    """What is left between secondary and primary over the recording, and where the secondary sits in space and time."""
+def _shown(sensor: str, value: float) -> str:
+    """A deviation at rest in the unit people read."""
+    unit, size = _UNITS[sensor]
+    return f"{three_digits(value / size)} {unit}"
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
-        self._answer: MethodAnswer | None = None
+
+def _schedule_text(schedule: Mapping[str, Any]) -> str:
+    """The schedule of checks and calibrations as sentences."""
+    fitted = [Text(f"pair.model_{schedule['model']}")]
+    if schedule["lever"] and schedule["model"] == "full":
+        fitted.append(Text("pair.lever"))
+    if schedule["clock_offset"]:
+        fitted.append(Text("pair.clock_offset"))
+    limits = []
+    for s in _SENSORS:
+        secondary, primary = (_threshold(s, schedule[f"{unit}_{s}"]) for unit in ("secondary", "primary"))
+        limits.append(Text.of("pair.limit", sensor=s, secondary=secondary, primary=primary))
+    return say(
+        "pair.schedule",
+        when=Text(f"pair.trigger_{schedule['trigger']}", {"period": schedule["period_s"]}),
+        static=schedule["static_s"],
+        which=Text(f"pair.sensors_{schedule['sensors']}"),
+        fitted=fitted,
+        motion=schedule["motion_s"],
+        limits=limits,
+    )
+
+
+def _threshold(sensor: str, rule: Mapping[str, Any]) -> Text:
+    fixed = _shown(sensor, rule["fixed"])
+    if rule.get("offset") is not None:
+        return Text.of("pair.limit_offset", offset=_shown(sensor, rule["offset"]), fixed=fixed)
+    if rule.get("ratio") is not None:
+        return Text.of("pair.limit_ratio", ratio=three_digits(rule["ratio"]), fixed=fixed)
+    return Text.of("pair.limit_fixed", fixed=fixed)
+
+
+class PairResidualsView(QWidget):
+    """Residuals of a secondary against the primary over the recording, its clock offset and its lever arm."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._parameters: Mapping[str, Parameter] = {}
         self._calibrated: list[SecondaryPlotData] = []
-        self.figures = [Figure() for _ in range(4)]
-        self.gyro_plot, self.accel_plot = MethodPlot(log=True), MethodPlot(log=True)
-        self.accel_plot.setXLink(self.gyro_plot)
+        self.figures = [Figure(theme.SECTION) for _ in range(4)]
+        self._plots = {sensor: MethodPlot(log=True) for sensor in _SENSORS}
+        self._plots["accel"].setXLink(self._plots["gyro"])
         self.secondary_combo = QComboBox()
         self.secondary_combo.setObjectName("secondary_combo")
-        self.secondary_combo.currentIndexChanged.connect(lambda _: self.retranslate())
-        row = QHBoxLayout()
-        row.setSpacing(3 * theme.GRID)
-        for figure in self.figures:
-            figure.number.setFont(theme.font(theme.SECTION, bold=True))
-            row.addWidget(figure)
-        row.addStretch(1)
-        row.addWidget(self.secondary_combo)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, theme.GRID, 0, 0)
-        column.setSpacing(theme.GRID)
-        column.addLayout(row)
-        column.addWidget(self.gyro_plot, 1)
-        column.addWidget(self.accel_plot, 1)
+        self.secondary_combo.currentIndexChanged.connect(self._refresh)
+        top = row(*self.figures, None, self.secondary_combo, spacing=3 * theme.GRID)
+        column(top, *((plot, 1) for plot in self._plots.values()), on=self, margins=(0, theme.GRID, 0, 0))
+        theme.on_appearance_change(self, self._refresh)
 
-    def show_answer(self, answer: MethodAnswer) -> None:
-        """Draw it, the first secondary that was calibrated; the others can be chosen."""
-        self._answer = answer
-        picture = answer.picture
-        assert isinstance(picture, PairPlotData)
-        self._calibrated = [s for s in picture.secondaries if s.left]
+    def show_data(self, data: PairPlotData, parameters: Mapping[str, Parameter]) -> None:
+        """Show the first calibrated secondary; the others can be chosen."""
+        self._parameters = parameters
+        self._calibrated = [s for s in data.secondaries if s.left]
         with QSignalBlocker(self.secondary_combo):
             self.secondary_combo.clear()
             self.secondary_combo.addItems([f"{s.number}: {s.serial}" for s in self._calibrated])
         self.secondary_combo.setVisible(len(self._calibrated) > 1)
-        self.retranslate()
+        self._refresh()
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        answer = self._answer
-        if answer is None:
-            return
+    def _refresh(self) -> None:
         self.secondary_combo.setAccessibleName(self.tr("Secondary shown"))
-        index = max(self.secondary_combo.currentIndex(), 0)
-        of = self._calibrated[index] if self._calibrated else None
-        for plot in (self.gyro_plot, self.accel_plot):
+        for plot in self._plots.values():
             plot.empty()
-        if of is None:
+        if not self._calibrated:
             for figure in self.figures:
                 figure.show_text("", "")
-            self.gyro_plot.say([(self.tr("Nothing was calibrated in this recording"), theme.colours().muted)])
+            note = self.tr("Nothing was calibrated in this recording"), theme.colours().muted
+            self._plots["gyro"].finish([note])
             return
-        name = self.tr("IMU {0}").format(of.number)
-        self._draw(self.gyro_plot, of.left["gyro"], self.tr("{0} gyro against the primary, °/s").format(name), _RATE)
-        self._draw(
-            self.accel_plot,
-            of.left["accel"],
-            self.tr("{0} accelerometer against the primary, m/s²").format(name),
-            _FORCE,
-        )
+        secondary = self._calibrated[max(self.secondary_combo.currentIndex(), 0)]
+        rates, forces = secondary.left["gyro"], secondary.left["accel"]
+        self._draw("gyro", rates, self.tr("IMU {0} gyro against the primary, °/s").format(secondary.number), DEGREE)
+        title = self.tr("IMU {0} accelerometer against the primary, m/s²")
+        self._draw("accel", forces, title.format(secondary.number), 1.0)
         gyro, accel, clock, lever = self.figures
-        (before, after), (force, left) = of.left["gyro"].rms, of.left["accel"].rms
-        gyro.show_change(self.tr("gyro left, rms"), before / _RATE, after / _RATE, "°/s")
-        accel.show_change(self.tr("accelerometer left, rms"), force / _FORCE, left / _FORCE, "m/s²")
-        clock.show_text(self.tr("clock offset"), self._told(answer, ["clock_offset"], of.number))
+        gyro.show_change(self.tr("gyro residual, rms"), rates.rms[0] / DEGREE, rates.rms[1] / DEGREE, "°/s")
+        accel.show_change(self.tr("accelerometer residual, rms"), forces.rms[0], forces.rms[1], "m/s²")
+        clock.show_text(self.tr("clock offset"), self._values(["clock_offset"], secondary.number))
         levers = [f"secondary_lever_{axis}" for axis in "xyz"]
-        lever.show_text(self.tr("lever arm x, y, z"), self._told(answer, levers, of.number))
+        lever.show_text(self.tr("lever arm x, y, z"), self._values(levers, secondary.number))
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Hear of a new language or theme."""
-        if event.type() in (QEvent.Type.LanguageChange, QEvent.Type.PaletteChange):
-            self.retranslate()
-        super().changeEvent(event)
+    def _draw(self, sensor: str, residuals: PairResiduals, title: str, size: float) -> None:
+        plot, c = self._plots[sensor], theme.colours()
+        plot.line(residuals.time, residuals.before / size, c.caution)
+        plot.line(residuals.time, residuals.after / size, c.accent)
+        legend = (self.tr("before"), c.caution), (self.tr("after"), c.accent), (self.tr("s from the start"), c.muted)
+        plot.finish([(title, c.text), *legend])
 
-    def _draw(self, plot: MethodPlot, left: PairResiduals, title: str, size: float) -> None:
-        c = theme.colours()
-        plot.line(left.time, left.before / size, c.caution)
-        plot.line(left.time, left.after / size, c.accent)
-        plot.say(
-            [
-                (title, c.text),
-                (self.tr("before"), c.caution),
-                (self.tr("after"), c.accent),
-                (self.tr("s from the start"), c.muted),
-            ]
-        )
-        plot.fit()
-
-    def _told(self, answer: MethodAnswer, names: list[str], imu: int) -> str:
-        """Values with the unit people read; a dash where they were not fitted."""
-        rows = [(name, answer.parameters.get(pair_name(name, imu))) for name in names]
+    def _values(self, names: list[str], imu: int) -> str:
+        """Values with their unit; one value alone with its sigma; a dash if they were not fitted."""
         texts, unit = [], ""
-        for name, row in rows:
-            if row is None:
+        for name in names:
+            fitted = self._parameters.get(pair_name(name, imu))
+            if fitted is None:
                 return "–"
-            value, unit = display(name, row.value)
-            texts.append(three_digits(value))
-            if len(rows) == 1:
-                sigma = display(name, row.sigma)[0]
-                texts[-1] = f"{number(value, sigma)} ± {number(sigma, sigma)}".replace("-", "−")
+            value, unit = display(name, fitted.value)
+            sigma = display(name, fitted.sigma)[0]
+            alone = f"{number(value, sigma)} ± {number(sigma, sigma)}".replace("-", "−")
+            texts.append(alone if len(names) == 1 else three_digits(value))
         return f"{', '.join(texts)} {unit}"
