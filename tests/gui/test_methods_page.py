@@ -69,7 +69,7 @@ def chosen(window: MainWindow) -> Callable[[str], MethodPanel]:
 
 
 def solved(panel: MethodPanel, path: Path, qtbot: QtBot) -> None:
-    """Open a recording as a hand does: its path typed, and Enter."""
+    """Type the path of a recording and press Enter."""
     panel.source.log_edit.setText(str(path))
     qtbot.keyClick(panel.source.log_edit, Qt.Key.Key_Return)
     qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)
@@ -77,7 +77,7 @@ def solved(panel: MethodPanel, path: Path, qtbot: QtBot) -> None:
 
 
 def cells(panel: MethodPanel) -> dict[str, dict[str, str]]:
-    """The parameter table as it stands: heading by heading."""
+    """The cells of the parameter table by parameter and heading."""
     model = panel.answers.table.model()
     headings = [str(model.headerData(k, Qt.Orientation.Horizontal)) for k in range(model.columnCount())]
     rows = {}
@@ -87,7 +87,7 @@ def cells(panel: MethodPanel) -> dict[str, dict[str, str]]:
     return rows
 
 
-def test_a_hand_recording_is_solved_drawn_applied_and_exported(
+def test_a_multi_position_recording_is_solved_drawn_applied_and_exported(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot, tmp_path: Path
 ) -> None:
     panel = chosen("multi_position")
@@ -124,7 +124,7 @@ def test_a_hand_recording_is_solved_drawn_applied_and_exported(
     assert json.loads(target.read_text("utf-8"))["stages"] == ["multi_position"]
 
 
-def test_the_unit_in_the_fixture_is_shown_before_and_after(
+def test_data_of_the_connected_unit_are_shown_before_and_after(
     chosen: Callable[[str], MethodPanel],
     recordings: dict[str, Path],
     qtbot: QtBot,
@@ -142,7 +142,7 @@ def test_the_unit_in_the_fixture_is_shown_before_and_after(
     assert not button.isEnabled()
     assert not view.choose_button.isEnabled()
     view.watch.cancel()
-    assert view.watch.busy, "a device that is talked to is not given up"
+    assert view.watch.busy, "a job that reads the unit cannot be cancelled"
     qtbot.waitUntil(lambda: not view.watch.busy, timeout=WAIT)
     assert not panel.notice.isVisible(), panel.notice.text_label.text()
     assert button.isEnabled()
@@ -173,7 +173,7 @@ def test_the_unit_in_the_fixture_is_shown_before_and_after(
         assert "STOP" in button.toolTip()
 
 
-def test_a_gimbal_recording_is_made_on_the_bench_and_both_answers_stand_side_by_side(
+def test_a_gimbal_recording_of_the_bench_shows_both_solutions_in_both_languages(
     chosen: Callable[[str], MethodPanel], qtbot: QtBot, site_folder: SiteFolder
 ) -> None:
     panel = chosen("gimbal")
@@ -189,7 +189,7 @@ def test_a_gimbal_recording_is_made_on_the_bench_and_both_answers_stand_side_by_
     view = panel.answers.gimbal
     assert view is not None
     assert [badge.text()[:6] for badge in view.badges] == ["Axis x", "Axis y", "Axis z"]
-    # the page speaks the other language, in the other theme, with the answer standing
+    # all texts change with the language and theme while the answer is shown
     language.use("zh_CN")
     theme.apply("dark")
     try:
@@ -199,14 +199,14 @@ def test_a_gimbal_recording_is_made_on_the_bench_and_both_answers_stand_side_by_
         tabs = panel.answers.tabs
         said += [tabs.tabText(k) for k in range(tabs.count())]
         said += [b.text() for b in page.findChildren(QPushButton) if b.isVisible()]
-        spoken = [text for text in said if re.search(r"[A-Za-z]{4,}", text) and "BENCH" not in text]
-        assert [text for text in spoken if not CHINESE.search(text)] == []
+        english = [text for text in said if re.search(r"[A-Za-z]{4,}", text) and "BENCH" not in text]
+        assert [text for text in english if not CHINESE.search(text)] == []
     finally:
         theme.apply("light")
         language.use("en")
 
 
-def test_a_secondary_that_is_off_is_calibrated_kept_and_within_the_next_time(
+def test_a_secondary_out_of_tolerance_is_calibrated_stored_and_within_at_the_next_check(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
     panel = chosen("cross_calibration")
@@ -241,7 +241,7 @@ def test_a_secondary_that_is_off_is_calibrated_kept_and_within_the_next_time(
     assert {bar.verdict for bar in view.bars.bars} == {"within"}
 
 
-def test_what_gives_no_answer_is_said_where_it_was_opened_and_the_work_can_be_given_up(
+def test_a_failed_solution_is_reported_and_a_running_one_can_be_cancelled(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:
     panel = chosen("cross_calibration")
@@ -262,7 +262,7 @@ def test_what_gives_no_answer_is_said_where_it_was_opened_and_the_work_can_be_gi
     assert panel.solve_button.isEnabled()
 
 
-def test_guiding_live_needs_a_hand_rig_and_then_leads_to_the_operator(
+def test_guide_me_live_needs_a_manual_rig_and_opens_the_operator_page(
     chosen: Callable[[str], MethodPanel], window: MainWindow, operator: Operator, qtbot: QtBot
 ) -> None:
     panel = chosen("multi_position")
@@ -306,7 +306,7 @@ def never_moved(block: SampleBlock) -> SampleBlock:
 
 
 @pytest.mark.parametrize("spoil", [frozen, in_g, in_degrees, swapped, never_at_rest, never_moved])
-def test_what_is_wrong_with_a_recording_has_words_in_both_languages(
+def test_faults_of_a_recording_are_explained_in_both_languages(
     spoil: Callable[[SampleBlock], SampleBlock], recordings: dict[str, Path], qapp: QApplication
 ) -> None:
     log = open_log(recordings["multi_position"])
@@ -328,7 +328,7 @@ def check(name: str, value: float, limit: float, unit: str, **more: object) -> d
     return {**told, "margin": limit - value, "near_miss": near, **more}
 
 
-def test_checks_stand_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -> None:
+def test_checks_are_shown_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -> None:
     table = ChecksTable()
     qtbot.addWidget(table)
     rows = [
@@ -350,7 +350,7 @@ def test_checks_stand_as_sentences_and_a_near_miss_is_marked(qtbot: QtBot) -> No
     assert check_text(Check.from_json(check("previous accel_scale", 1e-4, 3e-4, "1"))).value == "100"
 
 
-def test_the_operators_verdict_holds_the_products_checks() -> None:
+def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> None:
     checks = [
         check("gravity_at_rest", 0.0095, 0.01, "m/s²"),
         check("motion_angle", 0.009, 0.006, "rad"),
@@ -371,7 +371,7 @@ def test_the_operators_verdict_holds_the_products_checks() -> None:
     assert "1 near its limit" in advice.reason("passed", result_with(checks=checks[:1]))
 
 
-def test_what_triggers_led_to_stands_on_the_line_of_time(
+def test_calibrations_by_triggers_are_shown_on_the_timeline(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], tmp_path: Path, qtbot: QtBot
 ) -> None:
     path = tmp_path / "triggered.csv"

@@ -1,4 +1,4 @@
-"""What a view of a log draws, and what it asks for."""
+"""Columns that a view of a log draws, and samples that it requests."""
 
 from typing import Any
 
@@ -14,8 +14,8 @@ from calstation.results.plots.min_max_pyramid import Columns
 from tests.results.test_log_index import META, START, blocks
 
 
-def told(_: float, *rest: Any, **more: Any) -> None:
-    """Nobody listens."""
+def ignore_progress(_: float, *rest: Any, **more: Any) -> None:
+    """Ignore the progress of a job."""
 
 
 @pytest.fixture(scope="module")
@@ -25,18 +25,20 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> LogIndex:
     for part in blocks():
         writer.append(part)
     writer.close("imported")
-    return log_index(told, folder / "log.h5", folder / "picture")
+    return log_index(ignore_progress, folder / "log.h5", folder / "picture")
 
 
 @pytest.mark.parametrize("first", [0, 8_950, 9_010, 60_000, 89_800])
 @pytest.mark.parametrize("width", [12, 150, 1_500, 12_000])
 @pytest.mark.parametrize("count", [100, 1_000])
-def test_what_was_fetched_is_enough(log: LogIndex, first: int, width: int, count: int) -> None:
+def test_the_samples_requested_are_sufficient(log: LogIndex, first: int, width: int, count: int) -> None:
     columns = LogColumns(log)
     last = min(START + first + width, log.facts.last_seq)
     drawn, wanted = columns.view(START + first, last, count)
     if wanted is not None:
-        columns.keep(wanted, samples(told, log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count))
+        columns.keep(
+            wanted, samples(ignore_progress, log.path, log.folder, log.scale, wanted.start, wanted.stop, wanted.count)
+        )
         drawn, again = columns.view(START + first, last, count)
         assert again is None
         assert drawn.samples < 16
@@ -64,7 +66,7 @@ def test_a_column_with_a_gap_in_it_is_left_out() -> None:
     assert len(low) == 6
 
 
-def test_a_gap_narrower_than_a_pixel_parts_nothing() -> None:
+def test_a_gap_narrower_than_a_pixel_interrupts_no_line() -> None:
     assert not np.isnan(split_at_gaps(columns_with_gap(16), 2_000.0)[0]).any()
 
 
@@ -78,5 +80,5 @@ def test_a_gap_narrower_than_a_pixel_parts_nothing() -> None:
         (-2.0, 1.0, "−0:00:02"),
     ],
 )
-def test_time_reads_as_on_a_clock(seconds: float, resolution: float, text: str) -> None:
+def test_time_is_shown_as_hours_minutes_and_seconds(seconds: float, resolution: float, text: str) -> None:
     assert time_text(seconds, resolution) == text

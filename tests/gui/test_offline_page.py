@@ -1,4 +1,4 @@
-"""The offline page: a log is opened, looked at, solved again over a range, compared and exported."""
+"""The offline page: a log is opened, drawn, solved again over a range, compared and exported."""
 
 import json
 import shutil
@@ -124,8 +124,8 @@ def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 
 @pytest.fixture(autouse=True)
-def every_mouse_event_counts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Moves of a test come faster than a hand's, and plots leave out what comes too fast."""
+def unlimited_mouse_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pyqtgraph drops mouse moves that follow each other as fast as in a test."""
     monkeypatch.setitem(pg.CONFIG_OPTIONS, "mouseRateLimit", 0)
 
 
@@ -162,7 +162,7 @@ def spins(page: OfflinePage) -> tuple[CountSpin, CountSpin]:
 
 
 def solve(page: OfflinePage, qtbot: QtBot) -> None:
-    """Press the button and wait for an answer, good or bad."""
+    """Press the button and wait for a result or an error."""
     button(page, "solve_button").click()
     qtbot.waitUntil(lambda: button(page, "solve_button").isVisible(), timeout=WAIT)
 
@@ -184,7 +184,7 @@ def cells(page: OfflinePage, column: str) -> dict[str, str]:
 
 
 def save_as(page: OfflinePage, name: str, target: Path, kind: int, qtbot: QtBot) -> None:
-    """Press an export button and answer its dialog."""
+    """Press an export button and choose a file in its dialog."""
     button(page, name).click()
     dialogs = page.findChildren(QFileDialog)
     assert len(dialogs) == 1
@@ -198,7 +198,7 @@ def save_as(page: OfflinePage, name: str, target: Path, kind: int, qtbot: QtBot)
     qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
 
 
-def test_a_path_that_is_filled_in_is_opened_without_a_key(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
+def test_a_pasted_path_is_opened_without_a_key(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     edit = page.findChild(QLineEdit, "log_edit")
     edit.setText(str(run_log.with_suffix(".json")))
     edit.setText(str(run_log))
@@ -226,7 +226,7 @@ def test_the_same_log_gives_the_same_result_bit_for_bit(page: OfflinePage, run_l
     assert set(cells(page, "unit")) == set(stored)
 
 
-def test_a_range_chosen_in_the_boxes_is_solved(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
+def test_a_range_entered_in_the_boxes_is_solved(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     opened(page, run_log, qtbot)
     assert page.log is not None
     facts, (rate, _) = page.log.facts, page.log.spans
@@ -249,7 +249,7 @@ def test_a_range_chosen_in_the_boxes_is_solved(page: OfflinePage, run_log: Path,
     said = page.notice.text_label.text()
     assert "Include both directions about every axis" in said
     assert "--" not in said
-    assert page.solved.result.to_json() == expected  # what was solved before still stands
+    assert page.solved.result.to_json() == expected  # the earlier solution is kept
 
 
 def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
@@ -311,7 +311,7 @@ def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
     assert (first.value(), last.value()) == (facts.first_seq, facts.last_seq)
 
 
-def test_a_sigma_beyond_its_limit_marks_the_sigma_alone(qtbot: QtBot) -> None:
+def test_a_sigma_beyond_its_limit_marks_only_the_sigma(qtbot: QtBot) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     checks = [
         {"name": name, "value": 1.0, "limit": 1.0, "unit": "1", "passed": passed}
@@ -357,7 +357,7 @@ def test_zooming_reaches_single_samples(page: OfflinePage, long_log: Path, qtbot
     qtbot.waitUntil(lambda: page.plot.samples_per_column > 100, timeout=WAIT)
 
 
-def test_a_solve_is_cancelled_in_its_middle(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
+def test_a_running_solve_is_cancelled(page: OfflinePage, long_log: Path, qtbot: QtBot) -> None:
     opened(page, long_log, qtbot)
     fractions: list[float] = []
     page.solver.progress.connect(lambda fraction, _: fractions.append(fraction))
@@ -380,7 +380,7 @@ def test_a_solve_is_cancelled_in_its_middle(page: OfflinePage, long_log: Path, q
         ("nowhere.h5", "No such file"),
     ],
 )
-def test_a_file_that_is_no_log_says_so_in_a_sentence(
+def test_a_file_that_is_no_log_is_refused_with_a_reason(
     page: OfflinePage, name: str, said: str, tmp_path: Path, qtbot: QtBot
 ) -> None:
     if name != "nowhere.h5":
@@ -438,7 +438,7 @@ def test_a_cancelled_export_leaves_nothing(page: OfflinePage, long_log: Path, tm
     assert button(page, "export_log_button").isEnabled()
 
 
-def test_history_hands_a_log_over(window: MainWindow, run_log: Path, qtbot: QtBot) -> None:
+def test_the_history_page_opens_a_log_on_the_offline_page(window: MainWindow, run_log: Path, qtbot: QtBot) -> None:
     window.app.runs_folder = run_log.parent
     window.show_page("history_page")
     history, offline = (window.findChild(QWidget, name) for name in ("history_page", "offline_page"))
@@ -454,10 +454,10 @@ def test_history_hands_a_log_over(window: MainWindow, run_log: Path, qtbot: QtBo
     assert offline.comparison.difference_badge.text() == "逐位完全一致"
 
 
-def test_damaged_rows_are_told_before_and_behind_the_answer(
+def test_damaged_rows_are_reported_before_and_after_solving(
     page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot
 ) -> None:
-    path = tmp_path / "hurt.h5"
+    path = tmp_path / "damaged.h5"
     shutil.copyfile(run_log, path)
     with h5py.File(path, "r+", libver="latest") as file:
         rows = file["samples"][400:410]

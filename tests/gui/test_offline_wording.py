@@ -1,4 +1,4 @@
-"""Errors of logs and ranges are said in the window's language and without the command line's options."""
+"""Errors of logs and ranges are shown in the language of the window, without options of the command line."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -71,7 +71,7 @@ WRONG: dict[str, Maker] = {
 
 @pytest.fixture
 def chinese(qapp: QApplication) -> Iterator[None]:
-    """The window's other language."""
+    """Chinese as the language of the window."""
     language.use("zh_CN")
     yield
     language.use("en")
@@ -86,14 +86,14 @@ def error_of(make: Maker, folder: Path) -> str:
 
 
 @pytest.mark.parametrize("make", WRONG.values(), ids=WRONG)
-def test_in_english(make: Maker, tmp_path: Path, qapp: QApplication) -> None:
-    said = error_of(make, tmp_path)
-    assert "--" not in said
-    assert said.endswith((".", "?"))
+def test_an_error_is_a_sentence_without_options(make: Maker, tmp_path: Path, qapp: QApplication) -> None:
+    text = error_of(make, tmp_path)
+    assert "--" not in text
+    assert text.endswith((".", "?"))
 
 
 @pytest.mark.parametrize("make", WRONG.values(), ids=WRONG)
-def test_in_chinese(make: Maker, tmp_path: Path, chinese: None) -> None:
-    said = error_of(make, tmp_path)
-    assert len(re.findall(r"[\u4e00-\u9fff]", said)) >= 6, said
-    assert said.endswith(("。", "？"))
+def test_an_error_is_translated_to_chinese(make: Maker, tmp_path: Path, chinese: None) -> None:
+    text = error_of(make, tmp_path)
+    assert len(re.findall(r"[\u4e00-\u9fff]", text)) >= 6, text
+    assert text.endswith(("。", "？"))
