@@ -26,14 +26,7 @@ class StrictModel(BaseModel):
 
 
 class EntryError(ValueError):
-    """An entry of a file breaks a rule; its sentence stands after the name of the entry.
-
-    Parameters
-    ----------
-    code : code in the message catalogue
-    place : keys and element numbers from where the rule is checked to the wrong entry
-    values : values of the catalogue entry
-    """
+    """An entry of a file breaks a rule; its sentence stands after the name of the entry."""
 
     def __init__(self, code: str, *place: str | int, **values: Any) -> None:
         super().__init__(code)
@@ -98,10 +91,7 @@ def validate(
     source : name of the file in the message
     error : class of the exception
 
-    Raises
-    ------
-    CalstationError
-        Of class `error`, with the first wrong entry and its remedy.
+    Raises CalstationError of class `error`, with the first wrong entry and its remedy.
     """
     found = problems_of(model, data)
     if len(found) > 1:

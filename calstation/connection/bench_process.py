@@ -62,8 +62,7 @@ class BenchHost:
             _, complaint = process.communicate()
             last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
             raise DeviceFaultError("connection.bench_not_started", detail=last[0]) from None
-        if process.stderr is not None:
-            threading.Thread(target=_discard, args=(process.stderr,), daemon=True).start()
+        threading.Thread(target=_discard, args=(process.stderr,), daemon=True).start()
         return cls(process, endpoints)
 
     def close(self) -> None:

@@ -49,9 +49,6 @@ class BenchClock:
     `sleep` returns when the IMU reader has read every byte that the bench sent up to the new time, so a run does not
     depend on the load of the computer.
 
-    Parameters
-    ----------
-    endpoint : host and port of the bench's clock
     speed : multiple of real time; 0 if time advances only by `sleep`
     """
 

@@ -25,7 +25,7 @@ from calstation.config import (
 from calstation.connection.devices import port_conflict
 from calstation.devices.profiles import load_table_profile
 from calstation.errors import ConfigurationError
-from calstation.messages import Finding, Value
+from calstation.messages import Finding
 from calstation.schema import Problem, validate
 from procedures import method
 
@@ -44,9 +44,8 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
     try:
         check_manual_rig(setup)
     except ManualRigError as error:
-        values: dict[str, Value] = {"rig": setup.table.name, "product": product.name}
-        manual = error.code == "product.needs_manual_table"
-        yield Finding("needs_hands" if manual else "needs_drive", "look", values)
+        id_ = "needs_hands" if error.code == "product.needs_manual_table" else "needs_drive"
+        yield Finding(id_, "look", {"rig": setup.table.name, "product": product.name})
     blind = needs_surveyed_gravity(setup.log_meta())
     contradiction = gravity_contradiction(site)
     if contradiction is not None:
@@ -58,12 +57,8 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
     if not is_confirmed(site, needed=blind):
         yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)})
     example = load_station(library.find("stations", EXAMPLE))[1].site
-    if (site.latitude_deg, site.longitude_deg, site.height_m) == (
-        example.latitude_deg,
-        example.longitude_deg,
-        example.height_m,
-    ):
-        values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
+    values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
+    if values == {"latitude": example.latitude_deg, "longitude": example.longitude_deg, "height": example.height_m}:
         yield Finding("example_site", "told", values)
 
 

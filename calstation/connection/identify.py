@@ -5,19 +5,13 @@ Nothing here writes: devices are asked for their model, and streams are listened
 
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import dataclass
 
 from calstation.config import library
 from calstation.devices import Imu, OtherModelError, Table, TableIdentity
 from calstation.devices.imu import FrameDecoder
-from calstation.devices.links import (
-    ModbusRefusalError,
-    NoAnswerError,
-    PortLostError,
-    SerialLink,
-    host_and_port,
-)
+from calstation.devices.links import ModbusRefusalError, NoAnswerError, PortLostError, SerialLink, host_and_port
 from calstation.devices.profiles import ImuProfile, SerialSettings, TableProfile, load_table_profile
 from calstation.devices.table import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
@@ -80,10 +74,7 @@ def identify(
     link : how they are reached
     check_cancelled : called from time to time; may raise
 
-    Raises
-    ------
-    DeviceFaultError
-        A device does not answer, or is another one.
+    Raises DeviceFaultError: a device does not answer, or is another one.
     """
     try:
         identity = table.identify()
@@ -122,11 +113,11 @@ def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Cal
 def _swapped(link: LinkSettings, check_cancelled: Callable[[], None]) -> bool:
     if not link.two_lines:
         return False
-    for found in (imu_on_table_port, table_on_imu_port):
-        check_cancelled()
-        if found(link):
-            return True
-    return False
+    check_cancelled()
+    if imu_on_table_port(link):
+        return True
+    check_cancelled()
+    return table_on_imu_port(link)
 
 
 def imu_on_table_port(link: LinkSettings) -> bool:
@@ -137,15 +128,10 @@ def imu_on_table_port(link: LinkSettings) -> bool:
 def table_on_imu_port(link: LinkSettings) -> bool:
     """Whether the table reports its model on the IMU's line."""
     try:
-        table = open_table(link.imu_port, link.table, link.table_serial)
+        with closing(open_table(link.imu_port, link.table, link.table_serial)) as table:
+            table.identify()
     except CalstationError:
         return False
-    try:
-        table.identify()
-    except CalstationError:
-        return False
-    finally:
-        table.close()
     return True
 
 
@@ -163,11 +149,8 @@ def find_unit_number(link: LinkSettings, tried: Callable[[float], None] = lambda
         tried(i / len(NUMBERS))
         with suppress(CalstationError):
             profile = link.table.at_place(min(_ANSWER_WITHIN, modbus.timeout_s), number)
-            table = open_table(link.table_port, profile, link.table_serial)
-            try:
+            with closing(open_table(link.table_port, profile, link.table_serial)) as table:
                 return number, table.identify().model
-            finally:
-                table.close()
     return None
 
 
@@ -179,10 +162,8 @@ def find_units(link: LinkSettings, tried: Callable[[float], None] = lambda share
     profiles, units = _modbus_profiles(link), []
     for i, number in enumerate(NUMBERS):
         tried(i / len(NUMBERS))
-        found = _unit_at(link, profiles, number)
-        if found is not None:
-            units.append(found)
-    return units
+        units.append(_unit_at(link, profiles, number))
+    return [unit for unit in units if unit is not None]
 
 
 def _modbus_profiles(link: LinkSettings) -> dict[str, TableProfile]:
@@ -233,15 +214,10 @@ def listen(link: SerialLink, seconds: float) -> bytes:
 def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
     """Whether frames of a profile come on a port with these settings; false if it cannot be opened."""
     try:
-        link = SerialLink(port, settings, "imu")
+        with closing(SerialLink(port, settings, "imu")) as link:
+            return len(FrameDecoder(profile.frame, profile.commands).feed(listen(link, LISTEN)).frames) > 0
     except CalstationError:
         return False
-    try:
-        return len(FrameDecoder(profile.frame, profile.commands).feed(listen(link, LISTEN)).frames) > 0
-    except CalstationError:
-        return False
-    finally:
-        link.close()
 
 
 def is_text(heard: bytes) -> bool:

@@ -1,7 +1,7 @@
 """A session with the unit in the fixture, without the table: open, identified, its output at rest captured."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -35,9 +35,7 @@ class ImuSession:
 
 @contextmanager
 def open_imu_session(
-    progress: ProgressCallback,
-    setup: ResolvedConfiguration,
-    check_cancelled: Callable[[], None] = lambda: None,
+    progress: ProgressCallback, setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[ImuSession]:
     """Open the IMU alone; closed on exit.
 
@@ -47,22 +45,16 @@ def open_imu_session(
     setup : station and product
     check_cancelled : called while a virtual bench starts; may raise
 
-    Raises
-    ------
-    DeviceFaultError, ConfigurationError
-        The port or the unit cannot be used.
+    Raises DeviceFaultError, ConfigurationError: the port or the unit cannot be used.
     """
     with endpoints(setup, check_cancelled) as at:
         progress(_SHARES[0])
-        imu = open_imu(setup, at.imu)
-        try:
+        with closing(open_imu(setup, at.imu)) as imu:
             if isinstance(at.clock, BenchClock):
                 at.clock.attach(lambda: imu.received)
             identity = imu.identify()
             progress(_SHARES[1])
             yield ImuSession(imu, identity, at.clock)
-        finally:
-            imu.close()
 
 
 def capture_rest(
@@ -78,10 +70,7 @@ def capture_rest(
     setup : station and product
     check_cancelled : called from time to time; may raise
 
-    Raises
-    ------
-    DeviceFaultError
-        No rest without a gap came in time.
+    Raises DeviceFaultError: no rest without a gap came in time.
     """
     raw = VerificationData((_rest(session, setup, check_cancelled, corrected=False),), REST)
     if setup.corrected is not Output.ASKED:

@@ -39,8 +39,6 @@ _SHOWN = 120
 class ImuTest:
     """The test of an open IMU.
 
-    Attributes
-    ----------
     setup : station and product
     at : endpoints of the station
     settings : serial settings of the IMU's port
@@ -215,13 +213,7 @@ def find_baud_rate(
 
 
 def diagnose_text(frame: FrameSection, heard: bytes) -> Finding | None:
-    """What makes received lines of text unusable as samples; None if they are no lines, or are samples.
-
-    Parameters
-    ----------
-    frame : format of a text protocol
-    heard : bytes as received
-    """
+    """What makes received lines of text unusable as samples; None if they are no lines, or are samples."""
     tail = frame.tail_bytes
     lines = [line for line in heard.split(tail)[1:-1] if line]
     if not lines or not is_text(b"".join(lines)):

@@ -1,7 +1,7 @@
 """Tests the links of a station as typed, saved or not: opens, queries and listens; writes and moves nothing."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,10 +64,8 @@ def check_table_link(progress: ProgressCallback, request: LinkTestRequest) -> Re
             table = open_table(setup, at.table)
         except (DeviceFaultError, ConfigurationError) as exc:
             return Report("table", (_not_opened(at.table, settings, profile.timeout_s, exc),))
-        try:
+        with closing(table):
             found = [_opened(at.table), *query_table(table, profile, settings, at.table, progress)]
-        finally:
-            table.close()
         found.extend(_found_on_table_port(setup, at, found, progress))
     return Report("table", tuple(found))
 
@@ -82,10 +80,8 @@ def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Repo
             imu = open_imu(setup, at.imu)
         except (DeviceFaultError, ConfigurationError) as exc:
             return Report("imu", (_not_opened(at.imu, settings, imu_profile(setup).timeout_s, exc),))
-        try:
+        with closing(imu):
             found = [_opened(at.imu), *ImuTest(imu, setup, at, settings, progress).findings()]
-        finally:
-            imu.close()
         if any(finding.id in ("gravity", "wrong_gravity") for finding in found):
             found.extend(incompatibilities(setup))
         found = _with_line_finding(setup, at, found)
@@ -178,15 +174,10 @@ def _with_line_finding(setup: ResolvedConfiguration, at: Endpoints, found: list[
     if place is None or setup.imu.frame.format != "text":
         return found
     try:
-        link = SerialLink(at.imu, imu_settings(setup), "imu")
+        with closing(SerialLink(at.imu, imu_settings(setup), "imu")) as link:
+            wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN))
     except CalstationError:
         return found
-    try:
-        wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN))
-    except CalstationError:
-        return found
-    finally:
-        link.close()
     return found if wrong is None else [*found[:place], wrong, *found[place + 1 :]]
 
 
@@ -202,12 +193,8 @@ def _not_opened(port: str, settings: SerialSettings, timeout: float, error: Cals
     reason, words = why_not(port, settings, timeout)
     ports = found_ports()
     found = [p.usb for p in ports if p.usb] if reason == "no_adapter" else [p.device for p in ports]
-    values: dict[str, Value] = {
-        "port": port,
-        "words": words or error.as_text,
-        "found": ", ".join(found),
-        "seconds": timeout,
-    }
+    values: dict[str, Value] = {"port": port, "words": words or error.as_text, "seconds": timeout}
+    values["found"] = ", ".join(found)
     address = host_and_port(port)
     if address is not None:
         values |= {"host": address[0], "number": address[1]}

@@ -55,14 +55,8 @@ def apply_to_unit(
     before, found : parameters before and after the solution, SI, shape (30,) each
     seconds : length of the capture, s
 
-    Raises
-    ------
-    DeviceFaultError, ConfigurationError
-        The unit cannot be read.
-    InputError
-        The recording cannot be read.
-    InsufficientDataError
-        The unit is not at rest.
+    Raises DeviceFaultError, ConfigurationError: the unit cannot be read; InputError: the recording cannot be read;
+    InsufficientDataError: the unit is not at rest.
     """
     progress(0.0)
     log_meta = open_log(path).meta
@@ -77,10 +71,7 @@ def apply_to_unit(
         if unit.identity.serial != serial:
             return OtherUnit(unit.identity.serial)
         parts = read_contiguous(
-            unit,
-            setup.imu.status.ready,
-            count,
-            lambda taken: progress(begin + (end - begin) * taken / count),
+            unit, setup.imu.status.ready, count, lambda taken: progress(begin + (end - begin) * taken / count)
         )
     if parts is None:
         raise DeviceFaultError("connection.samples_lost")

@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,8 +26,6 @@ _POLL_INTERVAL = 0.1
 class TableState:
     """The state of a station's table.
 
-    Attributes
-    ----------
     outer_deg, inner_deg : joint angles, None if they are not measured
     watchdog_s : 0 if it is off, None if the table has none
     fault : what is latched, or None
@@ -49,8 +47,6 @@ class TableState:
 class TableReset:
     """The outcome of a reset.
 
-    Attributes
-    ----------
     outcome : ``nothing`` was latched; ``cleared``; not sent: ``interlock_open``, ``moving``, ``local_control``; sent,
         but ``refused`` by the table, or the fault ``stays`` because its cause persists
     latched : the fault found, or None; left : the fault that is latched now, or None
@@ -86,11 +82,9 @@ def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterato
     setup = link_test_configuration(request)
     with open_endpoints(progress, setup) as at:
         table = open_table(setup, at.table)
-        try:
+        with closing(table):
             progress(0.5, note="asking")
             yield table, identify(table, None, link_settings(setup, at.table, at.imu))
-        finally:
-            table.close()
 
 
 def reset(table: Table) -> TableReset:

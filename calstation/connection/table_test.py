@@ -165,12 +165,7 @@ def _no_text(
 ) -> Finding:
     """Explain a missing line of text from the bytes that did come."""
     line = line_values(port, settings)
-    values: dict[str, Value] = {
-        "seconds": profile.timeout_s,
-        "words": error.as_text,
-        "count": len(heard),
-        **line,
-    }
+    values: dict[str, Value] = {"seconds": profile.timeout_s, "words": error.as_text, "count": len(heard), **line}
     if not heard:
         return Finding("silent_host" if port.startswith(SOCKETS) else "silent_text", "wrong", values)
     if not is_text(heard):

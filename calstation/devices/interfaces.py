@@ -45,8 +45,6 @@ class TableIdentity:
 class TableStatus:
     """State of a table, from one poll.
 
-    Attributes
-    ----------
     angles, rates : of the joints outer, inner, cumulative, rad and rad/s, shape (2,); NaN if not measured
     enabled, homed, moving, settled : of both axes
     fault : latched fault, or another reason why the table does not obey; None if there is none
@@ -121,8 +119,6 @@ class ImuIdentity:
 class SampleBatch:
     """Samples decoded since the last read.
 
-    Attributes
-    ----------
     seq : unwrapped counter, shape (n,)
     time : IMU clock at the end of each sample, s, shape (n,)
     counts : gyro x y z, accel x y z, shape (n, 6)
@@ -146,8 +142,6 @@ class SampleBatch:
 class LinkStats:
     """Counts since the link was opened.
 
-    Attributes
-    ----------
     frames, bytes : received
     crc_errors : frames with a wrong check
     skipped : bytes that belong to no frame

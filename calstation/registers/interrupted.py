@@ -3,22 +3,19 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from calstation.config import ResolvedConfiguration
-from calstation.connection import ImuSession, capture_rest
-from calstation.devices import Imu, Table
+from calstation.connection import Devices, ImuSession, capture_rest
+from calstation.devices import Imu
 from calstation.devices.imu import Closing, Holds, Transferred, finish, recognise, restore
 from calstation.registers import journal
 from calstation.registers.journal import journal_folder
 from calstation.registers.preconditions import check_unit_model, register_map, undecided
 from calstation.registers.verification import finish_verification
-from calstation.sequencer import Clock, Emit, Message, RunInBackground, VerificationData, check_power
-
-Decision = Literal["finish", "restore"]
+from calstation.sequencer import Emit, Message, RunInBackground, VerificationData, check_power
 
 #: What can be done about an interrupted transfer: complete and verify the new registers, or restore the old ones.
-DECISIONS: tuple[Decision, ...] = ("finish", "restore")
+DECISIONS = ("finish", "restore")
 
 
 @dataclass
@@ -39,13 +36,7 @@ class UnverifiedTransfer:
 
 
 def recover_interrupted(
-    imu: Imu,
-    table: Table,
-    clock: Clock,
-    setup: ResolvedConfiguration,
-    runs: Path,
-    emit: Emit,
-    check_cancelled: Callable[[], None],
+    devices: Devices, setup: ResolvedConfiguration, runs: Path, emit: Emit, check_cancelled: Callable[[], None]
 ) -> UnverifiedTransfer | None:
     """Recover an interrupted transfer to the unit before a run.
 
@@ -55,18 +46,15 @@ def recover_interrupted(
 
     Parameters
     ----------
-    imu, table, clock : open devices
+    devices : open devices
     setup : the run's configuration
     runs : folder of the runs
     emit : receives messages
     check_cancelled : called from time to time; may raise
 
-    Raises
-    ------
-    DeviceFaultError
-        No decision was made, the output is wrong, or the link failed.
+    Raises DeviceFaultError: no decision was made, the output is wrong, or the link failed.
     """
-    request = setup.request
+    request, imu, table = setup.request, devices.imu, devices.table
     entry = journal.interrupted(runs, request.serial, journal_folder(setup.station))
     if entry is None:
         return None
@@ -93,7 +81,7 @@ def recover_interrupted(
         report()
     elif setup.by_hand:
         done = finish(imu, registers, entry)
-        session = ImuSession(imu, imu.identify(), clock)
+        session = ImuSession(imu, imu.identify(), devices.clock)
         finish_verification(setup, imu, done, capture_rest(session, setup, check_cancelled))
         report()
     else:

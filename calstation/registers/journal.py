@@ -48,8 +48,6 @@ _WITHOUT_MEANING = {"tolerance", "range"}
 class UnitType:
     """Model of a unit, and the profile and product with which it was written; "" if unknown.
 
-    Attributes
-    ----------
     model : as the unit reports it
     profile, product : names
     map : digest of the profile's registers, as far as they define what a content means
@@ -87,8 +85,6 @@ def map_digest(registers: list[RegisterEntry]) -> str:
 class Transfer:
     """One transfer as the journal has it; implements `transfer.Entry`.
 
-    Attributes
-    ----------
     id : of the transfer, increasing with time
     old, new : the unit's registers before, and as intended, by parameter, SI
     by, why : who wanted it, and what for: run, hand or restore
@@ -152,10 +148,7 @@ def begin(
     site : the site's folder for a unit on hardware, None for one of a virtual bench
     unit_type : type of the unit, None if unknown
 
-    Raises
-    ------
-    ConfigurationError
-        The journal is damaged or cannot be written; nothing was written to the unit.
+    Raises ConfigurationError: the journal is damaged or cannot be written; nothing was written to the unit.
     """
     history(runs, serial, site)
     path = _path(site or runs, serial)
@@ -176,10 +169,7 @@ def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]
     serial : serial number of the unit
     site : see `begin`
 
-    Raises
-    ------
-    ConfigurationError
-        A journal cannot be read, or does not read as it was written.
+    Raises ConfigurationError: a journal cannot be read, or does not read as it was written.
     """
     if site is None:
         return [transfer for transfer, _ in _transfers(_path(runs, serial), serial)]
@@ -195,10 +185,7 @@ def by_station(runs: Path, serial: str, site: Path) -> dict[Kind, list[Transfer]
     runs, site : folders of the runs and of the site
     serial : serial number of the unit
 
-    Raises
-    ------
-    ConfigurationError
-        As `history`.
+    Raises ConfigurationError: as `history`.
     """
     beside = _transfers(_path(runs, serial), serial)
     return {

@@ -78,14 +78,9 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
     emit : receives events
     control : the operator's commands
 
-    Raises
-    ------
-    InputError
-        There is nothing to finish, or the journal does not know the transfer.
-    ConfigurationError
-        The journal cannot be written; nothing was written to the unit.
-    DeviceFaultError
-        Another unit answers, an earlier transfer is open, a value is out of range, or the link fails.
+    Raises InputError: there is nothing to finish, or the journal does not know the transfer; ConfigurationError: the
+    journal cannot be written; nothing was written to the unit; DeviceFaultError: another unit answers, an earlier
+    transfer is open, a value is out of range, or the link fails.
     """
 
     def check_cancelled() -> None:
@@ -100,7 +95,7 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
         else:
             settled = _with_turns(work, control, check_cancelled)
     except StopRequested:
-        settled = work.stopped
+        settled = Settled(operation.request.serial, "stopped", "")
     if settled is not None:
         emit(settled)
 
@@ -109,8 +104,6 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
 class _Work:
     """An operation that is being done.
 
-    Attributes
-    ----------
     entry : the interrupted transfer to complete; None for a new one
     values, source : of the new one, SI by parameter, and where they come from
     earlier : the transfer before which the unit held these values; None for those of a result
@@ -155,11 +148,6 @@ class _Work:
         """Whether the old registers of an interrupted transfer are restored."""
         return self.entry is not None and self.operation.what == "restore"
 
-    @property
-    def stopped(self) -> Settled:
-        """The last event after a stop."""
-        return Settled(self.operation.request.serial, "stopped", "")
-
     def unchanged(self, imu: Imu) -> Settled | None:
         """The last event for a unit that has its old registers already; None if there is something to do.
 
@@ -200,11 +188,7 @@ class _Work:
             raise
 
     def verify(
-        self,
-        imu: Imu,
-        done: Transferred,
-        data: VerificationData,
-        run_in_background: RunInBackground | None = None,
+        self, imu: Imu, done: Transferred, data: VerificationData, run_in_background: RunInBackground | None = None
     ) -> Settled:
         """Close the transfer by the verification data. Raises DeviceFaultError if the output is wrong."""
         if self.restoring:
@@ -289,7 +273,7 @@ def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) 
 
         if drive.run(write_and_turn) is not None:
             return None
-    return settled or work.stopped
+    return settled or Settled(work.operation.request.serial, "stopped", "")
 
 
 def _context(work: _Work, devices: Devices, control: Control) -> RunContext:

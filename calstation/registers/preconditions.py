@@ -32,10 +32,7 @@ def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
     runs : folder of the runs
     emit : receives warnings
 
-    Raises
-    ------
-    ConfigurationError
-        The profile's `flash_cycles_max` is reached, or the journal is damaged.
+    Raises ConfigurationError: the profile's `flash_cycles_max` is reached, or the journal is damaged.
     """
     serial = setup.request.serial
     site = journal_folder(setup.station)

@@ -35,8 +35,6 @@ class Register:
 class UnitRegisters:
     """What a unit holds; `to_json` and `of` carry it in an event.
 
-    Attributes
-    ----------
     serial, model, firmware : as the unit reports them
     registers : by increasing address
     commits : flash cycles that the unit's journal knows
@@ -69,8 +67,6 @@ class UnitRegisters:
 class TargetRegisters:
     """The registers that a result asks for, of its unit.
 
-    Attributes
-    ----------
     before : those that its run found and replaced; empty if it wrote none
     written : those that its run wrote and verified; empty if it did not
     written_utc : when that was, ISO 8601; "" if unknown
@@ -97,10 +93,7 @@ def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> Un
     request : station and product
     runs : folder of the runs, whose journals count flash cycles
 
-    Raises
-    ------
-    DeviceFaultError, ConfigurationError
-        The unit cannot be read.
+    Raises DeviceFaultError, ConfigurationError: the unit cannot be read.
     """
     setup = resolve_configuration(request)
     with open_imu_session(progress, setup) as unit:
@@ -120,10 +113,7 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
     request : station and product
     result : of a run
 
-    Raises
-    ------
-    InputError
-        The log is needed and missing, or the result is of another IMU profile than the product's.
+    Raises InputError: the log is needed and missing, or the result is of another IMU profile than the product's.
     """
     setup = resolve_configuration(request)
     used, own = result.configuration.get("imu"), setup.sources["imu"].section.name
@@ -186,10 +176,6 @@ def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, f
     (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the
     specific force itself, add to first order. The accelerometer matrix stays lower triangular because
     the product of two is.
-
-    Parameters
-    ----------
-    old, found : parameters by contract name, SI; a name that is missing is 0
     """
     was, now = _vector(old), _vector(found)
     result = was + now

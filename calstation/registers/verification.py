@@ -101,10 +101,7 @@ def finish_verification(
     data : output of the unit
     run_in_background : runs work while the table is looked after; None if no table moves
 
-    Raises
-    ------
-    DeviceFaultError
-        The output is wrong.
+    Raises DeviceFaultError: the output is wrong.
     """
     run = run_in_background or _run_inline
     entry = done.entry
@@ -159,12 +156,7 @@ def output_error(check: VerificationCheck) -> DeviceFaultError:
 
 def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
     return DeviceFaultError(
-        code,
-        check=check.name,
-        value=check.value,
-        unit=check.unit,
-        expected=check.expected,
-        tolerance=check.tolerance,
+        code, check=check.name, value=check.value, unit=check.unit, expected=check.expected, tolerance=check.tolerance
     )
 
 
@@ -300,12 +292,7 @@ def _earth_rate_up(
 
 
 def _turn(
-    turned: Turned,
-    net: FloatArray,
-    covariance: FloatArray,
-    context: SolveContext,
-    repeatability: float,
-    noise: float,
+    turned: Turned, net: FloatArray, covariance: FloatArray, context: SolveContext, repeatability: float, noise: float
 ) -> VerificationCheck:
     """Angle of a turn against the encoder, whatever its axis in the body; `net` is free of bias and earth rate, rad."""
     size, measured = abs(turned.turn.amount), float(np.linalg.norm(net))
@@ -326,12 +313,9 @@ def _carried_turn(
 ) -> VerificationCheck:
     """Angle between gravity at the second rest and gravity carried there by the gyros, rad; needs no encoder.
 
-    Parameters
-    ----------
     angles : corrected output of every sample between the rests, rad, shape (n, 3)
     force : corrected mean at both rests, m/s², shape (2, 3)
     covariance : of the parameters, SI, shape (30, 30)
-    context : site, noise and table
     """
     sigma = np.sqrt(np.diag(covariance))
     seconds = len(angles) / context.imu.sample_rate

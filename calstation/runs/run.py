@@ -58,15 +58,7 @@ def _run(prepared: PreparedRun) -> None:
     try:
         with connected(setup, check_cancelled) as devices:
             prepared.hooks.connected(devices)
-            unverified = recover_interrupted(
-                devices.imu,
-                devices.table,
-                devices.clock,
-                setup,
-                prepared.folder,
-                prepared.emit,
-                check_cancelled,
-            )
+            unverified = recover_interrupted(devices, setup, prepared.folder, prepared.emit, check_cancelled)
             run = prepared.open(_registers(devices.imu, setup), unverified)
             with applog.run(run.log.path.stem):
                 _sequence(run, devices)

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from decoding import decode
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.imu.frames import FrameDecoder, Frames
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.profiles.frame import FrameSection
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
@@ -22,13 +22,6 @@ CAPTURES = Path(__file__).parents[3] / "shared" / "data" / "real" / "serial_capt
 BOARD = CAPTURES.parent / "imu_array" / "exp_1.bin"
 
 pytestmark = pytest.mark.skipif(not CAPTURES.is_dir(), reason=f"no recordings at {CAPTURES}")
-
-
-def decode(frame: FrameSection, data: bytes, cut: int = 0) -> tuple[FrameDecoder, Frames]:
-    """All of `data`, at once or in pieces of `cut` bytes."""
-    decoder = FrameDecoder(frame)
-    pieces = [data[i : i + cut] for i in range(0, len(data), cut)] if cut else [data]
-    return decoder, Frames.join([decoder.feed(piece).frames for piece in pieces])
 
 
 def with_fields(profile: ImuProfile, fields: list[dict[str, Any]]) -> FrameSection:
@@ -183,8 +176,7 @@ def xsens_reference(path: Path) -> list[dict[str, float]]:
 
 @pytest.mark.parametrize("cut", [0, 1, 333])
 @pytest.mark.parametrize(
-    ("folder", "kind"),
-    [("1", "Float32"), ("2", "FP1220"), ("3", "FP1632"), ("4", "Float64"), ("5", "Float32")],
+    ("folder", "kind"), [("1", "Float32"), ("2", "FP1220"), ("3", "FP1632"), ("4", "Float64"), ("5", "Float32")]
 )
 def test_xsens_mtdata2(folder: str, kind: str, cut: int) -> None:
     place = CAPTURES / "xsens_mtdata2" / folder

@@ -44,22 +44,12 @@ def profile(name: str, corrected: dict[str, Any] | None, **changes: Any) -> ImuP
         ("bench_nav", {}, {}, "corrected.stream profile.needed_by"),
         ("bench_nav", {"stream": 2, "start": ["VNWRG,06,0"]}, {}, "corrected.start profile.not_with"),
         ("vectornav_vn100", {"stream": 2}, {}, "corrected.start profile.needed_by"),
-        (
-            "vectornav_vn100",
-            {"start": ["$VNWRG,06,0*00"]},
-            {},
-            "corrected.start[0] profile.not_a_command_line",
-        ),
+        ("vectornav_vn100", {"start": ["$VNWRG,06,0*00"]}, {}, "corrected.start[0] profile.not_a_command_line"),
         ("bench_nav", {"stream": 1}, {}, "corrected.stream profile.stream_value_of_raw"),
         ("bench_nav", {"stream": 256}, {}, "corrected.stream entry.out_of_range"),
         ("dsp_modbus", {"stream": 0}, {}, "corrected.stream profile.stream_value_of_raw"),
         ("dsp_modbus", {"stream": 2}, {"modbus": {"stream": None}}, "modbus.stream profile.needed_by"),
-        (
-            "bench_nav",
-            {"stream": 2, "frame": COUNTER_ALONE},
-            {},
-            "corrected.frame.fields profile.field_missing",
-        ),
+        ("bench_nav", {"stream": 2, "frame": COUNTER_ALONE}, {}, "corrected.frame.fields profile.field_missing"),
     ],
 )
 def test_what_does_not_fit_is_told(name: str, corrected: dict[str, Any], changes: dict[str, Any], told: str) -> None:
@@ -90,12 +80,7 @@ def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
 @pytest.mark.parametrize(
     ("name", "place", "value", "told"),
     [
-        (
-            "bench_nav",
-            "fields",
-            without_status,
-            "status.ready profile.mask_outside_frame",
-        ),
+        ("bench_nav", "fields", without_status, "status.ready profile.mask_outside_frame"),
         (
             "bench_nav",
             "fields",
@@ -104,12 +89,7 @@ def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ),
         ("bench_nav", "sync", "55 5A", "corrected.frame.sync profile.sync_of_replies"),
         ("bench_nav", "sync", "55", "corrected.frame.sync profile.sync_of_replies"),
-        (
-            "vectornav_vn100",
-            "fields",
-            at_half_the_rate,
-            "corrected.frame.fields[0].per_sample profile.clock_rate",
-        ),
+        ("vectornav_vn100", "fields", at_half_the_rate, "corrected.frame.fields[0].per_sample profile.clock_rate"),
     ],
 )
 def test_a_frame_of_its_own_is_checked_as_the_raw_one(name: str, place: str, value: Any, told: str) -> None:

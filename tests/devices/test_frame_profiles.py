@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from decoding import decode
 from fastcrc import crc16
 
-from calstation.devices.imu.frames import FrameDecoder, Frames
+from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.profiles.frame import FrameSection
 from calstation.schema import field_name, problems_of
@@ -18,12 +19,6 @@ CHANNELS = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 
 def section(**changes: Any) -> FrameSection:
     return FrameSection.model_validate(changes)
-
-
-def decode(frame: FrameSection, data: bytes, cut: int = 0) -> tuple[FrameDecoder, Frames]:
-    decoder = FrameDecoder(frame)
-    pieces = [data[i : i + cut] for i in range(0, len(data), cut)] if cut else [data]
-    return decoder, Frames.join([decoder.feed(piece).frames for piece in pieces])
 
 
 # VectorNav's binary output: group 1 with TimeStartup, AngularRate and Accel; CRC high byte first -----------------
@@ -85,10 +80,7 @@ def line(body: str) -> bytes:
 def test_a_line_of_the_maker_s_manual() -> None:
     """VN-100 User Manual UM001, example of register 30."""
     fields = [{"name": n, "type": "f64"} for n in ("yaw", "pitch", "roll")]
-    fields += [
-        {"name": "counter", "type": "u32", "prefix": "T"},
-        {"name": "status", "type": "u16", "prefix": "S"},
-    ]
+    fields += [{"name": "counter", "type": "u32", "prefix": "T"}, {"name": "status", "type": "u16", "prefix": "S"}]
     frame = section(**{**VN_TEXT, "sync": "$VNYPR", "fields": fields})
     _, frames = decode(frame, b"$VNYPR,+010.071,+000.278,-002.026,T1162704,S0000*50\r\n")
     assert [float(frames.columns.values[n][0]) for n in ("yaw", "pitch", "roll")] == [10.071, 0.278, -2.026]
@@ -175,11 +167,7 @@ def test_a_length_beyond_the_largest_is_noise_at_once() -> None:
 
 def test_status_words_are_one() -> None:
     fields = [{"name": n, "type": "i16"} for n in CHANNELS]
-    fields += [
-        {"name": "status", "type": "u8"},
-        {"name": "status2", "type": "u16"},
-        {"name": "counter", "type": "u8"},
-    ]
+    fields += [{"name": "status", "type": "u8"}, {"name": "status2", "type": "u16"}, {"name": "counter", "type": "u8"}]
     frame = section(sync="C0", byte_order="big", fields=fields, crc={"kind": "sum8", "start": 0})
     body = b"\xc0" + bytes(12) + b"\x81\x40\x02\x05"
     decoder, frames = decode(frame, body + bytes([sum(body) & 0xFF]))

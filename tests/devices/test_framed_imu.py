@@ -90,10 +90,7 @@ def test_identify_on_the_wire() -> None:
 
 @pytest.mark.parametrize(("answer", "code"), [(b"other;SN;1", "imu.other_model"), (b"odd", "imu.identity_malformed")])
 def test_another_model_is_rejected(answer: bytes, code: str) -> None:
-    with (
-        driver([(request(1), reply_frame(1, answer))]) as (imu, _),
-        raises_code(OtherModelError, code),
-    ):
+    with driver([(request(1), reply_frame(1, answer))]) as (imu, _), raises_code(OtherModelError, code):
         imu.identify()
 
 
@@ -213,10 +210,7 @@ def test_a_unit_that_never_restarts_is_a_fault_and_gets_its_own_values_back() ->
 
 def test_a_unit_whose_registers_take_no_value_is_not_restarted() -> None:
     pairs = marking()
-    with (
-        driver([*pairs[:2], bias()]) as (imu, _),
-        raises_code(DeviceFaultError, "imu.not_writable"),
-    ):
+    with driver([*pairs[:2], bias()]) as (imu, _), raises_code(DeviceFaultError, "imu.not_writable"):
         imu.reset()
 
 

@@ -39,7 +39,7 @@ def decode(profile: ImuProfile, parts: list[bytes]) -> tuple[bytes, list[Reply],
     frames, replies = b"", []
     for part in parts:
         decoded = decoder.feed(part)
-        frames += decoded.frames.tobytes()
+        frames += b"".join(decoded.frames.raw)
         replies += decoded.replies
     return frames, replies, decoder.crc_errors, decoder.skipped
 
@@ -71,16 +71,10 @@ def test_a_command_on_the_wire(profile: ImuProfile) -> None:
 
 piece = st.one_of(
     st.tuples(
-        st.just("frame"),
-        st.integers(0, 2**16 - 1),
-        st.lists(st.integers(-(2**31), 2**31 - 1), min_size=6, max_size=6),
+        st.just("frame"), st.integers(0, 2**16 - 1), st.lists(st.integers(-(2**31), 2**31 - 1), min_size=6, max_size=6)
     ),
     st.tuples(st.just("reply"), st.integers(0, 255), st.binary(max_size=40)),
-    st.tuples(
-        st.just("noise"),
-        st.just(0),
-        st.one_of(st.binary(max_size=50), st.just(b"\x55\xaa"), st.just(b"\x55")),
-    ),
+    st.tuples(st.just("noise"), st.just(0), st.one_of(st.binary(max_size=50), st.just(b"\x55\xaa"), st.just(b"\x55"))),
 )
 
 
@@ -111,11 +105,7 @@ def test_the_result_does_not_depend_on_how_the_stream_is_cut(
 
 
 @settings(deadline=None, max_examples=50)
-@given(
-    noise=st.binary(max_size=80).filter(lambda b: b"\x55" not in b),
-    drop=st.integers(0, 33),
-    at=st.integers(0, 9),
-)
+@given(noise=st.binary(max_size=80).filter(lambda b: b"\x55" not in b), drop=st.integers(0, 33), at=st.integers(0, 9))
 def test_sound_frames_survive_noise_and_a_lost_byte(profile: ImuProfile, noise: bytes, drop: int, at: int) -> None:
     frames = [stream_frame(i, [i] * 6) for i in range(10)]
     hurt = frames[at][:drop] + frames[at][drop + 1 :]

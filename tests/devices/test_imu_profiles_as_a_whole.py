@@ -52,10 +52,7 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
         ({"modbus/page": 101}, "registers[0].address profile.registers_overlap"),
         ({"modbus/serial/address": 4}, "modbus.serial profile.registers_overlap"),
         ({"modbus/page": 21}, "modbus.page profile.registers_overlap"),
-        (
-            {"modbus/commit/address": 22, "modbus/commit/value": 0xA5A5},
-            "modbus.reset profile.same_write",
-        ),
+        ({"modbus/commit/address": 22, "modbus/commit/value": 0xA5A5}, "modbus.reset profile.same_write"),
         (
             {"modbus/commit/address": 20, "modbus/commit/value": 0, "modbus/commit/done": 7},
             "modbus.stream profile.same_write",
@@ -73,10 +70,7 @@ def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
             "registers[3].scale profile.register_too_coarse",
         ),
         ({"registers/2/convention/identity": True}, "registers[2].convention.negated profile.belongs_to"),
-        (
-            {"registers/0/convention/offset": "before"},
-            "registers[0].convention.offset profile.convention_contradicts",
-        ),
+        ({"registers/0/convention/offset": "before"}, "registers[0].convention.offset profile.convention_contradicts"),
         (
             {"registers/1/convention/matrix": "correction"},
             "registers[1].convention.matrix profile.convention_contradicts",
@@ -101,11 +95,7 @@ def test_one_command_register_may_take_several_values(tmp_path: Path) -> None:
         (NAV, {"model": ""}, "model entry.empty"),
         (NAV, {"model": " "}, "model profile.model_blank"),
         (NAV, {"registers/5/address": 65535}, "registers[5].address profile.past_last_address"),
-        (
-            NAV,
-            {"frame/fields/8": None},
-            "status.ready profile.mask_outside_frame",
-        ),
+        (NAV, {"frame/fields/8": None}, "status.ready profile.mask_outside_frame"),
         (NAV, {"status/failed": 0x10000}, "status.failed profile.mask_outside_frame"),
         (NAV, {"status/failed": 1}, "status.failed profile.mask_of_ready"),
         (NAV, {"frame/crc/start": 32}, "frame.crc.start profile.check_after_frame"),
@@ -121,19 +111,11 @@ def test_one_command_register_may_take_several_values(tmp_path: Path) -> None:
             {"frame/length": {"at": 2, "type": "u8", "adds": 0}, "frame/max_size": 30},
             "frame.length profile.length_too_short",
         ),
-        (
-            NAV,
-            {"link/baud": 9600},
-            "link.baud profile.baud_too_low",
-        ),
+        (NAV, {"link/baud": 9600}, "link.baud profile.baud_too_low"),
         (MIP, {"frame/fields/2/at": 2}, "frame.fields[2].at profile.fields_overlap"),
         (MIP, {"frame/items/at": 3}, "frame.items.at profile.items_in_header"),
         (MIP, {"link/baud": 9600}, "link.baud profile.baud_too_low"),
-        (
-            VN,
-            {"vectornav/start": ["VNWRG,06,0*00\r\n$VNWNV"]},
-            "vectornav.start[0] profile.not_a_command_line",
-        ),
+        (VN, {"vectornav/start": ["VNWRG,06,0*00\r\n$VNWNV"]}, "vectornav.start[0] profile.not_a_command_line"),
         (VN, {"vectornav/start": ["é"]}, "vectornav.start[0] profile.not_a_command_line"),
         (VN, {"stream/sample_rate_hz": 100.0}, "frame.fields[0].per_sample profile.clock_rate"),
     ],

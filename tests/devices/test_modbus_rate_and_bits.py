@@ -30,10 +30,7 @@ def test_an_endless_rate_on_the_wire() -> None:
 
 
 def test_no_endless_rate_while_the_watchdog_is_off() -> None:
-    with (
-        table([polled(watchdog=0)]) as (driver, _),
-        raises_code(ConfigurationError, "table.would_not_stop"),
-    ):
+    with table([polled(watchdog=0)]) as (driver, _), raises_code(ConfigurationError, "table.would_not_stop"):
         driver.rate(0.1, 0.0, 0.1)
 
 
@@ -51,10 +48,7 @@ def test_a_stop_of_its_own_stands_in_for_the_watchdog() -> None:
 
 @pytest.mark.parametrize(
     ("rates", "code"),
-    [
-        ((130.0, 0.0, 10.0), "table.rate_above_limit"),
-        ((1.0, 1.0, 0.0), "table.acceleration_outside_limits"),
-    ],
+    [((130.0, 0.0, 10.0), "table.rate_above_limit"), ((1.0, 1.0, 0.0), "table.acceleration_outside_limits")],
 )
 def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], code: str) -> None:
     with table([polled()]) as (driver, _), raises_code(ConfigurationError, code):
@@ -63,10 +57,7 @@ def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], code: st
 
 def test_a_profile_without_the_command_says_so() -> None:
     without: TableProfile = quick().model_copy(update={"commands": {"move": 1, "stop": 2, "home": 3}})
-    with (
-        table([], without) as (driver, _),
-        raises_code(ConfigurationError, "table.no_rate_command"),
-    ):
+    with table([], without) as (driver, _), raises_code(ConfigurationError, "table.no_rate_command"):
         driver.rate(0.1, 0.0, 0.1)
 
 

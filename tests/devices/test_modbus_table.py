@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.devices.profiles.table_registers import ModbusRegister
-from calstation.devices.table.modbus_table import ModbusTable, decode, encode
+from calstation.devices.table.modbus_table import ModbusTable
+from calstation.devices.table.register_table import decode, encode
 from calstation.errors import ConfigurationError, DeviceFaultError
 
 SHIPPED = Path(__file__).parents[2] / "data" / "tables" / "bench.toml"
@@ -175,12 +176,7 @@ def test_commands_on_the_wire() -> None:
 
 @pytest.mark.parametrize(
     ("number", "meaning"),
-    [
-        (2, "modbus.exception_2"),
-        (3, "modbus.exception_3"),
-        (4, "modbus.exception_4"),
-        (99, "modbus.exception_other"),
-    ],
+    [(2, "modbus.exception_2"), (3, "modbus.exception_3"), (4, "modbus.exception_4"), (99, "modbus.exception_other")],
 )
 def test_an_exception_is_reported_with_its_meaning_and_not_repeated(number: int, meaning: str) -> None:
     with table([(write(22, STOP)[0], bytes([0x86, number]))]) as (driver, _):
@@ -194,10 +190,7 @@ def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
     request, reply = write(22, STOP)
     with table([(request, None), (request, None), (request, reply)]) as (driver, _):
         driver.stop()
-    with (
-        table([(write(22, HOME)[0], None)]) as (driver, _),
-        raises_code(DeviceFaultError, "table.write_unanswered"),
-    ):
+    with table([(write(22, HOME)[0], None)]) as (driver, _), raises_code(DeviceFaultError, "table.write_unanswered"):
         driver.home()
 
 
@@ -212,10 +205,7 @@ def test_after_a_lost_answer_the_next_request_has_a_link_of_its_own() -> None:
 
 def test_a_table_that_went_silent_or_away_is_told() -> None:
     request = read(17, image()[17:64])[0]
-    with (
-        table([(request, None)] * 3) as (driver, _),
-        raises_code(DeviceFaultError, "table.read_unanswered"),
-    ):
+    with table([(request, None)] * 3) as (driver, _), raises_code(DeviceFaultError, "table.read_unanswered"):
         driver.status()
     server = ScriptedServer([])
     driver = ModbusTable(server.port, quick())
@@ -244,10 +234,7 @@ def test_a_table_that_falls_silent_is_reported_once() -> None:
 def test_an_answer_of_the_wrong_length_is_not_taken() -> None:
     request = read(17, image()[17:64])[0]
     short = read(17, image()[17:60])[1]
-    with (
-        table([(request, short)] * 3) as (driver, _),
-        raises_code(DeviceFaultError, "table.read_unanswered"),
-    ):
+    with table([(request, short)] * 3) as (driver, _), raises_code(DeviceFaultError, "table.read_unanswered"):
         driver.status()
 
 
@@ -260,10 +247,7 @@ def test_ports_that_cannot_be_are_told() -> None:
 
 
 def test_a_value_that_does_not_fit_is_told_before_anything_is_sent() -> None:
-    with (
-        table([]) as (driver, _),
-        raises_code(ConfigurationError, "table.value_beyond_register"),
-    ):
+    with table([]) as (driver, _), raises_code(ConfigurationError, "table.value_beyond_register"):
         driver.move(1000.0, 0.0, 0.1, 0.1)
 
 
@@ -282,16 +266,7 @@ def test_registers_round_trip(kind: str, part: float) -> None:
 def test_a_table_may_have_no_more_than_it_needs() -> None:
     """Neither watchdog nor interlock, serial number or travel of its own; no bit tells that it moves or is homed."""
     told = tomllib.loads(SHIPPED.read_text(encoding="utf-8"))
-    for name in (
-        "serial",
-        "interlock",
-        "watchdog",
-        "heartbeat",
-        "outer_low",
-        "outer_high",
-        "inner_low",
-        "inner_high",
-    ):
+    for name in ("serial", "interlock", "watchdog", "heartbeat", "outer_low", "outer_high", "inner_low", "inner_high"):
         del told["registers"][name]
     del told["status_bits"]["moving"]
     told["status_bits"]["homed"] = {"always": True}

@@ -81,8 +81,7 @@ def test_values_inside_the_bounds_are_held_to_half_a_step(name: str, part: float
 
 
 @pytest.mark.parametrize(
-    ("name", "value"),
-    [("u8", 256), ("u8", -1), ("i16", 40000), ("q1.15", 1.0), ("f32", 1e39), ("i32", math.nan)],
+    ("name", "value"), [("u8", 256), ("u8", -1), ("i16", 40000), ("q1.15", 1.0), ("f32", 1e39), ("i32", math.nan)]
 )
 def test_a_value_out_of_range_is_rejected(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=r"outside|cannot be held"):
@@ -115,13 +114,7 @@ TEXT = b"123456789"
 
 @pytest.mark.parametrize(
     ("kind", "value"),
-    [
-        ("sum8", 0xDD),
-        ("sum8_to_zero", 0x23),
-        ("sum16", 0x01DD),
-        ("xor8", 0x31),
-        ("fletcher16", 0xDDF3 - 0xF3 + 0x15),
-    ],
+    [("sum8", 0xDD), ("sum8_to_zero", 0x23), ("sum16", 0x01DD), ("xor8", 0x31), ("fletcher16", 0xDDF3 - 0xF3 + 0x15)],
 )
 def test_sums_by_name(kind: str, value: int) -> None:
     assert check_function(kind)(TEXT) == value

@@ -34,9 +34,7 @@ def plugged(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     had: list[str] = []
     about = {"description": "UART", "manufacturer": "FTDI", "location": "1-2", "serial_number": ADAPTER}
     monkeypatch.setattr(
-        list_ports,
-        "comports",
-        lambda: [SimpleNamespace(device=had[-1], name=had[-1], **about)] if had else [],
+        list_ports, "comports", lambda: [SimpleNamespace(device=had[-1], name=had[-1], **about)] if had else []
     )
     return had
 

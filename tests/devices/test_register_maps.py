@@ -13,13 +13,7 @@ from helpers import complaint, raises_code
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from calstation.devices.codecs.conventions import (
-    Convention,
-    from_registers,
-    matrix_slots,
-    offset_slots,
-    to_registers,
-)
+from calstation.devices.codecs.conventions import Convention, from_registers, matrix_slots, offset_slots, to_registers
 from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.devices.profiles.registers import RegisterEntry
@@ -208,88 +202,33 @@ def edited(name: str, where: str, value: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("name", "where", "value", "told"),
     [
-        (
-            "dsp_modbus",
-            "registers/1/address",
-            117,
-            "registers[1].address profile.registers_overlap",
-        ),
-        (
-            "dsp_modbus",
-            "registers/1/type",
-            "i24",
-            "registers[1].type profile.not_whole_registers",
-        ),
+        ("dsp_modbus", "registers/1/address", 117, "registers[1].address profile.registers_overlap"),
+        ("dsp_modbus", "registers/1/type", "i24", "registers[1].type profile.not_whole_registers"),
         ("dsp_modbus", "registers/1/type", "i12", "registers[1].type profile.unknown_type"),
         ("dsp_modbus", "registers/4/page", 0, None),
         ("dsp_modbus", "modbus/page", None, "registers[0].page profile.no_pages"),
         ("dsp_modbus", "registers/2/range", [-3.0, 3.0], "registers[2].range profile.range_beyond_type"),
-        (
-            "dsp_modbus",
-            "registers/5/scale",
-            1e-6,
-            "registers[5].range profile.range_beyond_type",
-        ),
-        (
-            "dsp_modbus",
-            "registers/3/range",
-            [-0.3, 0.3],
-            "registers[3].range profile.range_too_narrow",
-        ),
+        ("dsp_modbus", "registers/5/scale", 1e-6, "registers[5].range profile.range_beyond_type"),
+        ("dsp_modbus", "registers/3/range", [-0.3, 0.3], "registers[3].range profile.range_too_narrow"),
         ("dsp_modbus", "registers/0/range", [-0.01, 0.01], "registers[0].range profile.range_too_narrow"),
         ("dsp_modbus", "registers/3/scale", 0.0, "registers[3].scale profile.scale_zero"),
         ("dsp_modbus", "registers/4", None, "registers profile.parameter_without_register"),
-        (
-            "dsp_modbus",
-            "without_register",
-            ["gyro_bias"],
-            "without_register[0] profile.has_register",
-        ),
+        ("dsp_modbus", "without_register", ["gyro_bias"], "without_register[0] profile.has_register"),
         ("dsp_modbus", "without_register", ["gyro_bia"], "without_register[0] entry.unknown_parameter"),
-        (
-            "dsp_modbus",
-            "registers/0/parameters",
-            ["gyro_matrix_xx"],
-            "registers[0] profile.matrix_incomplete",
-        ),
-        (
-            "dsp_modbus",
-            "registers/1/parameters",
-            ["gyro_offset_x"],
-            "registers[0] profile.offset_incomplete",
-        ),
+        ("dsp_modbus", "registers/0/parameters", ["gyro_matrix_xx"], "registers[0] profile.matrix_incomplete"),
+        ("dsp_modbus", "registers/1/parameters", ["gyro_offset_x"], "registers[0] profile.offset_incomplete"),
         (
             "dsp_modbus",
             "registers/4/convention",
             {"offset": "after"},
             "registers[4].convention profile.convention_without_matrix",
         ),
-        (
-            "dsp_modbus",
-            "registers/4/word_order",
-            "fraction_first",
-            "registers[4].word_order profile.fraction_first",
-        ),
-        (
-            "dsp_modbus",
-            "registers/5/parameters",
-            ["accel_misalign"],
-            "registers[2] profile.parameter_and_matrix",
-        ),
-        (
-            "dsp_modbus",
-            "registers/4/parameters",
-            ["gyro_matrx"],
-            "registers[4].parameters[0] entry.unknown_parameter",
-        ),
+        ("dsp_modbus", "registers/4/word_order", "fraction_first", "registers[4].word_order profile.fraction_first"),
+        ("dsp_modbus", "registers/5/parameters", ["accel_misalign"], "registers[2] profile.parameter_and_matrix"),
+        ("dsp_modbus", "registers/4/parameters", ["gyro_matrx"], "registers[4].parameters[0] entry.unknown_parameter"),
         ("dsp_modbus", "modbus", None, "modbus profile.needed_by"),
         ("vectornav_vn100", "modbus", {}, "modbus.unit entry.missing"),
-        (
-            "vectornav_vn100",
-            "vectornav/digits",
-            6,
-            "vectornav.digits entry.greater_than_equal",
-        ),
+        ("vectornav_vn100", "vectornav/digits", 6, "vectornav.digits entry.greater_than_equal"),
         ("vectornav_vn100", "vectornav/check", "crc32", "vectornav.check entry.not_one_of"),
         ("vectornav_vn100", "registers/1/address", 84, "registers[1].address profile.registers_overlap"),
         ("vectornav_vn100", "without_register", None, "registers profile.parameter_without_register"),

@@ -99,10 +99,7 @@ def test_registers_that_are_burnt_are_read_back_behind_the_restart(delay: float)
 @pytest.mark.parametrize("delay", [0.0, 0.4])
 def test_registers_that_were_never_burnt_are_not_called_restarted(delay: float) -> None:
     unit, noted = FlashUnit(burns=None, delay=delay), Noted(serial=UNIT)
-    with (
-        driver(unit) as imu,
-        raises_code(DeviceFaultError, "imu.holds_old"),
-    ):
+    with driver(unit) as imu, raises_code(DeviceFaultError, "imu.holds_old"):
         moved(imu, noted)
     assert "restarted" not in noted.steps
     assert noted.closing == "kept"
@@ -110,10 +107,7 @@ def test_registers_that_were_never_burnt_are_not_called_restarted(delay: float) 
 
 def test_a_unit_that_never_restarts_is_told_before_anything_is_written() -> None:
     unit, noted = FlashUnit(delay=None), Noted(serial=UNIT)
-    with (
-        driver(unit, reset_timeout_s=0.3) as imu,
-        raises_code(DeviceFaultError, "imu.not_restarted"),
-    ):
+    with driver(unit, reset_timeout_s=0.3) as imu, raises_code(DeviceFaultError, "imu.not_restarted"):
         moved(imu, noted)
     assert noted.steps == []
     assert unit.words == unit.flash, "the mark was taken back"
@@ -128,10 +122,7 @@ def test_a_unit_that_burns_for_long_is_not_restarted_meanwhile() -> None:
 
 def test_a_unit_that_burns_for_longer_than_it_may_is_left_alone_until_then() -> None:
     unit, noted = FlashUnit(burns=3600.0), Noted(serial=UNIT)
-    with (
-        driver(unit, commit_timeout_s=0.4) as imu,
-        raises_code(DeviceFaultError, "imu.holds_unknown"),
-    ):
+    with driver(unit, commit_timeout_s=0.4) as imu, raises_code(DeviceFaultError, "imu.holds_unknown"):
         moved(imu, noted)
     commit = unit.requests.index((6, COMMIT, 0x5A5A))
     assert {request[0] for request in unit.requests[commit + 1 :]} == {3}, "neither written nor restarted"

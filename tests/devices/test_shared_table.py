@@ -82,11 +82,7 @@ def test_polls_and_samples_share_the_line() -> None:
     polled = image()[17:64]
     ask, answer = read(17, polled)
     between = stream_frame(1, [1] * 6) + answer + stream_frame(2, [2] * 6)
-    with system([(ask, between), (ask, answer), (request(1), reply_frame(1, b"bench-imu;SN;1"))]) as (
-        table,
-        imu,
-        _,
-    ):
+    with system([(ask, between), (ask, answer), (request(1), reply_frame(1, b"bench-imu;SN;1"))]) as (table, imu, _):
         status = table.status()
         np.testing.assert_allclose(status.angles, np.deg2rad([-45.0, 360.00001]), atol=1e-12)
         assert table.status().watchdog == 1.5
@@ -140,10 +136,7 @@ def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
 def test_an_answer_of_the_wrong_length_is_told() -> None:
     ask, _ = read(0, [0] * 8)
     short = reply_frame(7, ask[4:7] + b"\0\0")
-    with (
-        system([(ask, short)]) as (table, _, _link),
-        raises_code(DeviceFaultError, "table.answer_length"),
-    ):
+    with system([(ask, short)]) as (table, _, _link), raises_code(DeviceFaultError, "table.answer_length"):
         table.identify()
 
 

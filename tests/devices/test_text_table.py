@@ -121,10 +121,7 @@ ATL_STATE: Pairs = [
 ]
 places = pytest.mark.parametrize(
     "place",
-    [
-        over_tcp,
-        pytest.param(over_terminal, marks=pytest.mark.skipif(sys.platform == "win32", reason="terminals")),
-    ],
+    [over_tcp, pytest.param(over_terminal, marks=pytest.mark.skipif(sys.platform == "win32", reason="terminals"))],
 )
 
 
@@ -171,10 +168,7 @@ def test_atl_on_the_wire(place: Any) -> None:
 
 def test_atl_a_fault_is_told_by_its_code() -> None:
     faulty = [(b"1STA\r\n", b"26 3\r\n>"), *ATL_STATE[1:]]
-    with table([*faulty, (b"1STA\r\n", b"26 9\r\n>"), *ATL_STATE[1:]], profile("aerosmith_atl")) as (
-        driver,
-        _,
-    ):
+    with table([*faulty, (b"1STA\r\n", b"26 9\r\n>"), *ATL_STATE[1:]], profile("aerosmith_atl")) as (driver, _):
         status = driver.status()
         assert (status.fault, status.enabled, status.interlock_closed) == ("limit", False, False)
         assert driver.status().fault == "code 9"
@@ -200,19 +194,13 @@ def test_atl_the_late_prompt_of_a_jog_is_never_taken_for_an_angle() -> None:
 @pytest.mark.parametrize("name", ["aerosmith_atl", "acutronic_acl", "mn_ascii"])
 def test_an_endless_rate_is_refused_where_nothing_would_end_it(name: str) -> None:
     answers = {"aerosmith_atl": ATL_STATE, "acutronic_acl": ACL_STATE, "mn_ascii": MN_STATE}[name]
-    with (
-        table(answers, profile(name)) as (driver, _),
-        raises_code(ConfigurationError, "table.would_not_stop"),
-    ):
+    with table(answers, profile(name)) as (driver, _), raises_code(ConfigurationError, "table.would_not_stop"):
         driver.rate(0.1, 0.0, 0.1)
 
 
 @pytest.mark.parametrize(
     ("rates", "code"),
-    [
-        ((121.0, 0.0, 10.0), "table.rate_above_limit"),
-        ((1.0, 1.0, 101.0), "table.acceleration_outside_limits"),
-    ],
+    [((121.0, 0.0, 10.0), "table.rate_above_limit"), ((1.0, 1.0, 101.0), "table.acceleration_outside_limits")],
 )
 def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], code: str) -> None:
     stated = profile("aerosmith_atl").model_copy(update={"link_loss_stop_s": 1.0})

@@ -219,9 +219,7 @@ def test_a_brown_out_over_the_first_write_is_mended_by_its_repetition(tmp_path: 
     assert unit.flash == noted.new
 
 
-def test_a_brown_out_behind_the_last_byte_of_the_commit_leaves_new_values_to_be_proved(
-    tmp_path: Path,
-) -> None:
+def test_a_brown_out_behind_the_last_byte_of_the_commit_leaves_new_values_to_be_proved(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_committing = 128

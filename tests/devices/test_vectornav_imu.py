@@ -131,11 +131,7 @@ def test_commit_once_and_reset_with_the_stream_again() -> None:
     start = [pair("VNWRG,06,0"), pair("VNWRG,75,1,4,05,0001,001C")]
     shown = f"VNRRG,25,{PLAIN}"
     mark = ",".join(f"{v:.9G}" for v in np.float32([1, 0, 0, 0, 1, 0, 0, 0, 1, *[-10.0 + 20.0 * 0.381966] * 3]))
-    marking = [
-        pair("VNRRG,25", shown),
-        pair(f"VNWRG,25,{mark}"),
-        pair("VNRRG,25", f"VNRRG,25,{mark}"),
-    ]
+    marking = [pair("VNRRG,25", shown), pair(f"VNWRG,25,{mark}"), pair("VNRRG,25", f"VNRRG,25,{mark}")]
     restart = [pair("VNRST"), *IDENTITY, pair("VNRRG,25", shown)]
     with driver([*start, pair("VNWNV"), *marking, *restart, *start]) as (imu, link):
         imu.start()
@@ -178,10 +174,7 @@ def test_an_error_is_reported_with_its_meaning(reply: str, meaning: str) -> None
 
 @pytest.mark.parametrize("reply", ["VNRRG,25,1,2,3", "VNRRG,25,a,b,c,d,e,f,g,h,i,j,k,l", "VNRRG,25"])
 def test_an_answer_that_is_none_is_told(reply: str) -> None:
-    with (
-        driver([pair("VNRRG,25", reply)]) as (imu, _),
-        raises_code(DeviceFaultError, "imu.answer_numbers"),
-    ):
+    with driver([pair("VNRRG,25", reply)]) as (imu, _), raises_code(DeviceFaultError, "imu.answer_numbers"):
         imu.read_registers()
 
 

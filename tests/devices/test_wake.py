@@ -21,11 +21,7 @@ from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModel
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
 
-UNITS: dict[str, type[ImuUnit]] = {
-    "bench_nav": ImuUnit,
-    "dsp_modbus": DspUnit,
-    "vectornav_vn100": VectorNavUnit,
-}
+UNITS: dict[str, type[ImuUnit]] = {"bench_nav": ImuUnit, "dsp_modbus": DspUnit, "vectornav_vn100": VectorNavUnit}
 
 
 def read_for(imu: StreamedImu, seconds: float) -> None:

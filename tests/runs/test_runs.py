@@ -10,7 +10,6 @@ from typing import Any
 import pytest
 
 from calstation.config import library, versions
-from calstation.devices.interfaces import Imu
 from calstation.errors import ConfigurationError
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import open_log
@@ -167,8 +166,8 @@ def test_a_stream_behind_the_registers_has_them_read_and_logged_first(behind: Si
 def test_what_nobody_committed_is_not_in_force_behind_the_registers(
     behind: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def left_by_another_program(imu: Imu, *rest: Any) -> None:
-        imu.write_registers({"gyro_bias_x": 1e-3})
+    def left_by_another_program(devices: Devices, *rest: Any) -> None:
+        devices.imu.write_registers({"gyro_bias_x": 1e-3})
 
     monkeypatch.setattr(run, "recover_interrupted", left_by_another_program)
     verdict = behind.run("six_position")

@@ -64,9 +64,11 @@ def offset_slots(sensor: str) -> tuple[str, ...]:
 SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor)))
 
 
-def parameter_of(slot: str) -> str | None:
-    """The parameter of a slot; None for an element that is 0 in the error model."""
-    sensor, kind, element = slot.split("_")
+def parameter_of(name: str) -> str | None:
+    """The parameter of a slot, or the name itself if it is none; None for an element that is 0 in the error model."""
+    if name not in SLOTS:
+        return name
+    sensor, kind, element = name.split("_")
     if kind == "offset":
         return f"{sensor}_bias_{element}"
     name = f"{sensor}_scale_{element[0]}" if element[0] == element[1] else f"{sensor}_misalign_{element}"
@@ -117,10 +119,7 @@ def from_registers(sensor: str, held: Mapping[str, float], matrix: Convention, o
     held : values by slot
     matrix, offset : conventions of the two
 
-    Raises
-    ------
-    DeviceFaultError
-        If an accelerometer's matrix is not lower triangular: the error model has no such matrix.
+    Raises DeviceFaultError if an accelerometer's matrix is not lower triangular: the error model has no such matrix.
     """
     stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)
     for i, slot in enumerate(matrix_slots(sensor)):

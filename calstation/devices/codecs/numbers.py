@@ -25,8 +25,6 @@ _Q = re.compile(r"(u?)q(\d{1,2})\.(\d{1,2})")
 class Number:
     """A type of number.
 
-    Attributes
-    ----------
     kind : "u" unsigned, "i" signed, "f" IEEE 754
     width : bytes
     fraction : binary digits after the point, of a Q format
@@ -104,10 +102,8 @@ class Number:
         ----------
         wire : their bytes, shape (n, width)
 
-        Returns
-        -------
-        ndarray, shape (n,)
-            int64 for whole numbers (of u64 the lower 63 bits and a sign), float64 otherwise
+        Returns an array of shape (n,): int64 for whole numbers (of u64 the lower 63 bits and a sign), float64
+        otherwise.
         """
         plain = wire[:, self._places(byte_order, word_order)]
         if self.kind == "f":

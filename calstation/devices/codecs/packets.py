@@ -10,8 +10,6 @@ QUOTE_LENGTH = 40
 class PacketKind(Protocol):
     """One kind of packet that a stream may carry.
 
-    Attributes
-    ----------
     sync : bytes that begin a packet
     """
 

@@ -16,8 +16,6 @@ Column = FloatArray | IntArray
 class Columns:
     """Numbers of consecutive packets.
 
-    Attributes
-    ----------
     values : raw numbers by field, shape (n,); 0 or NaN if a packet has none
     present : which packets have the field, shape (n,)
     """
@@ -27,17 +25,12 @@ class Columns:
 
 
 class BinaryFrame:
-    """Frames of a binary format: fixed, with a length field, or of items with ids.
-
-    Parameters
-    ----------
-    frame : the profile's section
-    """
+    """Frames of a binary format: fixed, with a length field, or of items with ids."""
 
     def __init__(self, frame: FrameSection) -> None:
         self.sync = frame.sync_bytes
         self._frame = frame
-        self._fields = [f for f in frame.fields if not f.name.startswith("spare")]
+        self._fields = [f for f in frame.fields if not f.is_spare]
         self._check, self._check_size = frame.crc.function(), frame.crc.size
         self._check_order = frame.crc.byte_order or frame.byte_order
         self._tail = frame.tail_bytes
@@ -55,7 +48,6 @@ class BinaryFrame:
         return max(len(self.sync), self._frame.length.at + number(self._frame.length.type).width) + behind
 
     def size(self, buffer: bytes, place: int) -> int | None:
-        """See `PacketKind`."""
         length = self._frame.length
         if length is None:
             return self.shortest
@@ -73,7 +65,6 @@ class BinaryFrame:
         return size if self.shortest <= size <= self._frame.max_size else 0
 
     def is_valid(self, packet: bytes) -> bool:
-        """See `PacketKind`; a frame whose items do not fill it exactly is invalid."""
         end = len(packet) - len(self._tail) - self._check_size
         if not packet.endswith(self._tail):
             return False
@@ -98,12 +89,9 @@ class BinaryFrame:
                 alike.setdefault(self._layout_key(packet), []).append(row)
         everywhere, nowhere = np.ones(count, np.bool_), np.zeros(count, np.bool_)
         if count and len(alike) == 1:
-            values = self._layout(packets[0], *alike).read(b"".join(packets))
-            present = {f.name: everywhere if f.name in values else nowhere for f in self._fields}
-            return Columns(
-                {f.name: values[f.name] if f.name in values else _nothing(f, count) for f in self._fields},
-                present,
-            )
+            read = self._layout(packets[0], *alike).read(b"".join(packets))
+            values = {f.name: read[f.name] if f.name in read else _nothing(f, count) for f in self._fields}
+            return Columns(values, {f.name: everywhere if f.name in read else nowhere for f in self._fields})
         found = Columns(
             {f.name: _nothing(f, count) for f in self._fields}, {f.name: nowhere.copy() for f in self._fields}
         )
@@ -179,14 +167,7 @@ class BinaryFrame:
 
 
 class Layout:
-    """Positions of the numbers in packets of one size.
-
-    Parameters
-    ----------
-    size : bytes of each packet
-    places : fields and their first bytes
-    byte_order : of the numbers
-    """
+    """Positions of the numbers in packets of one size."""
 
     def __init__(self, size: int, places: list[tuple[FrameField, int]], byte_order: ByteOrder) -> None:
         self._size = size

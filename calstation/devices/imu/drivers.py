@@ -13,21 +13,13 @@ from calstation.devices.profiles import ImuProfile
 
 
 class SilentImu(StreamedImu):
-    """An IMU that only streams: it takes no command, has no registers and cannot be identified.
-
-    Parameters
-    ----------
-    link : open port
-    profile : IMU profile
-    serial : serial number, as given by the operator
-    """
+    """An IMU that streams by itself, in one way: it takes no command, has no registers and cannot be identified."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, serial: str) -> None:
         super().__init__(link, profile, None)
         self._serial = serial
 
-    def start(self, *, corrected: bool = False) -> None:
-        """Do nothing: it streams by itself, and in one way."""
+    def start(self, *, corrected: bool = False) -> None: ...
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
         """Forget noise only: a unit that restarted streams again by itself."""
@@ -38,17 +30,13 @@ class SilentImu(StreamedImu):
         return ImuIdentity(self._profile.model, self._serial, "")
 
     def read_registers(self) -> dict[str, float]:
-        """No registers."""
         return {}
 
-    def write_registers(self, values: Mapping[str, float]) -> None:
-        """Do nothing: it has no registers."""
+    def write_registers(self, values: Mapping[str, float]) -> None: ...
 
-    def commit(self) -> None:
-        """Do nothing: it has no registers."""
+    def commit(self) -> None: ...
 
-    def reset(self) -> None:
-        """Do nothing: it takes no command."""
+    def reset(self) -> None: ...
 
 
 _DRIVERS: dict[str, Callable[[SerialLink, ImuProfile], RegisteredImu]] = {

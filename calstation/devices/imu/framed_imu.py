@@ -11,16 +11,7 @@ from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Q
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import OPS, ImuProfile, RegisterEntry
 from calstation.errors import DeviceFaultError
-from calstation.messages import Text
-
-#: Usual error codes in replies.
-_ERRORS = {
-    1: Text("imu.framed_1"),
-    2: Text("imu.framed_2"),
-    3: Text("imu.framed_3"),
-    4: Text("imu.framed_4"),
-    5: Text("imu.framed_5"),
-}
+from calstation.messages import Text, known
 
 _ATTEMPTS = 3
 _VALUES_PER_TRANSFER = 32
@@ -31,23 +22,12 @@ class FramedImu(RegisteredImu):
     """The IMU of a profile on a link; one thread owns the port, reads samples and sends commands.
 
     Registers are read and written by address u16, count u8 and the numbers themselves.
-
-    Parameters
-    ----------
-    link : open port
-    profile : IMU profile
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.commands is not None
-        commands = self._commands = profile.commands
-        super().__init__(
-            link,
-            profile,
-            commands,
-            commit_timeout=commands.commit_timeout_s,
-            reset_timeout=commands.reset_timeout_s,
-        )
+        self._commands = profile.commands
+        super().__init__(link, profile, profile.commands)
 
     def read_words(self, address: int, count: int) -> list[int]:
         """Read 16-bit registers of the system's own axes; a lost answer is asked for again."""
@@ -88,47 +68,37 @@ class FramedImu(RegisteredImu):
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
         kind, order = number(entry.type), entry.byte_order or self._profile.frame.byte_order
         numbers: list[float] = []
-        for begin, count in self._transfers(entry):
-            head = struct.pack(self._format("HB"), entry.address_of(begin), count)
+        for address, _, count in self._transfers(entry):
+            head = struct.pack(self._format("HB"), address, count)
             answer = self._ask("read", head, head)
-            if len(answer) != len(head) + kind.width * count:
-                raise DeviceFaultError(
-                    "imu.answer_size",
-                    address=entry.address_of(begin),
-                    size=len(answer),
-                    expected=len(head) + kind.width * count,
-                )
+            expected = len(head) + kind.width * count
+            if len(answer) != expected:
+                raise DeviceFaultError("imu.answer_size", address=address, size=len(answer), expected=expected)
             body = answer[len(head) :]
-            numbers += [
-                kind.unpack(body[k : k + kind.width], order, entry.word_order) for k in range(0, len(body), kind.width)
-            ]
+            parts = (body[k : k + kind.width] for k in range(0, len(body), kind.width))
+            numbers += [kind.unpack(part, order, entry.word_order) for part in parts]
         return numbers
 
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
         kind, order = number(entry.type), entry.byte_order or self._profile.frame.byte_order
-        for begin, count in self._transfers(entry):
-            head = struct.pack(self._format("HB"), entry.address_of(begin), count)
+        for address, begin, count in self._transfers(entry):
+            head = struct.pack(self._format("HB"), address, count)
             part = numbers[begin : begin + count]
             body = b"".join(kind.pack(value, order, entry.word_order) for value in part)
             if self._ask("write", head + body, head) != head:
-                raise DeviceFaultError("imu.not_taken", address=entry.address_of(begin))
+                raise DeviceFaultError("imu.not_taken", address=address)
 
-    def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int]]:
-        """First number and count of each transfer of an entry."""
+    def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int, int]]:
+        """Address, index of the first number and count of each transfer of an entry."""
         most = min(_VALUES_PER_TRANSFER, (_PAYLOAD - 3) // number(entry.type).width)
         total = len(entry.names)
-        return [(begin, min(most, total - begin)) for begin in range(0, total, most)]
+        return [(entry.address_of(begin), begin, min(most, total - begin)) for begin in range(0, total, most)]
 
     def _format(self, codes: str) -> str:
         return ("<" if self._profile.frame.byte_order == "little" else ">") + codes
 
     def _ask(
-        self,
-        name: str,
-        payload: bytes,
-        begins: bytes = b"",
-        attempts: int = _ATTEMPTS,
-        timeout: float | None = None,
+        self, name: str, payload: bytes, begins: bytes = b"", attempts: int = _ATTEMPTS, timeout: float | None = None
     ) -> bytes:
         """Send a command and wait for its reply, whose payload must begin with `begins`."""
         question = self._question(name, payload, begins)
@@ -137,11 +107,11 @@ class FramedImu(RegisteredImu):
     def _other_questions(self) -> Iterator[Question[bytes]]:
         """The identity, then registers in ever shorter parts."""
         yield self._question("identify", b"", b"")
-        transfers = [(e, *part) for e in self._registers.entries for part in self._transfers(e)]
+        transfers = [part for entry in self._registers.entries for part in self._transfers(entry)]
         for shorter in range(max((count for _, _, count in transfers), default=0)):
-            for entry, begin, count in transfers:
+            for address, _, count in transfers:
                 if count > shorter:
-                    head = struct.pack(self._format("HB"), entry.address_of(begin), count - shorter)
+                    head = struct.pack(self._format("HB"), address, count - shorter)
                     yield self._question("read", head, head)
 
     def _question(self, name: str, payload: bytes, begins: bytes) -> Question[bytes]:
@@ -161,10 +131,8 @@ class FramedImu(RegisteredImu):
     def _meaning(self, code: int) -> Text:
         """What an error code means, by the profile's own meanings or the usual ones."""
         own = self._commands.errors.get(str(code))
-        if own is not None and code in self._commands.busy_codes:
-            return Text.of("imu.framed_own_busy", meaning=own)
         if own is not None:
-            return Text.of("imu.framed_own", meaning=own)
-        if self._commands.errors or code not in _ERRORS:
-            return Text.of("imu.framed_other", number=code)
-        return _ERRORS[code]
+            code_ = "imu.framed_own_busy" if code in self._commands.busy_codes else "imu.framed_own"
+            return Text.of(code_, meaning=own)
+        usual = not self._commands.errors and known(f"imu.framed_{code}")
+        return Text.of(f"imu.framed_{code if usual else 'other'}", number=code)

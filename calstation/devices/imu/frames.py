@@ -1,6 +1,6 @@
 """Decodes a byte stream into samples and command replies, in bulk and independent of how the stream was cut."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,6 @@ _REPLY_HEADER = 2  # op, payload length
 class Frames:
     """Valid frames that carry the samples' fields, in order.
 
-    Attributes
-    ----------
     raw : each frame's bytes
     columns : raw numbers of their fields, one per frame
     """
@@ -30,10 +28,6 @@ class Frames:
     def __len__(self) -> int:
         return len(self.raw)
 
-    def tobytes(self) -> bytes:
-        """The frames' bytes one after the other."""
-        return b"".join(self.raw)
-
     @property
     def complete(self) -> BoolArray:
         """Which frames are samples: those that have the counter and all six channels, shape (n,)."""
@@ -43,20 +37,6 @@ class Frames:
         # Fields of one layout share one array.
         distinct = {id(present): present for present in needed if present is not None}
         return np.asarray(np.logical_and.reduce(list(distinct.values())))
-
-    @staticmethod
-    def join(parts: Sequence["Frames"]) -> "Frames":
-        """Concatenate frames of one decoder."""
-        if len(parts) == 1:
-            return parts[0]
-        names = parts[0].columns.values
-        return Frames(
-            tuple(packet for part in parts for packet in part.raw),
-            Columns(
-                {name: np.concatenate([part.columns.values[name] for part in parts]) for name in names},
-                {name: np.concatenate([part.columns.present[name] for part in parts]) for name in names},
-            ),
-        )
 
 
 @dataclass(frozen=True)
@@ -73,13 +53,6 @@ class FrameDecoder:
     A partial packet is kept until its rest comes, so the result does not depend on how the stream was cut.
     Never more than the largest packet is kept, and no bytes that cannot begin one.
 
-    Parameters
-    ----------
-    frame : of the samples
-    commands : packets that answer commands: a section of the profile or a kind of packet
-
-    Attributes
-    ----------
     crc_errors : packets whose check was wrong; skipped : bytes that belong to no packet
     others : valid packets that carry no field of a sample
     since_frame : bytes skipped since the last valid packet
@@ -210,12 +183,7 @@ class _Search:
 
 
 class CommandReply:
-    """Replies of the framed link: sync | op u8 | n u8 | n bytes | check over op to payload.
-
-    Parameters
-    ----------
-    commands : the profile's section; frame : for its byte order
-    """
+    """Replies of the framed link: sync | op u8 | n u8 | n bytes | check over op to payload."""
 
     def __init__(self, commands: CommandSection, frame: FrameSection) -> None:
         self.sync = hex_bytes(commands.reply_sync)
@@ -223,19 +191,16 @@ class CommandReply:
         self._order = frame.byte_order
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """See `packets.PacketKind`."""
         header = len(self.sync)
         if len(buffer) - start < header + _REPLY_HEADER:
             return None
         return header + _REPLY_HEADER + buffer[start + header + 1] + self._width
 
     def is_valid(self, packet: bytes) -> bool:
-        """See `packets.PacketKind`."""
         body = packet[len(self.sync) : -self._width]
         return check_bytes(self._crc, body, self._order) == packet[-self._width :]
 
     def reply(self, packet: bytes) -> Reply:
-        """See `packets.ReplyKind`."""
         body = packet[len(self.sync) : -self._width]
         return Reply(body[0], body[_REPLY_HEADER:])
 

@@ -12,47 +12,22 @@ from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Q
 from calstation.devices.links import ACKNOWLEDGED, NOT_YET, REFUSED, RtuReply, RtuRequest, SerialLink
 from calstation.devices.profiles import ImuProfile, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
-from calstation.messages import Text
+from calstation.messages import Text, known
 
 _ATTEMPTS = 3
 #: Registers in one transfer.
 _MOST = 120
 
-#: Modbus exceptions of a unit by their numbers.
-_EXCEPTIONS = {
-    1: Text("imu.modbus_1"),
-    2: Text("imu.modbus_2"),
-    3: Text("imu.modbus_3"),
-    4: Text("imu.modbus_4"),
-    5: Text("imu.modbus_5"),
-    6: Text("imu.modbus_6"),
-    8: Text("imu.modbus_8"),
-    10: Text("imu.modbus_10"),
-    11: Text("imu.modbus_11"),
-}
-
 
 class ModbusImu(RegisteredImu):
-    """The IMU of a profile on a link.
-
-    Parameters
-    ----------
-    link : open port
-    profile : IMU profile
-    """
+    """The IMU of a profile on a link."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.modbus is not None
         section = self._section = profile.modbus
         self._texts = [text for text in (section.model, section.serial, section.firmware) if text is not None]
         self._word = 0
-        super().__init__(
-            link,
-            profile,
-            RtuReply(section.unit),
-            commit_timeout=section.commit_timeout_s,
-            reset_timeout=section.reset_timeout_s,
-        )
+        super().__init__(link, profile, RtuReply(section.unit))
 
     def _switch_on(self, *, corrected: bool) -> None:
         stream, section = self._section.stream, self._profile.corrected if corrected else None
@@ -186,7 +161,8 @@ def _question(request: RtuRequest) -> Question[bytes]:
     def take(reply: Reply) -> bytes | None:
         if reply.op == request.function | REFUSED:
             number = reply.payload[0]
-            reason = _EXCEPTIONS.get(number) or Text.of("imu.modbus_other", number=number)
+            kind = number if known(f"imu.modbus_{number}") else "other"
+            reason = Text.of(f"imu.modbus_{kind}", number=number)
             error = ModbusBusyError if number in NOT_YET else ImuRefusalError
             raise error("imu.register_refused", address=request.address, number=number, reason=reason)
         mine = reply.op == request.function and reply.payload.startswith(request.begins)

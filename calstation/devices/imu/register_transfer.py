@@ -111,10 +111,8 @@ def transfer(
     begin : records the intention before anything is written
     old : its `flash_registers` if just read; None to read them here
 
-    Raises
-    ------
-    DeviceFaultError
-        Another unit answers, a value does not fit, the link fails, or a register reads back differently.
+    Raises DeviceFaultError: another unit answers, a value does not fit, the link fails, or a register reads back
+    differently.
     """
     check_serial(imu, serial)
     old = flash_registers(imu) if old is None else dict(old)

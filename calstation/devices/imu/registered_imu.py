@@ -29,32 +29,21 @@ POLL = 0.02
 class RegisteredImu(StreamedImu):
     """An IMU whose link carries commands to its registers.
 
-    Parameters
-    ----------
-    link : open port
-    profile : IMU profile
     replies : packets that answer commands
     commit_timeout : host time that burning the flash may take, s
     reset_timeout : host time for the unit to answer again after a reset, s
     """
 
-    def __init__(
-        self,
-        link: SerialLink,
-        profile: ImuProfile,
-        replies: CommandSection | ReplyKind,
-        *,
-        commit_timeout: float,
-        reset_timeout: float,
-    ) -> None:
+    def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind) -> None:
         super().__init__(link, profile, replies)
+        times = profile.command_times
+        assert times is not None
         self._registers = RegisterMap(tuple(profile.registers))
-        self._commit_timeout, self._reset_timeout = commit_timeout, reset_timeout
+        self._commit_timeout, self._reset_timeout = times.commit_timeout_s, times.reset_timeout_s
         self._streaming = False
         self._burns_until = 0.0
 
     def start(self, *, corrected: bool = False) -> None:
-        """Switch the stream on, see `interfaces.Imu`."""
         self._switch_on(corrected=corrected)
         self._streaming = True
         section = self._profile.corrected
@@ -62,7 +51,6 @@ class RegisteredImu(StreamedImu):
         self._expect(own or self._profile.frame)
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
-        """Find a unit that may have restarted by itself, see `interfaces.Imu`."""
         deadline = time.monotonic() + self._reset_timeout
         while True:
             check_cancelled()
@@ -87,7 +75,6 @@ class RegisteredImu(StreamedImu):
         return identity
 
     def read_registers(self) -> dict[str, float]:
-        """Calibration registers in SI by parameter."""
         with self._quiet():
             return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
@@ -191,11 +178,11 @@ class RegisteredImu(StreamedImu):
 
     @abstractmethod
     def _ask_identity(self, attempts: int = 3) -> ImuIdentity:
-        """Identity of the unit."""
+        """The unit's identity, whatever its model."""
 
     @abstractmethod
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
-        """Numbers in an entry's registers."""
+        """The numbers in an entry's registers."""
 
     @abstractmethod
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:

@@ -35,21 +35,13 @@ class RegisterMap:
     @cached_property
     def parameters(self) -> tuple[str, ...]:
         """Contract names of all parameters that have a register."""
-        named = (name for entry in self.entries for name in entry.names if name)
-        held = (parameter_of(name) if name in SLOTS else name for name in named)
-        return tuple(name for name in held if name is not None)
+        held = (parameter_of(name) for entry in self.entries for name in entry.names)
+        return tuple(name for name in held if name)
 
     def encode(self, values: Mapping[str, float]) -> dict[int, list[float]]:
         """Numbers of every entry by its key (address, and page above 16 bits), as the registers hold them.
 
-        Parameters
-        ----------
-        values : SI by contract name; must have every parameter of the map, others are ignored
-
-        Raises
-        ------
-        DeviceFaultError
-            A value does not fit its register.
+        Raises DeviceFaultError: a value does not fit its register.
         """
         held = self._held(values)
         return {
@@ -96,7 +88,7 @@ class RegisterMap:
         wrong = []
         for entry in self.entries:
             for name in filter(None, entry.names):
-                parameter = parameter_of(name) if name in SLOTS else name
+                parameter = parameter_of(name)
                 if parameter in suspects and not _near(entry, want[name], have[name], name in SLOTS):
                     wrong.append(parameter)
         mapped = set(self.parameters)
@@ -106,7 +98,7 @@ class RegisterMap:
         """Register of a parameter."""
         for entry in self.entries:
             for i, held in enumerate(entry.names):
-                if name in (held, parameter_of(held) if held in SLOTS else held):
+                if name in (held, parameter_of(held)):
                     return entry.address_of(i)
         raise KeyError(name)
 
@@ -116,7 +108,7 @@ class RegisterMap:
         rows = []
         for entry in self.entries:
             for i, (name, held) in enumerate(zip(entry.names, self.encode(complete)[entry.key], strict=True)):
-                parameter = parameter_of(name) if name in SLOTS else name
+                parameter = parameter_of(name)
                 if parameter and parameter in values:
                     rows.append((entry.address_of(i), parameter, number(entry.type).pack(held, "big").hex().upper()))
         return rows

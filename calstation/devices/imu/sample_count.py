@@ -16,12 +16,8 @@ _FARTHEST = 2.0**40
 class SampleCount:
     """Counts samples by the frame's counter field.
 
-    Parameters
-    ----------
     frame : its field `counter` is a clock if it counts more than one per sample
 
-    Attributes
-    ----------
     gaps : interruptions so far
     restarts : interruptions at which the counter, or the clock, restarted
     """
@@ -42,13 +38,9 @@ class SampleCount:
         A frame that came twice, or so late that its successors are counted already, is left out; one that was
         overtaken by a few is put back in order.
 
-        Parameters
-        ----------
         raw : the counter as received, shape (n,)
 
-        Returns
-        -------
-        Indices of `raw`, shape (m,), m ≤ n.
+        Returns indices of `raw`, shape (m,), m ≤ n.
         """
         if not len(raw):
             return np.arange(0)
@@ -78,13 +70,9 @@ class SampleCount:
     def feed(self, raw: IntArray) -> IntArray:
         """Continuous count of further samples.
 
-        Parameters
-        ----------
         raw : the counter as received, shape (n,)
 
-        Returns
-        -------
-        ndarray, shape (n,)
+        Returns an array of shape (n,).
         """
         if not len(raw):
             return raw

@@ -3,15 +3,14 @@
 import queue
 import threading
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Generic, TypeVar, cast
 
 import numpy as np
 
-from calstation.devices import ImuIdentity, LinkStats, NoFramesError, SampleBatch
+from calstation.devices import Imu, LinkStats, NoFramesError, SampleBatch
 from calstation.devices.codecs import Reply, ReplyKind
 from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.sample_count import SampleCount
@@ -48,8 +47,6 @@ class ImuBusyError(ImuRefusalError):
 class Question(Generic[T_co]):
     """A command with an answer.
 
-    Attributes
-    ----------
     request : bytes to send
     signature : what its answer has in common with those of other commands that could be mistaken for it
     take : content of a reply, None if it answers something else; raises ImuRefusalError
@@ -71,15 +68,8 @@ class _Arrived:
     time: float
 
 
-class StreamedImu(ABC):
-    """The port of an IMU: samples come out of `read`, commands go through `exchange`. Meets `interfaces.Imu`.
-
-    Parameters
-    ----------
-    link : open port
-    profile : IMU profile
-    replies : packets that answer commands
-    """
+class StreamedImu(Imu):
+    """The port of an IMU: samples come out of `read`, commands go through `exchange`."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind | None) -> None:
         self._link = link
@@ -118,9 +108,7 @@ class StreamedImu(ABC):
 
     def read(self) -> SampleBatch:
         """Samples since the last call. Raises DeviceFaultError if the link is lost or only noise comes."""
-        parts = []
-        while not self._arrived.empty():
-            parts.append(self._arrived.get())
+        parts = [self._arrived.get() for _ in range(self._arrived.qsize())]
         if not parts:
             self._check()
             empty = np.empty(0)
@@ -137,34 +125,6 @@ class StreamedImu(ABC):
             np.concatenate([p.status for p in parts])[taken],
             np.repeat([p.time for p in parts], [len(p.counter) for p in parts])[taken],
         )
-
-    @abstractmethod
-    def start(self, *, corrected: bool = False) -> None:
-        """Begin to stream, see `interfaces.Imu`."""
-
-    @abstractmethod
-    def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
-        """Find a unit that may have restarted by itself, see `interfaces.Imu`."""
-
-    @abstractmethod
-    def identify(self) -> ImuIdentity:
-        """Model, serial number and firmware; raises OtherModelError if another model answers."""
-
-    @abstractmethod
-    def read_registers(self) -> dict[str, float]:
-        """Calibration registers in SI by parameter."""
-
-    @abstractmethod
-    def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write calibration registers; parameters not named keep theirs."""
-
-    @abstractmethod
-    def commit(self) -> None:
-        """Write the registers to flash, once: a lost answer is a fault, never a second flash cycle."""
-
-    @abstractmethod
-    def reset(self) -> None:
-        """Restart the unit and wait until it answers again."""
 
     def close(self) -> None:
         """End the reader and close the port."""
@@ -185,10 +145,7 @@ class StreamedImu(ABC):
         attempts : number of attempts
         urgent : the command may be sent twice and must not wait: it is sent at once, and again if needed
 
-        Raises
-        ------
-        DeviceFaultError
-            No acceptable reply comes, or the link is lost.
+        Raises DeviceFaultError: no acceptable reply comes, or the link is lost.
         """
         with self._asking:
             for attempt in range(attempts):
@@ -276,10 +233,12 @@ class StreamedImu(ABC):
 
     def _no_answer(self, timeout: float) -> DeviceFaultError:
         if self._bytes == 0:
-            return DeviceFaultError("imu.silent", port=self._link.port, seconds=timeout)
-        if self._frames == 0:
-            return DeviceFaultError("imu.answer_not_framed", port=self._link.port, seconds=timeout)
-        return DeviceFaultError("imu.streams_without_answer", port=self._link.port, seconds=timeout)
+            code = "imu.silent"
+        elif self._frames == 0:
+            code = "imu.answer_not_framed"
+        else:
+            code = "imu.streams_without_answer"
+        return DeviceFaultError(code, port=self._link.port, seconds=timeout)
 
     def _check(self) -> None:
         if self._failure is not None:
@@ -302,9 +261,8 @@ class StreamedImu(ABC):
             self._failure = exc
         except Exception as exc:  # noqa: BLE001 - a reader that dies silently would look like a unit without data
             detail = f"{type(exc).__name__}: {exc}"
-            failure = DeviceFaultError("imu.reader_failed", port=self._link.port, detail=detail)
-            failure.__cause__ = exc
-            self._failure = failure
+            self._failure = DeviceFaultError("imu.reader_failed", port=self._link.port, detail=detail)
+            self._failure.__cause__ = exc
 
     def _take(self, data: bytes, now: float) -> None:
         decoder = self._decoder  # may be replaced by the thread that asks

@@ -12,93 +12,68 @@ from calstation.devices.profiles import FrameField, FrameSection
 _EXACT = 2.0**53
 
 
-class TextFrame:
-    """Lines of numbers in ASCII, with a check in hexadecimal before their end.
-
-    Parameters
-    ----------
-    frame : the profile's section
-    """
+class TextLine:
+    """A line with a check: sync ... mark, check in hexadecimal, tail."""
 
     def __init__(self, frame: FrameSection) -> None:
         self.sync = frame.sync_bytes
-        self._frame = frame
-        self._fields = [f for f in frame.fields if not f.name.startswith("spare")]
-        self._line = TextLine(self.sync, frame)
-        columns = [f.at for f in frame.fields]
-        for i, at in enumerate(columns):
-            if at is None:
-                columns[i] = 0 if i == 0 else (columns[i - 1] or 0) + 1
+        self._crc, self._check = frame.crc, frame.crc.function()
+        self._mark, self._tail = frame.mark.encode(), frame.tail_bytes
+        self._max_size = frame.max_size
+
+    def size(self, buffer: bytes, start: int) -> int | None:
+        end = buffer.find(self._tail, start, start + self._max_size)
+        if end >= 0:
+            return end - start + len(self._tail)
+        return 0 if len(buffer) - start >= self._max_size else None
+
+    def is_valid(self, packet: bytes) -> bool:
+        body, mark, stated = packet[: -len(self._tail)].rpartition(self._mark)
+        if not mark:
+            return False
+        check = f"{self._check(body[self._crc.start :]):0{2 * self._crc.size}X}"
+        return stated.upper() == check.encode()
+
+    def body(self, packet: bytes) -> bytes:
+        """The line up to the mark."""
+        return packet.rpartition(self._mark)[0]
+
+
+class TextFrame(TextLine):
+    """Lines of numbers in ASCII, with a check in hexadecimal before their end."""
+
+    def __init__(self, frame: FrameSection) -> None:
+        super().__init__(frame)
+        self._separator = frame.separator
+        self._fields = [f for f in frame.fields if not f.is_spare]
         #: Column of each field, from 0 after the first separator.
-        self.column_of = {f.name: at or 0 for f, at in zip(frame.fields, columns, strict=True)}
+        self.column_of: dict[str, int] = {}
+        column = -1
+        for f in frame.fields:
+            column = column + 1 if f.at is None else f.at
+            self.column_of[f.name] = column
         #: Smallest size of a line in bytes.
         self.shortest = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
 
-    def size(self, buffer: bytes, place: int) -> int | None:
-        """See `PacketKind`."""
-        return self._line.size(buffer, place)
-
-    def is_valid(self, packet: bytes) -> bool:
-        """See `PacketKind`."""
-        return self._line.is_valid(packet)
-
     def is_sample(self, packet: bytes) -> bool:
         """Whether its header is the samples', not only a longer one with the same beginning."""
-        return self._line.body(packet)[len(self.sync) :].startswith(self._frame.separator.encode())
+        return self.body(packet)[len(self.sync) :].startswith(self._separator.encode())
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
         """Numbers of valid lines; other text counts as absent, with the value NaN."""
-        rows = [
-            self._line.body(p)[len(self.sync) + 1 :].decode("ascii", "replace").split(self._frame.separator)
-            for p in packets
-        ]
+        begin = len(self.sync) + 1
+        rows = [self.body(p)[begin:].decode("ascii", "replace").split(self._separator) for p in packets]
         found = Columns({}, {})
         for f in self._fields:
             numbers = np.array([_parsed(row, self.column_of[f.name], f) for row in rows], np.float64)
             present = np.isfinite(numbers)
             if number(f.type).whole:
                 present &= np.abs(numbers) < _EXACT
-                numbers = np.where(present, numbers, 0.0)
-                found.values[f.name] = numbers.astype(np.int64)
+                found.values[f.name] = np.where(present, numbers, 0.0).astype(np.int64)
             else:
                 found.values[f.name] = numbers
             found.present[f.name] = present
         return found
-
-
-class TextLine:
-    """A line with a check: sync ... mark, check in hexadecimal, tail.
-
-    Parameters
-    ----------
-    sync : its first characters
-    frame : check, mark, tail and largest size
-    """
-
-    def __init__(self, sync: bytes, frame: FrameSection) -> None:
-        self.sync = sync
-        self._crc, self._check = frame.crc, frame.crc.function()
-        self._mark, self._tail = frame.mark.encode(), frame.tail_bytes
-        self._max_size = frame.max_size
-
-    def size(self, buffer: bytes, place: int) -> int | None:
-        """See `PacketKind`."""
-        end = buffer.find(self._tail, place, place + self._max_size)
-        if end >= 0:
-            return end - place + len(self._tail)
-        return 0 if len(buffer) - place >= self._max_size else None
-
-    def is_valid(self, packet: bytes) -> bool:
-        """See `PacketKind`."""
-        body, mark, told = packet[: -len(self._tail)].rpartition(self._mark)
-        if not mark:
-            return False
-        check = f"{self._check(body[self._crc.start :]):0{2 * self._crc.size}X}"
-        return told.upper() == check.encode()
-
-    def body(self, packet: bytes) -> bytes:
-        """The line up to the mark."""
-        return packet.rpartition(self._mark)[0]
 
 
 def _parsed(row: list[str], column: int, f: FrameField) -> float:

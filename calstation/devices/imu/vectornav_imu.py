@@ -10,57 +10,25 @@ from calstation.devices.imu.text_frames import TextLine
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, RegisterEntry, VectorNavSection
 from calstation.errors import DeviceFaultError
-from calstation.messages import Text
+from calstation.messages import Text, known
 
 _ATTEMPTS = 3
 #: Largest size of a reply in bytes.
 _LONGEST = 512
-#: Registers of the identity.
-_MODEL, _SERIAL, _FIRMWARE = 1, 3, 4
-#: Errors by their codes (VN-100 User Manual UM001, section 3.8).
-_ERRORS = {
-    0x01: Text("imu.vectornav_1"),
-    0x02: Text("imu.vectornav_2"),
-    0x03: Text("imu.vectornav_3"),
-    0x04: Text("imu.vectornav_4"),
-    0x05: Text("imu.vectornav_5"),
-    0x06: Text("imu.vectornav_6"),
-    0x07: Text("imu.vectornav_7"),
-    0x08: Text("imu.vectornav_8"),
-    0x09: Text("imu.vectornav_9"),
-    0x0A: Text("imu.vectornav_10"),
-    0x0B: Text("imu.vectornav_11"),
-    0x0C: Text("imu.vectornav_12"),
-    0xFF: Text("imu.vectornav_255"),
-}
+#: Registers of model, serial number and firmware.
+_IDENTITY = (1, 3, 4)
 
 
-class LineReply:
-    """Lines that answer commands; meets `packets.ReplyKind`.
-
-    Parameters
-    ----------
-    section : the profile's
-    """
-
-    sync = b"$VN"
+class LineReply(TextLine):
+    """Lines that answer commands; meets `packets.ReplyKind`."""
 
     def __init__(self, section: VectorNavSection) -> None:
         crc = CrcSection(kind=section.check, start=1)
-        shape = FrameSection(format="text", sync="$VN", fields=[], crc=crc, max_size=_LONGEST)
-        self._line = TextLine(self.sync, shape)
-
-    def size(self, buffer: bytes, start: int) -> int | None:
-        """See `packets.PacketKind`."""
-        return self._line.size(buffer, start)
-
-    def is_valid(self, packet: bytes) -> bool:
-        """See `packets.PacketKind`."""
-        return self._line.is_valid(packet)
+        super().__init__(FrameSection(format="text", sync="$VN", fields=[], crc=crc, max_size=_LONGEST))
 
     def reply(self, packet: bytes) -> Reply:
         """The line's words between $ and *."""
-        return Reply(0, self._line.body(packet)[1:])
+        return Reply(0, self.body(packet)[1:])
 
 
 def line(words: str, check: str) -> bytes:
@@ -70,24 +38,12 @@ def line(words: str, check: str) -> bytes:
 
 
 class VectorNavImu(RegisteredImu):
-    """The IMU of a profile on a link. A register entry is one register of the unit with all its fields.
-
-    Parameters
-    ----------
-    link : open port
-    profile : IMU profile
-    """
+    """The IMU of a profile on a link. A register entry is one register of the unit with all its fields."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.vectornav is not None
         self._section = profile.vectornav
-        super().__init__(
-            link,
-            profile,
-            LineReply(self._section),
-            commit_timeout=self._section.commit_timeout_s,
-            reset_timeout=self._section.reset_timeout_s,
-        )
+        super().__init__(link, profile, LineReply(self._section))
 
     def _switch_on(self, *, corrected: bool) -> None:
         section = self._profile.corrected if corrected else None
@@ -95,11 +51,8 @@ class VectorNavImu(RegisteredImu):
             self._ask(words)
 
     def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
-        words = [
-            ",".join(self._ask(f"VNRRG,{register}", attempts=attempts)).strip()
-            for register in (_MODEL, _SERIAL, _FIRMWARE)
-        ]
-        return ImuIdentity(*words)
+        answers = [self._ask(f"VNRRG,{register}", attempts=attempts) for register in _IDENTITY]
+        return ImuIdentity(*(",".join(fields).strip() for fields in answers))
 
     def _burn(self) -> None:
         self._ask("VNWNV", timeout=self._commit_timeout, attempts=1)
@@ -115,12 +68,8 @@ class VectorNavImu(RegisteredImu):
         except ValueError:
             numbers = []
         if len(numbers) != len(entry.names):
-            raise DeviceFaultError(
-                "imu.answer_numbers",
-                address=entry.address,
-                answer=",".join(fields),
-                expected=len(entry.names),
-            )
+            values = {"answer": ",".join(fields), "expected": len(entry.names)}
+            raise DeviceFaultError("imu.answer_numbers", address=entry.address, **values)
         return numbers
 
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
@@ -133,7 +82,7 @@ class VectorNavImu(RegisteredImu):
 
     def _other_questions(self) -> Iterator[Question[list[str]]]:
         """Questions for the content of its registers."""
-        for register in (_MODEL, _SERIAL, _FIRMWARE, *(entry.address for entry in self._registers.entries)):
+        for register in (*_IDENTITY, *(entry.address for entry in self._registers.entries)):
             yield self._question(f"VNRRG,{register}")
 
     def _question(self, words: str) -> Question[list[str]]:
@@ -158,10 +107,11 @@ def _same_register(found: list[str], asked: list[str]) -> bool:
 
 
 def _meaning(fields: list[str]) -> Text:
-    """What an error's hexadecimal code means."""
+    """What an error's hexadecimal code means (VN-100 User Manual UM001, section 3.8)."""
     code = fields[0] if fields else ""
     try:
-        known = _ERRORS.get(int(code, 16))
+        value = int(code, 16)
     except ValueError:
-        known = None
-    return known or Text.of("imu.vectornav_other", number=code)
+        value = -1
+    kind = value if known(f"imu.vectornav_{value}") else "other"
+    return Text.of(f"imu.vectornav_{kind}", number=code)

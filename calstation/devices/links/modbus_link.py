@@ -2,27 +2,14 @@
 
 import time
 from collections.abc import Callable
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from calstation.devices.links.modbus_rtu import RefusedError, RtuLine, UnansweredError
 from calstation.devices.links.modbus_tcp import TcpConnection
 from calstation.devices.links.serial_link import PortLostError
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.messages import Text
-
-#: Modbus exceptions by their numbers.
-_EXCEPTIONS = {
-    1: Text("modbus.exception_1"),
-    2: Text("modbus.exception_2"),
-    3: Text("modbus.exception_3"),
-    4: Text("modbus.exception_4"),
-    5: Text("modbus.exception_5"),
-    6: Text("modbus.exception_6"),
-    8: Text("modbus.exception_8"),
-    10: Text("modbus.exception_10"),
-    11: Text("modbus.exception_11"),
-}
+from calstation.messages import Text, known
 
 #: The exception of a device that carries out the request but needs time.
 ACKNOWLEDGED = 5
@@ -39,21 +26,8 @@ T = TypeVar("T")
 
 def exception_text(number: int) -> Text:
     """The meaning of a Modbus exception, with its remedy for a table."""
-    return _EXCEPTIONS.get(number) or Text.of("modbus.exception_other", number=number)
-
-
-class ModbusRefusalError(DeviceFaultError):
-    """The device answers with a Modbus exception."""
-
-    @property
-    def exception(self) -> int:
-        """Number of the exception."""
-        return int(self.values["number"])
-
-    @property
-    def unit(self) -> int:
-        """Unit number that was asked."""
-        return int(self.values["unit"])
+    kind = number if known(f"modbus.exception_{number}") else "other"
+    return Text.of(f"modbus.exception_{kind}", number=number)
 
 
 class NoAnswerError(DeviceFaultError):
@@ -65,45 +39,28 @@ class NoAnswerError(DeviceFaultError):
         return int(self.values["unit"])
 
 
-class Carrier(Protocol):
-    """What carries register transfers.
-
-    Attributes
-    ----------
-    heard : the bytes received last, valid or not
-    """
-
-    heard: bytes
+class ModbusRefusalError(DeviceFaultError):
+    """The device answers with a Modbus exception."""
 
     @property
-    def open(self) -> bool:
-        """Whether it is open."""
+    def unit(self) -> int:
+        """Unit number that was asked."""
+        return int(self.values["unit"])
 
-    def connect(self) -> None:
-        """Open it. Raises ConfigurationError, DeviceFaultError."""
-
-    def close(self) -> None:
-        """Close it; never raises."""
-
-    def read(self, unit: int, address: int, count: int) -> list[int]:
-        """Read holding registers. Raises UnansweredError, RefusedError, PortLostError."""
-
-    def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
-        """Write holding registers, which may be `repeat`-ed, or were just written: `again`. Raises as `read`."""
+    @property
+    def exception(self) -> int:
+        """Number of the exception."""
+        return int(self.values["number"])
 
 
 class ModbusLink:
     """Holding registers of one Modbus unit over TCP or RTU; not for use by two threads at once.
 
-    Parameters
-    ----------
     port : `tcp://host:port`, or for RTU a serial port, also as `usb:SERIALNUMBER`
     unit : Modbus unit number
     timeout : host time for an answer, s
     serial : settings of a serial port
 
-    Attributes
-    ----------
     greet : called after each reopening, before any other transfer; raises DeviceFaultError if another device answers
     """
 
@@ -112,7 +69,7 @@ class ModbusLink:
         self._unit = unit
         self.greet: Callable[[], None] = lambda: None
         self._greeting = False
-        self._carrier: Carrier = (
+        self._carrier: TcpConnection | RtuLine = (
             TcpConnection(port, timeout) if port.startswith("tcp://") else RtuLine(port, timeout, serial)
         )
         self._carrier.connect()
@@ -131,44 +88,30 @@ class ModbusLink:
         count : number of registers
         unit : another unit on the line; None for the link's own
 
-        Raises
-        ------
-        DeviceFaultError
-            The device refuses, or does not answer.
+        Raises DeviceFaultError: the device refuses, or does not answer.
         """
-        asked = self._unit if unit is None else unit
-        last = address + count - 1
+        at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
         try:
-            return self._transfer(lambda again: self._carrier.read(asked, address, count), _ATTEMPTS)
+            return self._transfer(lambda again: self._carrier.read(at["unit"], address, count), _ATTEMPTS)
         except RefusedError as exc:
-            at = {"unit": asked, "address": address, "last": last}
-            raise ModbusRefusalError(
-                "table.read_refused", **at, number=exc.number, reason=exception_text(exc.number)
-            ) from exc
+            reason = exception_text(exc.number)
+            raise ModbusRefusalError("table.read_refused", **at, number=exc.number, reason=reason) from exc
         except UnansweredError as exc:
-            at = {"unit": asked, "address": address, "last": last}
             raise NoAnswerError("table.read_unanswered", **at, port=self._port, reason=exc.reason) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
         """Write registers as `read` reads them; a lost transfer is repeated only if `repeat`."""
-        asked = self._unit if unit is None else unit
+        at = {"unit": self._unit if unit is None else unit, "address": address}
+        attempts = _ATTEMPTS if repeat else 1
         try:
             self._transfer(
-                lambda again: self._carrier.write(asked, address, values, repeat=repeat, again=again),
-                _ATTEMPTS if repeat else 1,
+                lambda again: self._carrier.write(at["unit"], address, values, repeat=repeat, again=again), attempts
             )
         except RefusedError as exc:
-            raise ModbusRefusalError(
-                "table.write_refused",
-                unit=asked,
-                address=address,
-                number=exc.number,
-                reason=exception_text(exc.number),
-            ) from exc
+            reason = exception_text(exc.number)
+            raise ModbusRefusalError("table.write_refused", **at, number=exc.number, reason=reason) from exc
         except UnansweredError as exc:
-            raise NoAnswerError(
-                "table.write_unanswered", unit=asked, address=address, port=self._port, reason=exc.reason
-            ) from exc
+            raise NoAnswerError("table.write_unanswered", **at, port=self._port, reason=exc.reason) from exc
 
     def close(self) -> None:
         """Close the link; never raises."""

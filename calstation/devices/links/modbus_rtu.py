@@ -51,18 +51,12 @@ class RefusedError(Exception):
 
 
 class RtuReply:
-    """Answer frames of Modbus RTU; meets `packets.ReplyKind`.
-
-    Parameters
-    ----------
-    unit : number of the unit that answers
-    """
+    """Answer frames of Modbus RTU; meets `packets.ReplyKind`."""
 
     def __init__(self, unit: int) -> None:
         self.sync = bytes([unit])
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """See `packets.PacketKind`."""
         if len(buffer) < start + 3:
             return None
         function = buffer[start + 1]
@@ -73,7 +67,6 @@ class RtuReply:
         return 5 if function & ~REFUSED in (READ, WRITE, WRITE_MANY) else 0
 
     def is_valid(self, packet: bytes) -> bool:
-        """See `packets.PacketKind`."""
         return check_bytes("crc16_modbus", packet[:-2], "little") == packet[-2:]
 
     def reply(self, packet: bytes) -> Reply:
@@ -180,14 +173,8 @@ class Barriers:
 class RtuLine:
     """A serial line with Modbus units; not for use by two threads at once.
 
-    Parameters
-    ----------
-    port : as in a station file
     timeout : host time for an answer, s
-    settings : of the port
 
-    Attributes
-    ----------
     heard : the bytes received last, valid or not
     """
 

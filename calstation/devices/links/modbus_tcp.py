@@ -18,12 +18,8 @@ logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors become De
 class TcpConnection:
     """A connection to a Modbus server. Any error closes it; the next request opens a new one.
 
-    Parameters
-    ----------
     port : `tcp://host:port`; timeout : host time for an answer, s
 
-    Attributes
-    ----------
     heard : the bytes received last, valid or not
     open : whether it is open
     """

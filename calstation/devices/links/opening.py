@@ -57,10 +57,8 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
     settings : of a serial port
     timeout : host time for a connection, s
 
-    Returns
-    -------
-    The kind of reason, and the system's own reason if the kind does not say it all. A port that can be opened now
-    counts as "other".
+    Returns the kind of reason, and the system's own reason if the kind does not say it all. A port that can be opened
+    now counts as "other".
     """
     if port.startswith(SOCKETS):
         return _why_no_connection(port, timeout)

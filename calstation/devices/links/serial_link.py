@@ -32,18 +32,10 @@ class PortLostError(DeviceFaultError):
 class SerialLink:
     """An open port. Not for use by two threads at once.
 
-    Parameters
-    ----------
     port : `/dev/...`, `COM3`, `usb:SERIALNUMBER`, `socket://host:port` or `rfc2217://host:port`
-    settings : baud and so on; ignored for sockets
-    device : whose port it is, for messages
 
-    Raises
-    ------
-    ConfigurationError
-        No such port can exist, or the settings do not suit it.
-    DeviceFaultError
-        The port cannot be opened.
+    Raises ConfigurationError: no such port can exist, or the settings do not suit it; DeviceFaultError: the port cannot
+    be opened.
     """
 
     def __init__(self, port: str, settings: SerialSettings, device: Device) -> None:

@@ -18,8 +18,6 @@ USB = "usb:"
 class FoundPort:
     """A serial port as the system lists it.
 
-    Attributes
-    ----------
     device : current name in the system, e.g. `/dev/ttyUSB0` or `COM3`
     description, maker : as reported by the adapter, may be empty
     serial_number : of the USB adapter; None if it has none

@@ -2,7 +2,6 @@
 
 import re
 import time
-from typing import Protocol
 
 from calstation.devices.codecs import check_function, quoted_text
 from calstation.devices.links.serial_link import SerialLink
@@ -23,28 +22,39 @@ class UnlikeAnswerError(DeviceFaultError):
     """The table answers in another form than the profile states."""
 
 
-class Framing(Protocol):
-    """The framing of lines and of their replies."""
+class Plain:
+    """The framing of lines and replies; each reply is a line (ACL)."""
+
+    def __init__(self, section: TextSection) -> None:
+        self._end = section.line_end
 
     def request(self, line: str) -> bytes:
         """The bytes to send."""
-
-    def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
-        """The reply to `line` in the received bytes and what follows it; None until it is complete."""
-
-
-class Prompted:
-    """Replies end with a prompt (ATL)."""
-
-    def __init__(self, section: TextSection) -> None:
-        self._end, self._prompt = section.line_end, section.prompt.encode("latin-1")
-
-    def request(self, line: str) -> bytes:
-        """See `Framing`."""
         return (line + self._end).encode("latin-1")
 
     def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
-        """See `Framing`; an echo of the line is dropped."""
+        """The reply to `line` in the received bytes and what follows it; None until it is complete."""
+        while b"\n" in heard:
+            first, _, heard = heard.partition(b"\n")
+            words = self._words(line, first.decode("latin-1").strip())
+            if words:
+                return words, heard
+        return None
+
+    def _words(self, line: str, received: str) -> str:
+        """What a received line says; "" if it does not reply to `line`."""
+        return received
+
+
+class Prompted(Plain):
+    """Replies end with a prompt (ATL)."""
+
+    def __init__(self, section: TextSection) -> None:
+        super().__init__(section)
+        self._prompt = section.prompt.encode("latin-1")
+
+    def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
+        """See `Plain`; an echo of the line is dropped."""
         said, prompt, rest = heard.partition(self._prompt)
         if not prompt:
             return None
@@ -52,54 +62,29 @@ class Prompted:
         return "\n".join(word for word in words if word and word != line), rest
 
 
-class Plain:
-    """Each reply is a line (ACL)."""
-
-    def __init__(self, section: TextSection) -> None:
-        self._end = section.line_end
-
-    def request(self, line: str) -> bytes:
-        """See `Framing`."""
-        return (line + self._end).encode("latin-1")
-
-    def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
-        """See `Framing`."""
-        while b"\n" in heard:
-            first, _, heard = heard.partition(b"\n")
-            if word := first.decode("latin-1").strip():
-                return word, heard
-        return None
-
-
-class Checked:
+class Checked(Plain):
     """Each line has a head and a sum, its reply repeats the command's letters ($MN...*SS)."""
 
     def __init__(self, section: TextSection, lines: CheckedLines) -> None:
-        self._end, self._lines = section.line_end, lines
-        self._sum = check_function("sum8")
+        super().__init__(section)
+        self._lines, self._sum = lines, check_function("sum8")
 
     def request(self, line: str) -> bytes:
-        """See `Framing`."""
+        """The bytes to send."""
         body = self._lines.head + line
-        return f"{body}{self._lines.mark}{self._check(body, self._lines.head):02X}{self._end}".encode("latin-1")
+        return f"{body}{self._lines.mark}{self._check(body, self._lines.head)}{self._end}".encode("latin-1")
 
-    def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
-        """See `Framing`; lines with a wrong sum or to another command are dropped."""
-        command = re.split(r"[,?]", line)[0]
-        while b"\n" in heard:
-            first, _, heard = heard.partition(b"\n")
-            said = first.decode("latin-1").strip()
-            at = said.rfind(self._lines.reply_head)
-            body, mark, told = said[at:].rpartition(self._lines.mark) if at >= 0 else ("", "", "")
-            sound = bool(mark) and told.upper() == f"{self._check(body, self._lines.reply_head):02X}"
-            words = body.removeprefix(self._lines.reply_head)
-            if sound and re.split(r"[,?]", words)[0] == command:
-                return words, heard
-        return None
+    def _words(self, line: str, received: str) -> str:
+        """Words of a line with a right sum whose command is that of `line`."""
+        begin = received.rfind(self._lines.reply_head)
+        body, mark, stated = received[begin:].rpartition(self._lines.mark) if begin >= 0 else ("", "", "")
+        words = body.removeprefix(self._lines.reply_head)
+        valid = bool(mark) and stated.upper() == self._check(body, self._lines.reply_head)
+        return words if valid and re.split(r"[,?]", words)[0] == re.split(r"[,?]", line)[0] else ""
 
-    def _check(self, body: str, head: str) -> int:
+    def _check(self, body: str, head: str) -> str:
         counted = body if self._lines.counts_head else body.removeprefix(head)
-        return self._sum(counted.encode("latin-1"))
+        return f"{self._sum(counted.encode('latin-1')):02X}"
 
 
 class TextLink:
@@ -109,14 +94,8 @@ class TextLink:
     question with a distinct answer is sent, and no reply is accepted before that answer. After the link was reopened
     the table is identified before any command is sent.
 
-    Parameters
-    ----------
     port : as in a station file; `tcp://host:port` for a socket
-    section : the profile's
-    serial : settings of a serial port
 
-    Attributes
-    ----------
     heard : the bytes received last, valid or not
     """
 
@@ -124,7 +103,7 @@ class TextLink:
         self.heard = b""
         self._port, self._section, self._serial = port, section, serial
         if section.checked is not None:
-            self._framing: Framing = Checked(section, section.checked)
+            self._framing: Plain = Checked(section, section.checked)
         else:
             self._framing = Prompted(section) if section.prompt else Plain(section)
         self._silent = re.compile(section.silent) if section.silent else None
@@ -143,17 +122,8 @@ class TextLink:
     def ask(self, line: str, answer: re.Pattern[str]) -> str:
         """Send a question and wait for its reply; a lost one is asked for again.
 
-        Parameters
-        ----------
-        line : the question
-        answer : form of the reply; others are skipped while there is time
-
-        Raises
-        ------
-        TextRefusalError
-            The table refuses it.
-        DeviceFaultError
-            No reply comes, the port is lost, or another table answers.
+        Raises TextRefusalError: the table refuses it; DeviceFaultError: no reply comes, the port is lost, or another
+        table answers.
         """
         for _ in range(_ATTEMPTS):
             if self._settled() and (reply := self._exchange(line, answer)) is not None:
@@ -211,12 +181,8 @@ class TextLink:
             return False
         if line == self._identity and reply != (self._identified_as or reply):
             self._drop()
-            raise DeviceFaultError(
-                "table.other_table",
-                port=self._port,
-                found=quoted_text(reply),
-                expected=quoted_text(self._identified_as or ""),
-            )
+            expected = quoted_text(self._identified_as or "")
+            raise DeviceFaultError("table.other_table", port=self._port, found=quoted_text(reply), expected=expected)
         self._quieten()
         self._unanswered.clear()
         self._new = False

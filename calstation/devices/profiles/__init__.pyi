@@ -1,10 +1,10 @@
+from .entries import hex_bytes as hex_bytes
 from .frame import CHANNELS as CHANNELS
 from .frame import STATUS_WORDS as STATUS_WORDS
 from .frame import CrcSection as CrcSection
 from .frame import FrameField as FrameField
 from .frame import FrameSection as FrameSection
 from .frame import Span as Span
-from .frame import hex_bytes as hex_bytes
 from .frame import span as span
 from .imu import ImuProfile as ImuProfile
 from .imu import load_imu_profile as load_imu_profile

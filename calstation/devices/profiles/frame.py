@@ -19,6 +19,7 @@ from calstation.devices.codecs import (
     number,
     parametric_crc,
 )
+from calstation.devices.profiles.entries import HexText, Scale, hex_bytes
 from calstation.messages import Text
 from calstation.physics import FloatArray
 from calstation.schema import EntryError, StrictModel, entry, near_miss
@@ -34,14 +35,6 @@ FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 _SPARE = "spare"
 
 
-def hex_bytes(text: str) -> bytes:
-    """Bytes written as hexadecimal text, e.g. "55 AA"; raises EntryError."""
-    try:
-        return bytes.fromhex(text)
-    except ValueError:
-        raise EntryError("profile.not_hexadecimal", value=text) from None
-
-
 class FrameField(StrictModel):
     """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped.
 
@@ -55,29 +48,15 @@ class FrameField(StrictModel):
 
     name: str
     type: NumberName
-    scale: float = 1.0
+    scale: Scale = 1.0
     offset: float = 0.0
     at: int | None = Field(default=None, ge=0, lt=LARGEST_FRAME)
-    item: str | None = None
+    item: HexText | None = None
     word_order: WordOrder | None = None
     per_sample: float = Field(default=1.0, gt=0)
     reach: float | None = Field(default=None, gt=0)
     prefix: str = ""
     base: Literal[10, 16] = 10
-
-    @field_validator("item")
-    @classmethod
-    def _item(cls, item: str | None) -> str | None:
-        if item is not None:
-            hex_bytes(item)
-        return item
-
-    @field_validator("scale")
-    @classmethod
-    def _scale(cls, scale: float) -> float:
-        if scale == 0.0:
-            raise EntryError("profile.scale_zero")
-        return scale
 
     @model_validator(mode="after")
     def _orders(self) -> "FrameField":
@@ -189,13 +168,7 @@ class IdSection(StrictModel):
     """`id`: the bytes that distinguish frames of samples from other frames of the same shape."""
 
     at: int = Field(ge=0, lt=64)
-    value: str
-
-    @field_validator("value")
-    @classmethod
-    def _value(cls, value: str) -> str:
-        hex_bytes(value)
-        return value
+    value: HexText
 
 
 class FrameSection(StrictModel):
@@ -212,7 +185,7 @@ class FrameSection(StrictModel):
     byte_order: ByteOrder = "little"
     fields: list[FrameField]
     crc: CrcSection
-    tail: str | None = None
+    tail: HexText | None = None
     length: LengthSection | None = None
     items: ItemSection | None = None
     id: IdSection | None = None
@@ -229,13 +202,6 @@ class FrameSection(StrictModel):
         elif not hex_bytes(sync):
             raise EntryError("profile.no_sync_bytes")
         return sync
-
-    @field_validator("tail")
-    @classmethod
-    def _tail(cls, tail: str | None) -> str | None:
-        if tail is not None:
-            hex_bytes(tail)
-        return tail
 
     @property
     def sync_bytes(self) -> bytes:
@@ -316,8 +282,8 @@ class FrameSection(StrictModel):
             raise EntryError("entry.missing", "byte_order")
         for i, f in enumerate(self.fields):
             if f.prefix or f.base != 10:
-                other = "prefix" if f.prefix else "base"
-                raise EntryError("profile.belongs_to", "fields", i, other, owner='format = "text"')
+                name = "prefix" if f.prefix else "base"
+                raise EntryError("profile.belongs_to", "fields", i, name, owner='format = "text"')
         self._check_header()
         if self.items is not None:
             self._check_items(self.items)
@@ -394,10 +360,10 @@ def check_samples(frame: FrameSection) -> None:
     for name in ("counter", *CHANNELS):
         if frame.field(name) is None:
             raise EntryError("profile.field_missing", "fields", name=name)
-    words = [f for f in frame.fields if f.name in STATUS_WORDS]
+    words = sum(f.name in STATUS_WORDS for f in frame.fields)
     for i, f in enumerate(frame.fields):
         with entry("fields", i):
-            _check_field(f, len(words))
+            _check_field(f, words)
 
 
 def _check_field(f: FrameField, words: int) -> None:
@@ -407,10 +373,9 @@ def _check_field(f: FrameField, words: int) -> None:
         raise EntryError("profile.only_of_channels", "reach")
     if f.per_sample != 1.0 and not is_counter:
         raise EntryError("profile.only_of_counter", "per_sample")
-    if is_counter and (f.scale != 1.0 or f.offset != 0.0):
-        raise EntryError("profile.counter_scaled", "scale" if f.scale != 1.0 else "offset")
-    if is_word and (f.scale != 1.0 or f.offset != 0.0):
-        raise EntryError("profile.status_scaled", "scale" if f.scale != 1.0 else "offset")
+    if (is_counter or is_word) and (f.scale != 1.0 or f.offset != 0.0):
+        code = "profile.counter_scaled" if is_counter else "profile.status_scaled"
+        raise EntryError(code, "scale" if f.scale != 1.0 else "offset")
     kind = number(f.type)
     if is_counter and (kind.kind != "u" or kind.fraction):
         raise EntryError("profile.counter_type", "type", value=f.type)
@@ -420,23 +385,17 @@ def _check_field(f: FrameField, words: int) -> None:
         raise EntryError("profile.status_type", "type", value=f.type)
 
 
-def _all(value: float) -> FloatArray:
-    return np.full(len(CHANNELS), value)
-
-
 @dataclass(frozen=True)
 class Span:
     """What the six channels of a stream can hold, in counts, each of shape (6,).
 
-    Attributes
-    ----------
     step : smallest difference of two values: 0 for floats, infinite if unknown
     low, high : values at which the output is saturated
     """
 
-    step: FloatArray = field(default_factory=lambda: _all(1.0))
-    low: FloatArray = field(default_factory=lambda: _all(-np.inf))
-    high: FloatArray = field(default_factory=lambda: _all(np.inf))
+    step: FloatArray = field(default_factory=lambda: np.ones(len(CHANNELS)))
+    low: FloatArray = field(default_factory=lambda: np.full(len(CHANNELS), -np.inf))
+    high: FloatArray = field(default_factory=lambda: np.full(len(CHANNELS), np.inf))
 
 
 def span(frame: FrameSection) -> Span:

@@ -7,7 +7,8 @@ from typing import Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from calstation.devices.codecs import number
-from calstation.devices.profiles.frame import FrameSection, check_samples, hex_bytes
+from calstation.devices.profiles.entries import ModelName, hex_bytes
+from calstation.devices.profiles.frame import FrameSection, check_samples
 from calstation.devices.profiles.imu_checks import (
     check_baud,
     check_corrected,
@@ -19,6 +20,7 @@ from calstation.devices.profiles.imu_checks import (
 )
 from calstation.devices.profiles.imu_sections import (
     CommandSection,
+    CommandTimes,
     CorrectedSection,
     ModbusUnitSection,
     NoiseSection,
@@ -53,7 +55,7 @@ class ImuProfile(StrictModel):
     """
 
     name: str
-    model: str = Field(min_length=1)
+    model: ModelName
     protocol: Literal["framed", "modbus", "vectornav", "stream"] = "framed"
     link: SerialSettings
     stream: StreamSection
@@ -68,13 +70,6 @@ class ImuProfile(StrictModel):
     registers: list[RegisterEntry] = Field(default_factory=list)
     without_register: list[str] = Field(default_factory=list)
     prior: dict[str, PriorSigma] = Field(default_factory=dict)
-
-    @field_validator("model")
-    @classmethod
-    def _not_blank(cls, model: str) -> str:
-        if not model.strip():
-            raise EntryError("profile.model_blank")
-        return model
 
     @field_validator("frame")
     @classmethod
@@ -178,8 +173,12 @@ class ImuProfile(StrictModel):
     @property
     def timeout_s(self) -> float:
         """Host time for an answer, s."""
-        section = self.commands or self.modbus or self.vectornav
-        return section.timeout_s if section is not None else 1.0
+        return 1.0 if self.command_times is None else self.command_times.timeout_s
+
+    @property
+    def command_times(self) -> CommandTimes | None:
+        """The section of the protocol; None for a unit without commands."""
+        return self.commands or self.modbus or self.vectornav
 
     def with_timeout(self, seconds: float) -> "ImuProfile":
         """The profile with another host time for an answer, s."""

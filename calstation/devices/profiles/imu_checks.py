@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 
 from calstation.devices.codecs import number
+from calstation.devices.profiles.entries import LAST_ADDRESS
 from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection
 from calstation.devices.profiles.imu_sections import CorrectedSection, ModbusUnitSection, StatusSection
 from calstation.devices.profiles.registers import RegisterEntry
@@ -16,8 +17,6 @@ _NANOSECONDS = 1e9
 #: Shortest period of the counter, s: the loss of a whole period is detected by the host's clock, against which samples
 #: arrive a few hundredths of a second early or late.
 SHORTEST_WRAP = 0.1
-
-_LARGEST_ADDRESS = 0xFFFF
 
 
 def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:
@@ -114,18 +113,13 @@ def check_modbus_map(section: ModbusUnitSection, entries: Sequence[RegisterEntry
     """
     own, written = section.ranges, section.written
     for name, (begin, end) in own.items():
-        if end - 1 > _LARGEST_ADDRESS:
+        if end - 1 > LAST_ADDRESS:
             raise EntryError("profile.past_last_address", "modbus", name, address=begin, last=end - 1)
     for (a, at), (b, other) in combinations(own.items(), 2):
         distinguished = a in written and b in written  # by the value
         if not distinguished and at[0] < other[1] and other[0] < at[1]:
-            raise EntryError(
-                "profile.registers_overlap",
-                *("modbus", b),
-                mine=_span(*other),
-                other=f"modbus.{a}",
-                at=_span(*at),
-            )
+            values = {"mine": _span(*other), "other": f"modbus.{a}", "at": _span(*at)}
+            raise EntryError("profile.registers_overlap", "modbus", b, **values)
     for a, b in combinations(written, 2):
         if own[a] == own[b] and set(written[a]) & set(written[b]):
             raise EntryError("profile.same_write", "modbus", b, other=f"modbus.{a}")
@@ -144,13 +138,8 @@ def _check_span(register: RegisterEntry, own: Mapping[str, tuple[int, int]]) -> 
         raise EntryError("profile.span", "span", value=register.span, type=register.type, needed=needed)
     for name, (begin, end) in own.items():
         if register.address < end and begin < register.end:
-            raise EntryError(
-                "profile.registers_overlap",
-                "address",
-                mine=register.label,
-                other=f"modbus.{name}",
-                at=_span(begin, end),
-            )
+            values = {"mine": register.label, "other": f"modbus.{name}", "at": _span(begin, end)}
+            raise EntryError("profile.registers_overlap", "address", **values)
 
 
 def _span(begin: int, end: int) -> str:

@@ -5,7 +5,8 @@ from typing import Literal
 from pydantic import Field, field_validator
 
 from calstation.devices.codecs import CRC_WIDTHS, ByteOrder, WordOrder, check_code
-from calstation.devices.profiles.frame import FrameSection, hex_bytes
+from calstation.devices.profiles.entries import Address, Word, hex_bytes
+from calstation.devices.profiles.frame import FrameSection
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 #: Ops of the framed link and their usual numbers; those of words belong to systems with axes of their own.
@@ -63,13 +64,19 @@ class StatusSection(StrictModel):
     failed: int = Field(default=0, ge=0)
 
 
-class CommandSection(StrictModel):
+class CommandTimes(StrictModel):
+    """Host times, s: for an answer, for burning the flash, and until the unit answers again after a reset."""
+
+    timeout_s: float = Field(gt=0, le=60)
+    commit_timeout_s: float = Field(default=5.0, gt=0, le=120)
+    reset_timeout_s: float = Field(default=30.0, gt=0)
+
+
+class CommandSection(CommandTimes):
     """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | check over op to payload.
 
     ops : numbers of the ops that differ from `OPS`; errors : meaning of the codes in an error's reply
     busy : error codes for "not yet"; 3 if absent and the errors are the usual ones
-    timeout_s : host time for an answer; commit_timeout_s : for burning the flash; reset_timeout_s : for the unit to
-        answer again after a reset
     """
 
     request_sync: str
@@ -78,9 +85,6 @@ class CommandSection(StrictModel):
     ops: dict[str, int] = Field(default_factory=dict)
     errors: dict[str, str] = Field(default_factory=dict)
     busy: list[int] | None = None
-    timeout_s: float = Field(gt=0, le=60)
-    commit_timeout_s: float = Field(default=5.0, gt=0, le=120)
-    reset_timeout_s: float = Field(default=30.0, gt=0)
 
     @field_validator("ops")
     @classmethod
@@ -128,7 +132,7 @@ class CommandSection(StrictModel):
 class TextRegisters(StrictModel):
     """ASCII in holding registers, two characters each, high byte first."""
 
-    address: int = Field(ge=0, le=0xFFFF)
+    address: Address
     words: int = Field(ge=1, le=64)
 
 
@@ -138,17 +142,17 @@ class WordCommand(StrictModel):
     done : what the register reads once it is done; without it the answer to the write suffices
     """
 
-    address: int = Field(ge=0, le=0xFFFF)
-    value: int = Field(ge=0, le=0xFFFF)
-    done: int | None = Field(default=None, ge=0, le=0xFFFF)
+    address: Address
+    value: Word
+    done: Word | None = None
 
 
 class StreamSwitch(StrictModel):
     """The holding register that switches the stream; off : value while registers are accessed, if the unit needs it."""
 
-    address: int = Field(ge=0, le=0xFFFF)
-    on: int = Field(ge=0, le=0xFFFF)
-    off: int | None = Field(default=None, ge=0, le=0xFFFF)
+    address: Address
+    on: Word
+    off: Word | None = None
 
     @property
     def values(self) -> tuple[int, ...]:
@@ -156,12 +160,11 @@ class StreamSwitch(StrictModel):
         return (self.on,) if self.off is None else (self.on, self.off)
 
 
-class ModbusUnitSection(StrictModel):
+class ModbusUnitSection(CommandTimes):
     """`[modbus]`: the unit's registers over Modbus RTU, on the line of its stream. Addresses are 0-based.
 
     model, serial, firmware : texts; byte_order, word_order : of the calibration registers
     page : register that selects the page; commit, reset, stream : the registers of these commands
-    timeout_s, commit_timeout_s, reset_timeout_s : host time for an answer, for a commit, until it answers again
     """
 
     unit: int = Field(ge=1, le=247)
@@ -170,13 +173,10 @@ class ModbusUnitSection(StrictModel):
     firmware: TextRegisters | None = None
     byte_order: ByteOrder = "big"
     word_order: WordOrder | None = None
-    page: int | None = Field(default=None, ge=0, le=0xFFFF)
+    page: Address | None = None
     commit: WordCommand
     reset: WordCommand
     stream: StreamSwitch | None = None
-    timeout_s: float = Field(gt=0, le=60)
-    commit_timeout_s: float = Field(default=5.0, gt=0, le=120)
-    reset_timeout_s: float = Field(default=30.0, gt=0)
 
     @property
     def ranges(self) -> dict[str, tuple[int, int]]:
@@ -201,7 +201,7 @@ class ModbusUnitSection(StrictModel):
         return {"commit": (self.commit.value,), "reset": (self.reset.value,), **switch}
 
 
-class VectorNavSection(StrictModel):
+class VectorNavSection(CommandTimes):
     """`[vectornav]`: commands in lines, $VN...*check.
 
     start : lines that configure and start the stream, without $ and check, e.g. "VNWRG,75,1,4,05,0001,001C"
@@ -212,9 +212,7 @@ class VectorNavSection(StrictModel):
     check: Literal["xor8", "crc16_xmodem"] = "xor8"
     start: list[str] = Field(default_factory=list)
     digits: int = Field(default=9, ge=9, le=17)
-    timeout_s: float = Field(gt=0, le=60)
     commit_timeout_s: float = Field(default=3.0, gt=0, le=120)
-    reset_timeout_s: float = Field(default=30.0, gt=0)
 
     _lines = field_validator("start")(check_lines)
 
@@ -227,7 +225,7 @@ class CorrectedSection(StrictModel):
     frame : its frame if it differs from the raw one, in the same units and at the same rate
     """
 
-    stream: int | None = Field(default=None, ge=0, le=0xFFFF)
+    stream: Word | None = None
     start: list[str] = Field(default_factory=list)
     frame: FrameSection | None = None
 

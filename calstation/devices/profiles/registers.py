@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Literal
 
-from pydantic import Field, PrivateAttr, field_validator
+from pydantic import Field, PrivateAttr
 
 from calstation.devices.codecs import (
     SENSORS,
@@ -20,6 +20,7 @@ from calstation.devices.codecs import (
     offset_slots,
     parameter_of,
 )
+from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Scale
 from calstation.messages import Text
 from calstation.physics import AXES, GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, near_miss
@@ -30,14 +31,7 @@ _LEGAL = 3.0
 #: Largest tolerance of a value that is read back, as a share of its range.
 _COARSEST = 0.01
 
-_LARGEST_ADDRESS = 0xFFFF
-
-_KNOWN = (
-    *NAMES,
-    *SLOTS,
-    *GROUPS,
-    *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")),
-)
+_KNOWN = (*NAMES, *SLOTS, *GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")))
 _NEVER_IN_REGISTERS = "outer_lever"
 
 #: Elements that a matrix may have registers for: all nine, lower triangular, diagonal.
@@ -48,8 +42,6 @@ _MATRICES = (_ALL, {pair for pair in _ALL if pair[0] >= pair[1]}, {axis + axis f
 class RegisterEntry(StrictModel):
     """Consecutive calibration registers; SI value = number in the register × scale.
 
-    Attributes
-    ----------
     address : of the first; page : to be selected first, if the unit has pages
     parameters : contents in order: parameters by contract name; slots of a matrix and an offset by the unit's own
         formula, `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group, `gyro_bias` or
@@ -63,26 +55,19 @@ class RegisterEntry(StrictModel):
     convention : of matrix and offset
     """
 
-    address: int = Field(ge=0, le=0xFFFF)
-    page: int = Field(default=0, ge=0, le=0xFFFF)
+    address: Address
+    page: Address = 0
     parameters: list[str] = Field(min_length=1)
     major: Literal["row", "column"] = "row"
     type: NumberName = "f32"
     byte_order: ByteOrder | None = None
     word_order: WordOrder | None = None
     span: int = Field(default=1, ge=0, le=8)
-    scale: float = 1.0
+    scale: Scale = 1.0
     range: list[float] = Field(min_length=2, max_length=2)
     tolerance: float = Field(default=0.0, ge=0)
     convention: Convention | None = None
     _row: int = PrivateAttr(default=0)
-
-    @field_validator("scale")
-    @classmethod
-    def _scale(cls, scale: float) -> float:
-        if scale == 0.0:
-            raise EntryError("profile.scale_zero")
-        return scale
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -162,10 +147,7 @@ def check_registers(
     without : parameters and groups that the profile declares to have no register
     pages : whether the link can select pages
 
-    Raises
-    ------
-    EntryError
-        For the first wrong entry.
+    Raises EntryError for the first wrong entry.
     """
     for register in entries:
         with entry("registers", register.row):
@@ -201,52 +183,37 @@ def _check_entry(register: RegisterEntry, sigmas: Mapping[str, float], pages: bo
         raise EntryError("profile.range_order", "range", low=low, high=high)
     least, most = register.bounds
     if low < least * (1 + 1e-6) - 1e-300 or high > most * (1 + 1e-6):
-        type_ = {"type": register.type, "scale": register.scale, "least": least, "most": most}
-        raise EntryError("profile.range_beyond_type", "range", low=low, high=high, **type_)
-    slots = [name for name in register.names if name in SLOTS]
-    if register.convention is not None and not slots:
+        values = {"type": register.type, "scale": register.scale, "least": least, "most": most}
+        raise EntryError("profile.range_beyond_type", "range", low=low, high=high, **values)
+    if register.convention is not None and not set(register.names) & set(SLOTS):
         raise EntryError("profile.convention_without_matrix", "convention")
-    if register.end - 1 > _LARGEST_ADDRESS:
+    if register.end - 1 > LAST_ADDRESS:
         raise EntryError("profile.past_last_address", "address", address=register.address, last=register.end - 1)
     if register.tolerance > _COARSEST * (high - low):
         raise EntryError("profile.tolerance_too_large", "tolerance", value=register.tolerance)
     legal = {name: _LEGAL * sigma for name, sigma in sigmas.items()}
     for i, name in enumerate(register.names):
-        _check_prior(register, name, sigmas)
-        parameter = parameter_of(name) if name in SLOTS else name
+        parameter = parameter_of(name)
+        if parameter:
+            _check_prior(register, parameter, sigmas)
         if name in SLOTS:
             needed = legal_range(name, legal, register.effective_convention)
         else:
             needed = (-legal[name], legal[name]) if name in legal else None
         if needed is not None and (needed[0] < low or needed[1] > high):
-            raise EntryError(
-                "profile.range_too_narrow",
-                "range",
-                name=name,
-                address=register.address_of(i),
-                least=needed[0],
-                most=needed[1],
-                parameter=parameter,
-                low=low,
-                high=high,
-            )
+            least, most = needed
+            values = {"name": name, "address": register.address_of(i), "parameter": parameter}
+            raise EntryError("profile.range_too_narrow", "range", least=least, most=most, low=low, high=high, **values)
 
 
-def _check_prior(register: RegisterEntry, name: str, sigmas: Mapping[str, float]) -> None:
+def _check_prior(register: RegisterEntry, parameter: str, sigmas: Mapping[str, float]) -> None:
     """Check that a parameter has a prior, and that the register resolves it."""
-    parameter = parameter_of(name) if name in SLOTS else name
-    if not parameter:
-        return
     if parameter not in sigmas:
         group = PARAMETERS[NAMES.index(parameter)].group
         raise EntryError("profile.no_prior", "parameters", name=parameter, group=group)
     if register.step > sigmas[parameter]:
         raise EntryError(
-            "profile.register_too_coarse",
-            "scale",
-            step=register.step,
-            parameter=parameter,
-            sigma=sigmas[parameter],
+            "profile.register_too_coarse", "scale", step=register.step, parameter=parameter, sigma=sigmas[parameter]
         )
 
 
@@ -283,10 +250,7 @@ def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
     ):
         stated = register.convention.model_fields_set if register.convention else set()
         for name in fields:
-            mine, its = (
-                getattr(register.effective_convention, name),
-                getattr(other.effective_convention, name),
-            )
+            mine, its = (getattr(entry_.effective_convention, name) for entry_ in (register, other))
             if name in stated and mine != its:
                 place = ("registers", register.row, "convention", name)
                 raise EntryError("profile.convention_contradicts", *place, value=mine, other=other.label, its=its)
@@ -294,7 +258,7 @@ def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
 
 def _check_missing(seen: set[str], without: Sequence[str]) -> None:
     """Check that every parameter has a register, or is declared to have none."""
-    held = {parameter_of(name) if name in SLOTS else name for name in seen}
+    held = {parameter_of(name) for name in seen}
     for i, name in enumerate(without):
         if name not in NAMES and name not in GROUPS:
             remedy = near_miss(name, NAMES + GROUPS)

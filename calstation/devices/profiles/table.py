@@ -7,8 +7,9 @@ from typing import Literal
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
+from calstation.devices.profiles.entries import ModelName
 from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.devices.profiles.table_registers import JOINTS, Axis, Bit, ModbusRegister, TableMap, Writes
+from calstation.devices.profiles.table_registers import JOINTS, Bit, JointSection, ModbusRegister, TableMap, Writes
 from calstation.devices.profiles.text import TextSection
 from calstation.errors import ConfigurationError
 from calstation.physics import JointLimits, TableGeometry
@@ -53,23 +54,6 @@ class ModbusSection(ImuLinkSection):
         return self
 
 
-class JointSection(StrictModel):
-    """`[outer]`, `[inner]`: travel in degrees, largest rate and acceleration in °/s and °/s²."""
-
-    low_deg: float
-    high_deg: float
-    max_rate_dps: float = Field(gt=0)
-    max_acceleration_dps2: float = Field(gt=0)
-
-    @model_validator(mode="after")
-    def _ordered(self) -> "JointSection":
-        if self.low_deg >= self.high_deg:
-            raise EntryError("profile.travel_order", low=self.low_deg, high=self.high_deg)
-        if not self.low_deg <= 0.0 <= self.high_deg:
-            raise EntryError("profile.travel_without_home", low=self.low_deg, high=self.high_deg)
-        return self
-
-
 class AccuracySection(StrictModel):
     """`[accuracy]`: uncertainty of angles and rest, named as in a log's `[table]`, and age of the angles.
 
@@ -104,7 +88,7 @@ class TableProfile(StrictModel):
     """
 
     name: str
-    model: str = Field(min_length=1)
+    model: ModelName
     protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "hand"]
     outer_axis: list[float] = Field(min_length=3, max_length=3)
     inner_axis: list[float] = Field(min_length=3, max_length=3)
@@ -136,13 +120,6 @@ class TableProfile(StrictModel):
             raise EntryError("profile.fault_zero", "0")
         return faults
 
-    @field_validator("model")
-    @classmethod
-    def _not_blank(cls, model: str) -> str:
-        if not model.strip():
-            raise EntryError("profile.model_blank")
-        return model
-
     @model_validator(mode="after")
     def _whole(self) -> "TableProfile":
         if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
@@ -154,7 +131,7 @@ class TableProfile(StrictModel):
             if section != needed and getattr(self, section) is not None:
                 self._refuse(section)
         if self.text is None and not self.by_hand:
-            self._check_registers()
+            self.map.check((self.outer, self.inner), self.accuracy.encoder_sigma_deg, self.faults)
             return self
         for section in ("status_bits", "commands", "registers"):
             if getattr(self, section):
@@ -171,13 +148,6 @@ class TableProfile(StrictModel):
 
     def _refuse(self, *place: str) -> None:
         raise EntryError("profile.not_with", *place, other=self._own_protocol)
-
-    def _check_registers(self) -> None:
-        axes = [
-            Axis(joint.low_deg, joint.high_deg, joint.max_rate_dps, joint.max_acceleration_dps2)
-            for joint in (self.outer, self.inner)
-        ]
-        self.map.check(axes, self.accuracy.encoder_sigma_deg, self.faults)
 
     def _check_text(self, text: TextSection) -> None:
         for protocol, key in (("atl", "prompt"), ("mn", "checked")):
@@ -251,29 +221,19 @@ class TableProfile(StrictModel):
         rates : of the outer and the inner axis, rad/s
         acceleration : rad/s²
 
-        Raises
-        ------
-        ConfigurationError
-            If the table would keep turning after a lost link, or cannot turn that fast.
+        Raises ConfigurationError if the table would keep turning after a lost link, or cannot turn that fast.
         """
         if not 0.0 < watchdog < math.inf and self.link_loss_stop_s is None:
             raise ConfigurationError("table.would_not_stop", profile=self.name)
         limits = self.geometry().limits
         for axis, rate, limit in zip(JOINTS, rates, limits.rate, strict=True):
             if not abs(rate) <= limit * (1.0 + _ROUNDING):
-                raise ConfigurationError(
-                    "table.rate_above_limit",
-                    axis=axis,
-                    rate_dps=math.degrees(rate),
-                    limit_dps=math.degrees(limit),
-                )
+                values = {"rate_dps": math.degrees(rate), "limit_dps": math.degrees(limit)}
+                raise ConfigurationError("table.rate_above_limit", axis=axis, **values)
         limit = min(limits.acceleration)
         if not 0.0 < acceleration <= limit * (1.0 + _ROUNDING):
-            raise ConfigurationError(
-                "table.acceleration_outside_limits",
-                acceleration_dps2=math.degrees(acceleration),
-                limit_dps2=math.degrees(limit),
-            )
+            values = {"acceleration_dps2": math.degrees(acceleration), "limit_dps2": math.degrees(limit)}
+            raise ConfigurationError("table.acceleration_outside_limits", **values)
 
     def geometry(self) -> TableGeometry:
         """Axes and limits in rad."""

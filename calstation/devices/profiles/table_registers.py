@@ -1,4 +1,4 @@
-"""A table's registers in its profile: numbers and texts, bits of the status, what a command writes; checked as a whole.
+"""A table's axes and registers in its profile, checked as a whole.
 
 A table has one controller, or a drive for each axis. What belongs to a drive (`controlword`, `statusword`, ...) is
 named once, or once for each axis: `outer_controlword`, `inner_controlword`.
@@ -12,21 +12,14 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from calstation.devices.codecs import Number, check_code, number
+from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Scale
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 JOINTS = ("outer", "inner")
 #: Of the table, or of each axis's own drive.
 DRIVE_REGISTERS = ("model", "controlword", "statusword", "fault")
-OPTIONAL_DRIVE_REGISTERS = (
-    "serial",
-    "interlock",
-    "watchdog",
-    "heartbeat",
-    "command",
-    "mode",
-    "status2",
-)
+OPTIONAL_DRIVE_REGISTERS = ("serial", "interlock", "watchdog", "heartbeat", "command", "mode", "status2")
 JOINT_REGISTERS = ("position", "rate", "target", "target_rate", "acceleration")
 #: Travel as set in the table; the rate of endless turns, if it is not `target_rate`.
 OPTIONAL_JOINT_REGISTERS = ("low", "high", "turn_rate")
@@ -43,7 +36,6 @@ RATE_COMMAND = "rate"
 #: Registers that a command may write.
 WRITTEN = ("command", "controlword", "mode", "turn_rate", "target_rate")
 
-_LAST_ADDRESS = 0xFFFF
 #: Largest step of an angle, in sigmas of the encoder: an encoder cannot be better than its step.
 _COARSEST = 3.0
 
@@ -61,9 +53,9 @@ class ModbusRegister(StrictModel):
     word_order : of its 16-bit words, the link's own if absent
     """
 
-    address: int = Field(ge=0, le=_LAST_ADDRESS)
+    address: Address
     type: Annotated[str, AfterValidator(_table_type)]
-    scale: float = 1.0
+    scale: Scale = 1.0
     word_order: Literal["big", "little"] | None = None
     words: int | None = Field(default=None, ge=1, le=64)
 
@@ -107,9 +99,7 @@ class ModbusRegister(StrictModel):
             for name in ("scale", "word_order"):
                 if getattr(self, name) != type(self).model_fields[name].default:
                     raise EntryError("profile.not_with", name, other='type = "text"')
-        if self.scale == 0.0:
-            raise EntryError("profile.scale_zero", "scale")
-        if self.end - 1 > _LAST_ADDRESS:
+        if self.end - 1 > LAST_ADDRESS:
             raise EntryError("profile.past_last_address", address=self.address, last=self.end - 1)
         return self
 
@@ -151,14 +141,21 @@ Bit = Annotated[StatusBit, BeforeValidator(_as_bit)]
 Writes = Annotated[list[dict[str, int]], BeforeValidator(_as_writes), Field(min_length=1)]
 
 
-@dataclass(frozen=True)
-class Axis:
-    """What a profile states of an axis: degrees, °/s, °/s²."""
+class JointSection(StrictModel):
+    """`[outer]`, `[inner]`: travel in degrees, largest rate and acceleration in °/s and °/s²."""
 
-    low: float
-    high: float
-    rate: float
-    acceleration: float
+    low_deg: float
+    high_deg: float
+    max_rate_dps: float = Field(gt=0)
+    max_acceleration_dps2: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "JointSection":
+        if self.low_deg >= self.high_deg:
+            raise EntryError("profile.travel_order", low=self.low_deg, high=self.high_deg)
+        if not self.low_deg <= 0.0 <= self.high_deg:
+            raise EntryError("profile.travel_without_home", low=self.low_deg, high=self.high_deg)
+        return self
 
 
 @dataclass(frozen=True)
@@ -183,7 +180,7 @@ class TableMap:
         """Registers that take the rates of an endless turn, outer and inner."""
         return self.names("turn_rate") or self.names("target_rate")
 
-    def check(self, axes: Sequence[Axis], encoder_sigma: float, faults: Mapping[str, str]) -> None:
+    def check(self, axes: Sequence[JointSection], encoder_sigma: float, faults: Mapping[str, str]) -> None:
         """Check that a table can be driven by this map.
 
         Parameters
@@ -192,10 +189,7 @@ class TableMap:
         encoder_sigma : degrees
         faults : meaning of the fault codes
 
-        Raises
-        ------
-        EntryError
-            For the first wrong entry.
+        Raises EntryError for the first wrong entry.
         """
         self._check_names()
         self._check_overlaps()
@@ -240,13 +234,9 @@ class TableMap:
         for drive in drives.values():
             for (first, a), (second, b) in pairwise(drive):
                 if b.address < a.end:
-                    raise EntryError(
-                        "profile.registers_overlap",
-                        *("registers", second, "address"),
-                        mine=str(b),
-                        other=f"registers.{first}",
-                        at=str(a),
-                    )
+                    place = ("registers", second, "address")
+                    values = {"mine": str(b), "other": f"registers.{first}", "at": str(a)}
+                    raise EntryError("profile.registers_overlap", *place, **values)
 
     def _check_types(self) -> None:
         for name, register in self.registers.items():
@@ -306,8 +296,7 @@ class TableMap:
 
     def _check_write(self, register: str, value: int) -> None:
         if register not in WRITTEN:
-            otherwise = Text.of("entry.choose_from", names=WRITTEN)
-            remedy = near_miss(register, WRITTEN, otherwise)
+            remedy = near_miss(register, WRITTEN, Text.of("entry.choose_from", names=WRITTEN))
             raise EntryError("profile.register_not_written", name=register, remedy=remedy)
         if not self.names(register):
             raise EntryError("profile.needs_register", register=register)
@@ -316,25 +305,24 @@ class TableMap:
             if not low <= value <= high:
                 raise EntryError("profile.value_beyond_register", value=value, name=name, low=low, high=high)
 
-    def _check_ranges(self, axes: Sequence[Axis], encoder_sigma: float) -> None:
+    def _check_ranges(self, axes: Sequence[JointSection], encoder_sigma: float) -> None:
         for joint, axis in zip(JOINTS, axes, strict=True):
             for name in ("position", "target", "low", "high"):
-                if held := self._narrower(f"{joint}_{name}", axis.low, axis.high):
+                if held := self._narrower(f"{joint}_{name}", axis.low_deg, axis.high_deg):
                     place = ("registers", f"{joint}_{name}")
                     raise EntryError("profile.narrower_than_travel", *place, joint=joint, **held)
             for name in ("rate", "turn_rate", "target_rate"):
-                low = 0.0 if name == "target_rate" else -axis.rate
-                if held := self._narrower(f"{joint}_{name}", low, axis.rate):
+                low = 0.0 if name == "target_rate" else -axis.max_rate_dps
+                if held := self._narrower(f"{joint}_{name}", low, axis.max_rate_dps):
                     place = ("registers", f"{joint}_{name}")
                     raise EntryError("profile.narrower_than_rate", *place, joint=joint, **held)
             name = f"{joint}_acceleration"
-            if held := self._narrower(name, 0.0, axis.acceleration):
+            if held := self._narrower(name, 0.0, axis.max_acceleration_dps2):
                 raise EntryError("profile.narrower_than_acceleration", "registers", name, joint=joint, **held)
             for name in (f"{joint}_position", f"{joint}_target"):
                 step = self.registers[name].step
                 if step > _COARSEST * encoder_sigma:
-                    values = {"step": step, "sigma": encoder_sigma}
-                    raise EntryError("profile.angle_too_coarse", "registers", name, **values)
+                    raise EntryError("profile.angle_too_coarse", "registers", name, step=step, sigma=encoder_sigma)
 
     def _narrower(self, name: str, low: float, high: float) -> dict[str, str | float]:
         """Values of the message if a register does not hold `low` to `high`, else empty."""
@@ -344,14 +332,7 @@ class TableMap:
         least, most = register.bounds
         if least <= low and high <= most:
             return {}
-        return {
-            "type": register.type,
-            "scale": register.scale,
-            "least": least,
-            "most": most,
-            "low": low,
-            "high": high,
-        }
+        return {"type": register.type, "scale": register.scale, "least": least, "most": most, "low": low, "high": high}
 
     def _check_signs(self) -> None:
         """Check that angles are sent and read in the same sense, and that magnitudes are not negative."""
@@ -368,17 +349,9 @@ class TableMap:
             for name in signed:
                 register = self.registers.get(name)
                 if register is not None and register.scale * position.scale <= 0.0:
-                    values = {
-                        "scale": register.scale,
-                        "other": f"registers.{joint}_position",
-                        "its": position.scale,
-                    }
-                    raise EntryError(
-                        "profile.turn_rate_needed" if name in unsigned else "profile.opposite_sense",
-                        *("registers", name, "scale"),
-                        joint=joint,
-                        **values,
-                    )
+                    code = "profile.turn_rate_needed" if name in unsigned else "profile.opposite_sense"
+                    values = {"scale": register.scale, "other": f"registers.{joint}_position", "its": position.scale}
+                    raise EntryError(code, "registers", name, "scale", joint=joint, **values)
 
     def _check_watchdog(self) -> None:
         """Check that the watchdog's timeout is readable if it is fed, and cannot be negative."""
@@ -396,8 +369,9 @@ class TableMap:
                 for name in self.names("fault"):
                     low, high = self.registers[name].number.bounds
                     if int(code) > high:
-                        values = {"value": int(code), "low": low, "high": high}
-                        raise EntryError("profile.value_beyond_register", name=name, **values)
+                        raise EntryError(
+                            "profile.value_beyond_register", value=int(code), name=name, low=low, high=high
+                        )
 
 
 def _of_joints(name: str) -> tuple[str, str]:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from calstation.devices import TableIdentity, TableStatus
+from calstation.devices import Table, TableIdentity, TableStatus
 from calstation.devices.profiles import SerialSettings, TableProfile
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.text_table import TextTable
@@ -20,10 +20,7 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
     profile : table profile
     serial : settings of the serial port; None for the profile's
 
-    Raises
-    ------
-    DeviceFaultError, ConfigurationError
-        The port cannot be opened.
+    Raises DeviceFaultError, ConfigurationError: the port cannot be opened.
     """
     if profile.protocol == "imu_link":
         raise ConfigurationError("table.behind_imu", profile=profile.name)
@@ -34,10 +31,10 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
     return TextTable(port, profile, serial)
 
 
-class ManualTable:
+class ManualTable(Table):
     """A manual rig, rails turned by the operator, in place of a table: no motor, encoder or link.
 
-    It is always at rest, its angles are unknown, and it cannot be driven. Meets `interfaces.Table`.
+    It is always at rest, its angles are unknown, and it cannot be driven.
     """
 
     def __init__(self, profile: TableProfile) -> None:
@@ -63,31 +60,22 @@ class ManualTable:
         """At rest at unknown angles."""
         return self._status
 
-    def enable(self) -> None:
-        """Do nothing."""
+    def enable(self) -> None: ...
 
-    def disable(self) -> None:
-        """Do nothing."""
+    def disable(self) -> None: ...
 
-    def home(self) -> None:
-        """Do nothing."""
+    def home(self) -> None: ...
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Raise ConfigurationError."""
         raise ConfigurationError("table.rig_cannot_move", profile=self._profile.name)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Raise ConfigurationError."""
         raise ConfigurationError("table.rig_cannot_move", profile=self._profile.name)
 
-    def stop(self) -> None:
-        """Do nothing."""
+    def stop(self) -> None: ...
 
-    def reset_fault(self) -> None:
-        """Do nothing."""
+    def reset_fault(self) -> None: ...
 
-    def heartbeat(self) -> None:
-        """Do nothing."""
+    def heartbeat(self) -> None: ...
 
-    def close(self) -> None:
-        """Do nothing."""
+    def close(self) -> None: ...

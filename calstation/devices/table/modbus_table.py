@@ -2,20 +2,14 @@
 
 from calstation.devices.links import ModbusLink
 from calstation.devices.profiles import SerialSettings, TableProfile
-from calstation.devices.table.register_table import RegisterTable, decode, encode
+from calstation.devices.table.register_table import RegisterTable
 from calstation.errors import DeviceFaultError
-
-__all__ = ["ModbusTable", "decode", "encode"]
 
 
 class ModbusTable(RegisterTable):
     """The table of a profile on a port.
 
-    Parameters
-    ----------
     port : `tcp://host:port`, or a serial port for RTU
-    profile : table profile
-    serial : settings of the serial port; None for the profile's
     """
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
@@ -41,13 +35,7 @@ class ModbusTable(RegisterTable):
 
 
 class OtherUnit:
-    """Registers of a second unit on the line of a first, which owns the port; meets `register_table.RegisterLink`.
-
-    Parameters
-    ----------
-    link : of the first unit
-    unit : number of the second
-    """
+    """Registers of a second unit on the line of a first, which owns the port; meets `register_table.RegisterLink`."""
 
     heard = b""
 
@@ -55,11 +43,9 @@ class OtherUnit:
         self._link, self._unit = link, unit
 
     def read(self, address: int, count: int) -> list[int]:
-        """See `RegisterLink`."""
         return self._link.read(address, count, self._unit)
 
     def write(self, address: int, values: list[int], repeat: bool = True) -> None:
-        """See `RegisterLink`."""
         self._link.write(address, values, repeat, self._unit)
 
     def close(self) -> None:

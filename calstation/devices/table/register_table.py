@@ -1,12 +1,12 @@
 """A two-axis table with 16-bit registers as its profile lays them out (CiA 402 words), whatever carries them."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
-from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, TableIdentity, TableStatus
+from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, Table, TableIdentity, TableStatus
 from calstation.devices.profiles import JOINTS, RATE_COMMAND, ModbusRegister, TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
@@ -18,11 +18,13 @@ _LARGEST_READ = 120  # registers in one transfer
 
 
 class RegisterLink(Protocol):
-    """What carries the registers. Calls are bounded in time and raise DeviceFaultError if they fail."""
+    """What carries the registers. Calls are bounded in time and raise DeviceFaultError if they fail.
+
+    heard : the bytes received last, valid or not
+    """
 
     @property
-    def heard(self) -> bytes:
-        """The bytes received last, valid or not."""
+    def heard(self) -> bytes: ...
 
     def read(self, address: int, count: int) -> list[int]:
         """Read registers; a lost transfer is repeated."""
@@ -30,8 +32,7 @@ class RegisterLink(Protocol):
     def write(self, address: int, values: list[int], repeat: bool = True) -> None:
         """Write registers; a lost transfer is repeated only if `repeat`."""
 
-    def close(self) -> None:
-        """Close the link."""
+    def close(self) -> None: ...
 
 
 def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
@@ -54,15 +55,12 @@ def _words(register: ModbusRegister, raw: float) -> list[int]:
     return [int.from_bytes(wire[i : i + 2], "big") for i in range(0, len(wire), 2)]
 
 
-class RegisterTable:
+class RegisterTable(Table):
     """The table of a profile on a link.
 
     Moves are absolute, so a repeated transfer never adds to a motion; homing is never repeated.
 
-    Parameters
-    ----------
     link : carries the registers
-    profile : table profile
     gap : unused registers that may be read along with used ones
     inner : carries the registers of the inner axis's own drive, if it has one
     """
@@ -130,36 +128,26 @@ class RegisterTable:
 
     def home(self) -> None:
         """Start homing; a lost answer is a fault, never a second homing."""
-        self._order("home", repeat=False)
+        self._command("home", repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
         """Start both joints towards absolute angles; rad, rad/s, rad/s²."""
-        encoded = [
-            self._encoded(
-                {
-                    f"{joint}_target": angle,
-                    f"{joint}_target_rate": rate,
-                    f"{joint}_acceleration": acceleration,
-                }
-            )
+        values = [
+            {f"{joint}_target": angle, f"{joint}_target_rate": rate, f"{joint}_acceleration": acceleration}
             for joint, angle in zip(JOINTS, (outer, inner), strict=True)
         ]
-        for words in encoded:
-            self._write_together(words)
-        self._order("move")
+        self._command("move", values)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
         """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
         if RATE_COMMAND not in self._profile.commands:
             raise ConfigurationError("table.no_rate_command")
         self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
-        encoded = [
-            self._encoded({turning: rate, f"{joint}_acceleration": acceleration})
+        values = [
+            {turning: rate, f"{joint}_acceleration": acceleration}
             for joint, turning, rate in zip(JOINTS, self._map.turning(), (outer, inner), strict=True)
         ]
-        for words in encoded:
-            self._write_together(words)
-        self._order(RATE_COMMAND)
+        self._command(RATE_COMMAND, values)
 
     def stop(self) -> None:
         """Decelerate to rest, also the remaining axis if the other's drive is gone."""
@@ -172,11 +160,9 @@ class RegisterTable:
             self._put("controlword", word)
 
     def heartbeat(self) -> None:
-        """Feed the table's watchdog if it has one to feed."""
         self._put("heartbeat", 1)
 
     def close(self) -> None:
-        """Close the link."""
         self._link.close()
 
     @property
@@ -238,7 +224,10 @@ class RegisterTable:
         register = self._map.registers[own]
         self._drive(own).write(register.address, _words(register, raw), repeat)
 
-    def _order(self, command: str, repeat: bool = True) -> None:
+    def _command(self, command: str, values: Sequence[Mapping[str, float]] = (), repeat: bool = True) -> None:
+        """Write the values of each axis, which must all fit, then the command."""
+        for words in [self._encoded(own) for own in values]:
+            self._write_together(words)
         for name, raw in self._writes(command):
             self._put(name, raw, repeat)
 

@@ -10,12 +10,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 
 
 class ImuWords:
-    """Registers of the axes, accessed by an IMU's commands; meets `register_table.RegisterLink`.
-
-    Parameters
-    ----------
-    imu : owner of the port; owned : closed with the axes
-    """
+    """Registers of the axes, accessed by an IMU's commands; meets `register_table.RegisterLink`."""
 
     heard = b""
 
@@ -42,9 +37,7 @@ class ImuWords:
         except ImuRefusalError as exc:
             busy = isinstance(exc, ImuBusyError)
             raise DeviceFaultError(
-                "table.system_write_busy" if busy else "table.system_write_refused",
-                address=address,
-                reason=exc.reason,
+                "table.system_write_busy" if busy else "table.system_write_refused", address=address, reason=exc.reason
             ) from exc
 
     def close(self) -> None:
@@ -56,16 +49,7 @@ class ImuWords:
 class SharedTable(RegisterTable):
     """The axes of a profile on the link of the IMU that they belong to.
 
-    Parameters
-    ----------
-    imu : owner of the port
-    profile : table profile
-    owned : close the IMU with the table
-
-    Raises
-    ------
-    ConfigurationError
-        The IMU's commands cannot carry registers.
+    Raises ConfigurationError: the IMU's commands cannot carry registers.
     """
 
     def __init__(self, imu: StreamedImu, profile: TableProfile, *, owned: bool = False) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, TableIdentity, TableStatus
+from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, Table, TableIdentity, TableStatus
 from calstation.devices.codecs import quoted_text
 from calstation.devices.links import TextLink, UnlikeAnswerError
 from calstation.devices.profiles import JOINTS, Flag, SerialSettings, TableProfile
@@ -17,16 +17,12 @@ from calstation.physics import FloatArray, JointLimits
 Answers = dict[str, list[dict[str, str]]]
 
 
-class TextTable:
+class TextTable(Table):
     """The table of a profile on a port.
 
     Moves are absolute, so a line sent again never adds to a motion; homing is never sent twice.
 
-    Parameters
-    ----------
     port : `tcp://host:port`, or a serial port
-    profile : table profile
-    serial : settings of the serial port; None for the profile's
     """
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
@@ -47,7 +43,6 @@ class TextTable:
         return identity
 
     def status(self) -> TableStatus:
-        """Poll the table."""
         answers = self._poll()
         angles, rates = _joints_of(answers["position"]), _joints_of(answers["rate"])
         at_rest = bool(np.all(np.abs(rates) < self._text.rest_rate_dps))
@@ -67,11 +62,9 @@ class TextTable:
         )
 
     def enable(self) -> None:
-        """Switch both axes on."""
         self._send("enable")
 
     def disable(self) -> None:
-        """Switch both axes off."""
         self._send("disable")
 
     def home(self) -> None:
@@ -94,19 +87,15 @@ class TextTable:
         self._send("rate", rate=(outer, inner), acceleration=(acceleration, acceleration))
 
     def stop(self) -> None:
-        """Decelerate to rest."""
         self._send("stop")
 
     def reset_fault(self) -> None:
-        """Clear a latched fault; the axes stay off."""
         self._send("reset")
 
     def heartbeat(self) -> None:
-        """Feed the table's watchdog if it has one."""
         self._send("heartbeat")
 
     def close(self) -> None:
-        """Close the link."""
         self._link.close()
 
     @property
