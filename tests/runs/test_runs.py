@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from calstation.config import library, versions
+from calstation.connection import Devices
 from calstation.errors import ConfigurationError
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import open_log
