@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
-from types import TracebackType
 from typing import IO, Any
 
 from calstation.errors import DeviceFaultError
@@ -67,8 +66,8 @@ class BenchHost:
 
     def close(self) -> None:
         """End the bench by closing its input; kill it if it does not end."""
-        if self.process.stdin is not None:
-            self.process.stdin.close()
+        assert self.process.stdin is not None
+        self.process.stdin.close()
         try:
             self.process.wait(_END_WITHIN)
         except subprocess.TimeoutExpired:
@@ -77,14 +76,6 @@ class BenchHost:
         for stream in (self.process.stdout, self.process.stderr):
             if stream is not None:
                 stream.close()
-
-    def __enter__(self) -> "BenchHost":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _first(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], None]) -> bytes:
@@ -98,16 +89,12 @@ def _first(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], None]) -> 
 
 
 def _read_line(stream: IO[bytes], lines: "SimpleQueue[bytes]") -> None:
-    try:
+    with suppress(OSError, ValueError):  # a stop closed the pipe while the bench was starting
         lines.put(stream.readline())
-    except (OSError, ValueError):  # a stop closed the pipe while the bench was starting
-        return
 
 
 def _discard(stream: IO[bytes]) -> None:
     """Keep the pipe from filling up."""
-    try:
+    with suppress(OSError, ValueError):
         while stream.read(4096):
             pass
-    except (OSError, ValueError):
-        return

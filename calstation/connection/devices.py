@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 
 from calstation.config import ResolvedConfiguration
@@ -83,7 +83,7 @@ def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
         with lock_ports(port for port in (table, imu) if port):
             yield Endpoints(table or "", imu, RealClock())
         return
-    with BenchHost.start(config, check_cancelled) as bench:
+    with closing(BenchHost.start(config, check_cancelled)) as bench:
         found = bench.endpoints
         host, _, port = found["clock"].rpartition(":")
         clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))

@@ -2,8 +2,8 @@ from . import journal as journal
 from .interrupted import UnverifiedTransfer as UnverifiedTransfer
 from .interrupted import recover_interrupted as recover_interrupted
 from .journal import Kind as Kind
+from .journal import Purpose as Purpose
 from .journal import Transfer as Transfer
-from .journal import UnitType as UnitType
 from .journal import journal_folder as journal_folder
 from .operation import moves_table as moves_table
 from .operation import run_operation as run_operation

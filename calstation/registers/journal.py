@@ -59,18 +59,29 @@ class UnitType:
     map: str = ""
 
     @classmethod
-    def of(cls, setup: ResolvedConfiguration, model: str) -> "UnitType":
-        """The type of a unit that reports `model`, with the profile and product of a configuration."""
-        return cls(model, setup.imu.name, setup.product.name, map_digest(setup.imu.registers))
-
-    @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "UnitType":
         """Read a line of the journal."""
         return cls(**{field.name: str(content.get(field.name, "")) for field in fields(cls)})
 
-    def to_json(self) -> dict[str, str]:
-        """As the journal holds it."""
-        return asdict(self)
+
+@dataclass(frozen=True)
+class Purpose:
+    """Who wants a transfer, and what for: run, hand or restore.
+
+    source : log or set of values that the new registers come from
+    unit_type : type of the unit; empty if it was not recorded
+    """
+
+    by: str | None
+    why: str
+    source: str
+    unit_type: UnitType = field(default_factory=UnitType)
+
+    @classmethod
+    def of(cls, setup: ResolvedConfiguration, model: str, why: str, source: str) -> "Purpose":
+        """The purpose of a configuration's operator, for a unit that reports `model`."""
+        unit_type = UnitType(model, setup.imu.name, setup.product.name, map_digest(setup.imu.registers))
+        return cls(setup.request.operator, why, source, unit_type)
 
 
 def map_digest(registers: list[RegisterEntry]) -> str:
@@ -131,12 +142,8 @@ def begin(
     serial: str,
     old: Mapping[str, float],
     new: Mapping[str, float],
-    *,
-    by: str | None,
-    why: str,
-    source: str,
+    purpose: Purpose,
     site: Path | None = None,
-    unit_type: UnitType | None = None,
 ) -> Transfer:
     """Record an intention; it is on disk when this returns.
 
@@ -144,19 +151,19 @@ def begin(
     ----------
     runs : folder of the runs
     serial : serial number of the unit
-    old, new, by, why, source : see `Transfer`
+    old, new : registers before and as intended, by parameter, SI
+    purpose : of the transfer
     site : the site's folder for a unit on hardware, None for one of a virtual bench
-    unit_type : type of the unit, None if unknown
 
     Raises ConfigurationError: the journal is damaged or cannot be written; nothing was written to the unit.
     """
     history(runs, serial, site)
     path = _path(site or runs, serial)
     ident = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(3)}"
-    unit_type = unit_type or UnitType()
+    by, why, source, unit_type = purpose.by, purpose.why, purpose.source, purpose.unit_type
     made = Transfer(path, ident, serial, _now(), dict(old), dict(new), by, why, source, unit_type)
     intention = {"event": "intended", "id": ident, "serial": serial, "utc": made.utc, "by": by, "why": why}
-    _append(path, {**intention, **unit_type.to_json(), "source": source, "old": dict(old), "new": dict(new)})
+    _append(path, {**intention, **asdict(unit_type), "source": source, "old": dict(old), "new": dict(new)})
     return made
 
 
@@ -171,22 +178,15 @@ def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]
 
     Raises ConfigurationError: a journal cannot be read, or does not read as it was written.
     """
+    beside = _transfers(_path(runs, serial), serial)
     if site is None:
-        return [transfer for transfer, _ in _transfers(_path(runs, serial), serial)]
-    before = [transfer for transfer, checked in _transfers(_path(runs, serial), serial) if not checked]
-    return before + [transfer for transfer, _ in _transfers(_path(site, serial), serial)]
+        return [transfer for transfer, _ in beside]
+    own = _transfers(_path(site, serial), serial)
+    return [transfer for transfer, checked in beside if not checked] + [transfer for transfer, _ in own]
 
 
 def by_station(runs: Path, serial: str, site: Path) -> dict[Kind, list[Transfer]]:
-    """Every transfer by the kind of its station; those of an unknown station count for both in `history`.
-
-    Parameters
-    ----------
-    runs, site : folders of the runs and of the site
-    serial : serial number of the unit
-
-    Raises ConfigurationError: as `history`.
-    """
+    """Every transfer by the kind of its station; those of an unknown station count for both in `history`."""
     beside = _transfers(_path(runs, serial), serial)
     return {
         "hardware": [transfer for transfer, _ in _transfers(_path(site, serial), serial)],
@@ -253,18 +253,9 @@ def _take(found: dict[str, tuple[Transfer, bool]], path: Path, line: Line) -> No
 
 def _intended(path: Path, content: Mapping[str, Any]) -> Transfer:
     old, new = ({name: float(value) for name, value in content[which].items()} for which in ("old", "new"))
-    return Transfer(
-        path,
-        str(content["id"]),
-        str(content["serial"]),
-        str(content["utc"]),
-        old,
-        new,
-        content["by"],
-        str(content["why"]),
-        str(content.get("source", "")),
-        UnitType.from_json(content),
-    )
+    ident, serial, utc, why = (str(content[name]) for name in ("id", "serial", "utc", "why"))
+    source, unit_type = str(content.get("source", "")), UnitType.from_json(content)
+    return Transfer(path, ident, serial, utc, old, new, content["by"], why, source, unit_type)
 
 
 def _path(folder: Path, serial: str) -> Path:

@@ -27,7 +27,7 @@ from calstation.devices.imu import (
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages import entry as catalogue_entry
 from calstation.registers import journal
-from calstation.registers.journal import Transfer, UnitType, journal_folder
+from calstation.registers.journal import Purpose, Transfer, journal_folder
 from calstation.registers.preconditions import (
     check_flash,
     check_no_interrupted,
@@ -206,18 +206,9 @@ class _Work:
         return Settled(request.serial, str(closing), proof, unit.to_json())
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Transfer:
-        request = self.operation.request
-        return journal.begin(
-            request.out,
-            request.serial,
-            old,
-            new,
-            by=request.operator,
-            why="hand" if self.operation.what == "write" else "restore",
-            source=self.source,
-            site=journal_folder(self.setup.station),
-            unit_type=UnitType.of(self.setup, self.identity.model),
-        )
+        request, why = self.operation.request, "hand" if self.operation.what == "write" else "restore"
+        purpose = Purpose.of(self.setup, self.identity.model, why, self.source)
+        return journal.begin(request.out, request.serial, old, new, purpose, journal_folder(self.setup.station))
 
 
 def _at_rest(work: _Work, check_cancelled: CheckCancelled) -> Settled:

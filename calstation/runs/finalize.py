@@ -12,7 +12,7 @@ from calstation.physics import NAMES, FloatArray
 from calstation.records import context_from_meta, estimated_stage
 from calstation.registers import (
     AppliedRegisters,
-    UnitType,
+    Purpose,
     close_verified,
     compose,
     journal_folder,
@@ -156,18 +156,9 @@ class Finalization:
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         """Enter the transfer in the unit's journal."""
-        log = self._run.log.path
-        return register_journal.begin(
-            log.parent,
-            self._run.serial,
-            old,
-            new,
-            by=self._setup.request.operator,
-            why="run",
-            source=log.name,
-            site=journal_folder(self._setup.station),
-            unit_type=UnitType.of(self._setup, self._imu.identify().model),
-        )
+        log, site = self._run.log.path, journal_folder(self._setup.station)
+        purpose = Purpose.of(self._setup, self._imu.identify().model, "run", log.name)
+        return register_journal.begin(log.parent, self._run.serial, old, new, purpose, site)
 
     def _log_old(self, old: Mapping[str, float], run_in_background: RunInBackground) -> None:
         """Write the unit's registers to the log, and the log to the disk, before anything is written to the unit."""

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +61,7 @@ class Bench:
 
 @pytest.fixture(scope="module")
 def host() -> Iterator[BenchHost]:
-    with BenchHost.start({"speed": 0.0, "start_deg": [3.0, -2.0]}) as made:
+    with closing(BenchHost.start({"speed": 0.0, "start_deg": [3.0, -2.0]})) as made:
         yield made
 
 

@@ -59,7 +59,7 @@ class Factory:
         self.runs = folder
 
     def begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> register_journal.Transfer:
-        return register_journal.begin(self.runs, SERIAL, old, new, by="wang", why="run", source="a.h5")
+        return register_journal.begin(self.runs, SERIAL, old, new, register_journal.Purpose("wang", "run", "a.h5"))
 
     def write(self, values: Mapping[str, float], budget: int | None = None) -> int:
         """A whole transfer with power for so many bytes; how many it took."""

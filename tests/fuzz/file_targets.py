@@ -61,16 +61,7 @@ def raw_logs() -> tuple[bytes, bytes]:
     writer = RawLogWriter(path, META)
     seq = np.arange(200)
     writer.append(
-        SampleBlock(
-            "rate",
-            seq,
-            (seq + 1) / 100.0,
-            np.ones((200, 6)),
-            np.zeros((200, 2)),
-            seq * 0,
-            seq >= 0,
-            seq * 0.0,
-        )
+        SampleBlock("rate", seq, (seq + 1) / 100.0, np.ones((200, 6)), np.zeros((200, 2)), seq * 0, seq >= 0, seq * 0.0)
     )
     writer.event({"event": "StageSolved", "stage": "rate"})
     writer.sync()
@@ -123,7 +114,7 @@ def journal(data: bytes) -> None:
     runs = folder() / "journal"
     path = runs / register_journal.FOLDER / "SN-7.jsonl"
     path.unlink(missing_ok=True)
-    entry = register_journal.begin(runs, "SN-7", {"a": 0.0}, {"a": 1.0}, by=None, why="run", source="")
+    entry = register_journal.begin(runs, "SN-7", {"a": 0.0}, {"a": 1.0}, register_journal.Purpose(None, "run", ""))
     path.write_bytes(path.read_bytes() + data)
     said = ""
     try:

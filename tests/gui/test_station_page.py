@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any, get_args
 
@@ -437,7 +438,7 @@ def test_a_wrong_port_is_told_with_its_mend_in_both_languages(hands: Hands, chin
 def test_an_operator_resets_what_the_table_has_latched(
     operator: Hands, site_folder: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
 ) -> None:
-    with BenchHost.start({"speed": 0.0}) as host:
+    with closing(BenchHost.start({"speed": 0.0})) as host:
         where, _, port = host.endpoints["clock"].rpartition(":")
         clock = BenchClock((where, int(port)), 0.0)
         clock.order({"order": "drive_fault"})

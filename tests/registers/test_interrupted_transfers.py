@@ -51,7 +51,7 @@ class Workbench:
         setup = resolve_configuration(self.request)
 
         def begin(old: Any, new: Any) -> register_journal.Transfer:
-            return register_journal.begin(self.runs, SERIAL, old, new, by="li", why="run", source="a.h5")
+            return register_journal.begin(self.runs, SERIAL, old, new, register_journal.Purpose("li", "run", "a.h5"))
 
         class Cut(BaseException):
             pass
@@ -136,9 +136,7 @@ def test_finished_or_restored_without_a_run(bench: Workbench, committed: bool, c
         bench.errands.do("finish")
 
 
-def test_new_registers_finished_before_a_run_are_proved_by_its_table_before_its_first_stage(
-    bench: Workbench,
-) -> None:
+def test_new_registers_finished_before_a_run_are_proved_by_its_table_before_its_first_stage(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     events = bench.run(unfinished="finish")
     assert isinstance(events[-1], Verdict)
@@ -152,9 +150,7 @@ def test_new_registers_finished_before_a_run_are_proved_by_its_table_before_its_
     assert (first.closing, first.steps[-1]) == (second.closing, second.steps[-1]) == ("done", "turned")
 
 
-def test_new_registers_that_the_runs_table_refutes_are_taken_back_and_nothing_is_calibrated(
-    bench: Workbench,
-) -> None:
+def test_new_registers_that_the_runs_table_refutes_are_taken_back_and_nothing_is_calibrated(bench: Workbench) -> None:
     entry = bench.interrupt(committed=True, values={"gyro_scale_x": 0.05})
     events = bench.run(unfinished="finish")
     (fault,) = [event for event in events if isinstance(event, Fault)]

@@ -19,7 +19,7 @@ OLD, NEW = {"gyro_bias_x": 1e-6, "gyro_bias_y": float("nan")}, {"gyro_bias_x": 2
 
 
 def begin(runs: Path, serial: str = "SN-1") -> journal.Transfer:
-    return journal.begin(runs, serial, OLD, NEW, by="wang", why="run", source="a.h5")
+    return journal.begin(runs, serial, OLD, NEW, journal.Purpose("wang", "run", "a.h5"))
 
 
 def test_a_transfer_is_read_back_with_every_bit(tmp_path: Path) -> None:
@@ -241,7 +241,7 @@ def test_what_a_cut_left_is_carried_on(tmp_path_factory: pytest.TempPathFactory,
 
 def test_a_unit_on_hardware_has_one_journal_whatever_the_folder_of_its_runs(tmp_path: Path) -> None:
     site, monday, tuesday = tmp_path / "site", tmp_path / "monday", tmp_path / "tuesday"
-    made = journal.begin(monday, "SN-1", OLD, NEW, by=None, why="run", source="", site=site)
+    made = journal.begin(monday, "SN-1", OLD, NEW, journal.Purpose(None, "run", ""), site=site)
     made.note(Step.COMMITTING)
     for runs in (monday, tuesday):
         found = journal.interrupted(runs, "SN-1", site)
@@ -259,7 +259,7 @@ def test_what_was_written_before_the_site_had_journals_is_found_beside_the_runs(
     found = journal.interrupted(tmp_path, "SN-1", site)
     assert found is not None
     found.close(Closing.RESTORED)
-    made = journal.begin(tmp_path, "SN-1", OLD, NEW, by=None, why="run", source="", site=site)
+    made = journal.begin(tmp_path, "SN-1", OLD, NEW, journal.Purpose(None, "run", ""), site=site)
     assert made.path.parent == site / journal.FOLDER
     assert [t.id for t in journal.history(tmp_path, "SN-1", site)] == [virtual.id, made.id]
     assert journal.cycles(tmp_path, "SN-1", site) == 1

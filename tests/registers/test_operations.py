@@ -115,14 +115,7 @@ def test_the_table_is_prepared_before_the_write_turned_behind_it_and_left_at_its
     settled = floor.errands.write(VALUES)
     assert (settled.closing, settled.proof) == ("done", "turn")
     told = floor.errands.told()
-    order = [
-        "identified",
-        "homing",
-        "checking_mounting",
-        "registers_writing",
-        "verifying",
-        "registers_proved",
-    ]
+    order = ["identified", "homing", "checking_mounting", "registers_writing", "verifying", "registers_proved"]
     assert [ident for ident in told if ident in order] == order
     assert floor.errands.moves()[-17:] == ["verify"] * 17, "to the start and twice around, back where it is loaded"
     states = [event.state for event in floor.errands.events if isinstance(event, StateChanged)]
@@ -213,8 +206,7 @@ def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("order", "words"),
-    [("drive_fault", "fault 'drive'"), ("interlock", "interlock"), ("jam", "did not reach")],
+    ("order", "words"), [("drive_fault", "fault 'drive'"), ("interlock", "interlock"), ("jam", "did not reach")]
 )
 def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
     floor: Floor, clock_at_hand: list[Any], order: str, words: str
@@ -275,7 +267,7 @@ def test_a_unit_that_has_its_old_registers_still_is_not_moved_for_them(floor: Fl
     entry = floor.entry
     floor.errands.on_event = lambda errands, event: None
     floor.errands.do("restore", at_rest=True)
-    register_journal.begin(floor.runs, SERIAL, entry.old, entry.new, by="li", why="hand", source="y.h5")
+    register_journal.begin(floor.runs, SERIAL, entry.old, entry.new, register_journal.Purpose("li", "hand", "y.h5"))
     settled = floor.errands.do("restore")
     assert (settled.closing, settled.proof) == ("kept", "")
     assert floor.errands.moves() == []

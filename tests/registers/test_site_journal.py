@@ -1,6 +1,7 @@
 """A unit on hardware has one journal in the site's folder, and a flash that wears out."""
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,7 +48,7 @@ def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
     setup = resolve_configuration(site_folder.request())
     config = setup.bench_config()
     assert config is not None
-    with BenchHost.start({**config, "speed": 1.0, "watchdog_ms": 60_000}) as bench:
+    with closing(BenchHost.start({**config, "speed": 1.0, "watchdog_ms": 60_000})) as bench:
         told = bench.endpoints
         table = {"profile": "bench", "port": f"tcp://{told['table']}", "timeout_s": 5.0}
         station = {**STATION, "table": table, "imu": {"port": told["imu"], "timeout_s": 5.0}}
@@ -71,9 +72,7 @@ def test_who_changes_the_folder_of_the_runs_sees_the_same_journal(
         SERIAL,
         {},
         {},
-        by=None,
-        why="run",
-        source="",
+        register_journal.Purpose(None, "run", ""),
         site=journal_folder(resolve_configuration(hardware).station),
     )
     events: list[Event] = []
@@ -103,7 +102,7 @@ class Worn:
 
     def wear(self, cycles: int) -> None:
         """Have the flash written so often."""
-        entry = register_journal.begin(self.runs, SERIAL, {}, {}, by=None, why="hand", source="")
+        entry = register_journal.begin(self.runs, SERIAL, {}, {}, register_journal.Purpose(None, "hand", ""))
         for _ in range(cycles):
             entry.note(Step.COMMITTING)
         entry.close(Closing.DONE)
@@ -146,7 +145,7 @@ def test_a_flash_that_is_worn_out_takes_no_new_registers(worn: Worn) -> None:
 @pytest.mark.long
 def test_what_was_begun_is_put_back_all_the_same(worn: Worn) -> None:
     worn.wear(10)
-    register_journal.begin(worn.runs, SERIAL, {}, {}, by=None, why="run", source="")
+    register_journal.begin(worn.runs, SERIAL, {}, {}, register_journal.Purpose(None, "run", ""))
     assert Errands(worn.request).do("restore").closing in ("kept", "restored")
 
 

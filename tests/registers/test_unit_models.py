@@ -54,7 +54,7 @@ class Known:
         names = RegisterMap(tuple(registers())).parameters
         old = dict.fromkeys(names, 1e-6) if old is None else old
         made = register_journal.begin(
-            self.runs, SERIAL, old, dict.fromkeys(old, 2e-6), by="li", why="hand", source="", unit_type=sort
+            self.runs, SERIAL, old, dict.fromkeys(old, 2e-6), register_journal.Purpose("li", "hand", "", sort)
         )
         if not open_:
             made.note(Step.COMMITTING)
@@ -82,11 +82,7 @@ def test_a_set_says_what_sort_of_unit_it_is_of(known: Known) -> None:
 def test_a_run_says_what_sort_of_unit_it_wrote(known: Known) -> None:
     assert known.site_folder.run("rate").outcome == "passed"
     (entry,) = register_journal.history(known.runs, SERIAL)
-    assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (
-        NAV,
-        "short",
-        known.own.map,
-    )
+    assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (NAV, "short", known.own.map)
     assert entry.unit_type.model.startswith("bench-imu")
 
 
@@ -158,7 +154,7 @@ def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known
 
     def largest(profile: str) -> str | None:
         made = register_journal.begin(
-            known.runs, SERIAL, old, new, by=None, why="run", source="", unit_type=UnitType("", profile)
+            known.runs, SERIAL, old, new, register_journal.Purpose(None, "run", "", UnitType("", profile))
         )
         return largest_change(made)
 
@@ -180,7 +176,7 @@ def test_units_of_hardware_and_bench_are_listed_apart(
     known.transfer(UnitType("bench-imu", MEMS, "MEMS grade C"))
     for _ in range(2):
         made = register_journal.begin(
-            known.runs, SERIAL, {}, {}, by=None, why="run", source="", site=home, unit_type=known.own
+            known.runs, SERIAL, {}, {}, register_journal.Purpose(None, "run", "", known.own), site=home
         )
         made.note(Step.COMMITTING)
         made.close(Closing.KEPT)

@@ -1,5 +1,6 @@
 """The parts of the station by themselves: profiles found, registers composed, stages chained, the channel."""
 
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -120,7 +121,7 @@ def test_a_bench_that_cannot_start_says_why() -> None:
 
 
 def test_the_benchs_clock() -> None:
-    with BenchHost.start({"speed": 0.0}) as host:
+    with closing(BenchHost.start({"speed": 0.0})) as host:
         name, _, port = host.endpoints["clock"].rpartition(":")
         clock = BenchClock((name, int(port)), 0.0)
         begin = clock.now()
@@ -133,7 +134,7 @@ def test_the_benchs_clock() -> None:
 
 
 def test_a_dead_bench_is_a_device_fault() -> None:
-    with BenchHost.start({"speed": 0.0}) as host:
+    with closing(BenchHost.start({"speed": 0.0})) as host:
         name, _, port = host.endpoints["clock"].rpartition(":")
         clock = BenchClock((name, int(port)), 0.0)
         host.process.kill()

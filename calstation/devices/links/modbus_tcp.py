@@ -1,6 +1,7 @@
 """Registers over Modbus TCP by pymodbus, which matches answers to requests by transaction number."""
 
 import logging
+from collections.abc import Callable
 
 from pymodbus.client import ModbusTcpClient
 from pymodbus.exceptions import ModbusException, ModbusIOException
@@ -52,11 +53,7 @@ class TcpConnection:
 
     def read(self, unit: int, address: int, count: int) -> list[int]:
         """Read holding registers. Raises UnansweredError, RefusedError."""
-        try:
-            answer = self._client.read_holding_registers(address, count=count, device_id=unit)
-        except (ModbusException, *LINK_ERRORS) as exc:
-            raise self._unanswered(exc) from exc
-        self._check(answer)
+        answer = self._request(lambda: self._client.read_holding_registers(address, count=count, device_id=unit))
         if len(answer.registers) != count:
             self.close()
             raise UnansweredError(Text("modbus.wrong_length"))
@@ -64,24 +61,21 @@ class TcpConnection:
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
         """Write holding registers; `repeat` and `again` do not matter here. Raises as `read`."""
-        try:
-            if len(values) == 1:
-                answer = self._client.write_register(address, values[0], device_id=unit)
-            else:
-                answer = self._client.write_registers(address, values, device_id=unit)
-        except (ModbusException, *LINK_ERRORS) as exc:
-            raise self._unanswered(exc) from exc
-        self._check(answer)
+        if len(values) == 1:
+            self._request(lambda: self._client.write_register(address, values[0], device_id=unit))
+        else:
+            self._request(lambda: self._client.write_registers(address, values, device_id=unit))
 
-    def _check(self, answer: ModbusPDU) -> None:
+    def _request(self, request: Callable[[], ModbusPDU]) -> ModbusPDU:
+        try:
+            answer = request()
+        except (ModbusException, *LINK_ERRORS) as exc:
+            self.close()
+            timed_out = isinstance(exc, ModbusIOException)
+            raise UnansweredError(Text("modbus.no_answer") if timed_out else link_reason(exc)) from exc
         if answer.isError():
             raise RefusedError(answer.exception_code)
-
-    def _unanswered(self, exc: BaseException) -> UnansweredError:
-        self.close()
-        if isinstance(exc, ModbusIOException):
-            return UnansweredError(Text("modbus.no_answer"))
-        return UnansweredError(link_reason(exc))
+        return answer
 
     def _hear(self, sending: bool, data: bytes) -> bytes:
         if not sending and data:

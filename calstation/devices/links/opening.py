@@ -6,9 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Literal
 
-import serial
-
-from calstation.devices.links.serial_link import LINK_ERRORS, Device, link_reason
+from calstation.devices.links.serial_link import LINK_ERRORS, Device, link_reason, open_serial
 from calstation.devices.links.serial_ports import resolve
 from calstation.devices.profiles import SerialSettings
 from calstation.errors import DeviceFaultError
@@ -67,15 +65,7 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
     except DeviceFaultError as exc:
         return "no_adapter", exc.as_text
     try:
-        serial.serial_for_url(
-            device,
-            baudrate=settings.baud,
-            bytesize=settings.data_bits,
-            parity=settings.parity,
-            stopbits=settings.stop_bits,
-            timeout=0,
-            exclusive=True,
-        ).close()
+        open_serial(device, settings).close()
     except ValueError as exc:
         return "bad_settings", Text.of("os.other", words=str(exc))
     except LINK_ERRORS as exc:
@@ -97,12 +87,8 @@ def explained(device: Device, port: str, timeout: float) -> Iterator[None]:
         yield
     except DeviceFaultError as fault:
         reason = _why_no_connection(port, timeout)[0] if port.startswith("tcp://") else "other"
-        if reason == "unknown_host":
-            raise DeviceFaultError("link.unknown_host", device=device, port=port) from fault
-        if reason == "refused":
-            raise DeviceFaultError("link.refused", device=device, port=port) from fault
-        if reason == "unreachable":
-            raise DeviceFaultError("link.unreachable", device=device, port=port, seconds=timeout) from fault
+        if reason in ("unknown_host", "refused", "unreachable"):
+            raise DeviceFaultError(f"link.{reason}", device=device, port=port, seconds=timeout) from fault
         raise
 
 

@@ -43,7 +43,7 @@ class SerialLink:
         self.device = device
         name = resolve(port, device)
         try:
-            self._serial = _opened(name, settings)
+            self._serial = open_serial(name, settings)
         except ValueError as exc:
             raise ConfigurationError("link.bad_settings", device=device, port=port, reason=str(exc)) from exc
         except LINK_ERRORS as exc:
@@ -104,7 +104,8 @@ def link_reason(exc: BaseException) -> Text:
     return Text.of("os.other", words=words)
 
 
-def _opened(device: str, settings: SerialSettings) -> serial.Serial:
+def open_serial(device: str, settings: SerialSettings) -> serial.Serial:
+    """Open a port for this process alone. Raises what pyserial raises: ValueError, LINK_ERRORS."""
     port = serial.serial_for_url(
         device,
         baudrate=settings.baud,
