@@ -204,11 +204,11 @@ def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int)
 
 def listen(link: SerialLink, seconds: float) -> bytes:
     """The bytes that come within some host time, s. Raises PortLostError."""
-    heard = b""
+    received = b""
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0:
-        heard += link.read(min(left, _READ_INTERVAL))
-    return heard
+        received += link.read(min(left, _READ_INTERVAL))
+    return received
 
 
 def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
@@ -220,9 +220,9 @@ def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool
         return False
 
 
-def is_text(heard: bytes) -> bool:
+def is_text(received: bytes) -> bool:
     """Whether received bytes are mostly printable."""
-    return sum(byte in _PRINTABLE for byte in heard) >= _MOSTLY_TEXT * len(heard)
+    return sum(byte in _PRINTABLE for byte in received) >= _MOSTLY_TEXT * len(received)
 
 
 def line_values(port: str, settings: SerialSettings) -> dict[str, Value]:

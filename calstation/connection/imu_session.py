@@ -116,8 +116,8 @@ def read_contiguous(
     """
     imu, clock = session.imu, session.clock
     imu.start(corrected=corrected)
-    heard = clock.now()
-    deadline = heard + _WITHIN
+    last_data = clock.now()
+    deadline = last_data + _WITHIN
     parts: list[SampleBatch] = []
     last, noisy = np.empty(0, np.int64), False
     while (taken := sum(map(len, parts))) < count:
@@ -125,7 +125,7 @@ def read_contiguous(
         if clock.now() > deadline:
             return None
         clock.sleep(_TICK)
-        lost = clock.now() - heard > NO_DATA
+        lost = clock.now() - last_data > NO_DATA
         try:
             batch = imu.read()
         except NoFramesError:
@@ -134,7 +134,7 @@ def read_contiguous(
             lost = noisy = True
         else:
             if len(batch):
-                seq, last, heard = np.concatenate([last, batch.seq]), batch.seq[-1:], clock.now()
+                seq, last, last_data = np.concatenate([last, batch.seq]), batch.seq[-1:], clock.now()
                 awake = not ready or bool((batch.status & ready).all())
                 noisy, lost = False, bool((np.diff(seq) != 1).any()) or bool(parts and not awake)
                 if awake and not lost:
@@ -142,5 +142,5 @@ def read_contiguous(
         if lost:
             parts.clear()
             imu.wake(partial(on_samples, 0), corrected=corrected)
-            last, heard = last[:0], clock.now()
+            last, last_data = last[:0], clock.now()
     return parts

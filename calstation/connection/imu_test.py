@@ -212,10 +212,10 @@ def find_baud_rate(
             return
 
 
-def diagnose_text(frame: FrameSection, heard: bytes) -> Finding | None:
+def diagnose_text(frame: FrameSection, received: bytes) -> Finding | None:
     """What makes received lines of text unusable as samples; None if they are no lines, or are samples."""
     tail = frame.tail_bytes
-    lines = [line for line in heard.split(tail)[1:-1] if line]
+    lines = [line for line in received.split(tail)[1:-1] if line]
     if not lines or not is_text(b"".join(lines)):
         return None
     own = [line for line in lines if line.startswith(frame.sync_bytes)]
@@ -234,13 +234,13 @@ def _wrong_check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding
     if kind.is_valid(packet):
         return None
     line = packet[: -len(frame.tail_bytes)]
-    body, mark, told = line.rpartition(frame.mark.encode())
+    body, mark, stated = line.rpartition(frame.mark.encode())
     if not mark:
         return Finding("line_mark", "wrong", {"mark": frame.mark, "line": _shown(line)})
     right = frame.crc.function()(body[frame.crc.start :])
     values: dict[str, Value] = {
         "line": _shown(line),
-        "told": quoted(told),
+        "told": quoted(stated),
         "kind": frame.crc.kind,
         "start": frame.crc.start,
         "right": f"{right:0{2 * frame.crc.size}X}",

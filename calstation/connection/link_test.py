@@ -170,15 +170,15 @@ def _found_on_imu_port(
 
 def _with_line_finding(setup: ResolvedConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
     """For a text protocol, replace a general finding by what is wrong with a received line."""
-    place = next((i for i, finding in enumerate(found) if finding.id in _ABOUT_LINES), None)
-    if place is None or setup.imu.frame.format != "text":
+    index = next((i for i, finding in enumerate(found) if finding.id in _ABOUT_LINES), None)
+    if index is None or setup.imu.frame.format != "text":
         return found
     try:
         with closing(SerialLink(at.imu, imu_settings(setup), "imu")) as link:
             wrong = diagnose_text(setup.imu.frame, listen(link, LISTEN))
     except CalstationError:
         return found
-    return found if wrong is None else [*found[:place], wrong, *found[place + 1 :]]
+    return found if wrong is None else [*found[:index], wrong, *found[index + 1 :]]
 
 
 def _opened(port: str) -> Finding:

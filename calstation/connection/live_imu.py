@@ -22,7 +22,7 @@ SECONDS = 10.0
 #: Progress at the first and the last sample.
 _TAKEN = (0.4, 0.95)
 
-#: The unit in the virtual fixture if the recording does not tell which one it was made of.
+#: The unit in the virtual fixture if the recording does not name its unit.
 _OWN_UNIT = "SN-000001"
 
 
@@ -45,7 +45,7 @@ def apply_to_unit(
     """Apply a solution to the unit in the fixture, without the table. Nothing moves, nothing is written.
 
     A stream that the unit's registers have corrected is left as it is. On the virtual bench the unit of the recording
-    is in the fixture, if the recording tells which one it was made of.
+    is in the fixture, if the recording names it.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def apply_to_unit(
     serial = log_meta.imu.serial
     setup = resolve_configuration(RunRequest(serial, station, product))
     if setup.station.bench is not None:
-        setup = _with_the_unit(path, log_meta, setup)
+        setup = _with_recorded_unit(path, log_meta, setup)
     context = setup.solve_context()
     count = round(seconds * context.imu.sample_rate)
     begin, end = _TAKEN
@@ -81,7 +81,7 @@ def apply_to_unit(
     return replace(applied([_block(parts)], context, before, found), corrected=corrected, named=named)
 
 
-def _with_the_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> ResolvedConfiguration:
+def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> ResolvedConfiguration:
     """The virtual bench with the recording's unit: from its run's seed, or from the truth beside the recording."""
     seed = None if meta.run is None else meta.run.seed
     truth = {name: value for name, value in read_truth(path).items() if name in NAMES}

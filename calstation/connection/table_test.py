@@ -68,21 +68,21 @@ def query_table(
     except TextRefusalError as exc:
         yield Finding("line_refused", "wrong", {"words": exc.as_text})
     except UnlikeAnswerError as exc:
-        if is_text(table.heard):
+        if is_text(table.received):
             yield Finding("unlike_answer", "wrong", {"words": exc.as_text})
         else:
-            yield _no_text(table.heard, profile, settings, port, exc)
+            yield _no_text(table.received, profile, settings, port, exc)
     except PortLostError as exc:
         yield Finding("lost", "wrong", {"words": exc.as_text})
     except NoAnswerError as exc:
         # Bytes received before a second drive failed to answer came from the first drive.
-        heard = table.heard if exc.unit == profile.unit else b""
-        yield _no_modbus(heard, profile, settings, port, exc)
+        received = table.received if exc.unit == profile.unit else b""
+        yield _no_modbus(received, profile, settings, port, exc)
     except DeviceFaultError as exc:
         if isinstance(table, ModbusTable):
             yield Finding("no_number", "wrong", {"words": exc.as_text})
         else:
-            yield _no_text(table.heard, profile, settings, port, exc)
+            yield _no_text(table.received, profile, settings, port, exc)
     else:
         yield Finding("identified", "ok", {"model": identity.model, "serial": identity.serial})
         yield _round_trip(times)
@@ -139,39 +139,39 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
 
 
 def _no_modbus(
-    heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, error: NoAnswerError
+    received: bytes, profile: TableProfile, settings: SerialSettings, port: str, error: NoAnswerError
 ) -> Finding:
     """Explain a missing Modbus answer from the bytes that did come."""
     unit = error.unit
     values: dict[str, Value] = {"unit": unit, "seconds": profile.timeout_s, "words": error.as_text}
     if port.startswith("tcp://"):
-        return Finding("not_modbus" if heard else "silent_tcp", "wrong", {**values, "count": len(heard)})
+        return Finding("not_modbus" if received else "silent_tcp", "wrong", {**values, "count": len(received)})
     line = line_values(port, settings)
     values |= {**line, "line": profile.serial.line}
-    if not heard:
+    if not received:
         return Finding("silent_rtu", "wrong", values, "" if line else "silent_rtu_server")
-    values["count"] = len(heard)
-    if len(heard) >= _REQUEST and _valid(heard[:_REQUEST]) and heard[2] != _REQUEST - 5:
+    values["count"] = len(received)
+    if len(received) >= _REQUEST and _valid(received[:_REQUEST]) and received[2] != _REQUEST - 5:
         return Finding("echo", "wrong", values)
-    if _valid(heard) and heard[0] != unit:
-        return Finding("other_unit", "wrong", {**values, "found": heard[0]})
-    if heard[0] == unit and len(heard) > 1 and heard[1] & 0x7F == _READ_HOLDING:
+    if _valid(received) and received[0] != unit:
+        return Finding("other_unit", "wrong", {**values, "found": received[0]})
+    if received[0] == unit and len(received) > 1 and received[1] & 0x7F == _READ_HOLDING:
         return Finding("crc", "wrong", values)
     return Finding("garbled", "wrong", values, "" if line else "garbled_server")
 
 
 def _no_text(
-    heard: bytes, profile: TableProfile, settings: SerialSettings, port: str, error: DeviceFaultError
+    received: bytes, profile: TableProfile, settings: SerialSettings, port: str, error: DeviceFaultError
 ) -> Finding:
     """Explain a missing line of text from the bytes that did come."""
     line = line_values(port, settings)
-    values: dict[str, Value] = {"seconds": profile.timeout_s, "words": error.as_text, "count": len(heard), **line}
-    if not heard:
+    values: dict[str, Value] = {"seconds": profile.timeout_s, "words": error.as_text, "count": len(received), **line}
+    if not received:
         return Finding("silent_host" if port.startswith(SOCKETS) else "silent_text", "wrong", values)
-    if not is_text(heard):
+    if not is_text(received):
         values["line"] = profile.serial.line
         return Finding("garbled_text", "wrong", values, "" if line else "garbled_text_server")
-    return Finding("unlike_text", "wrong", {**values, "said": quoted(heard.strip(), _QUOTED)})
+    return Finding("unlike_text", "wrong", {**values, "said": quoted(received.strip(), _QUOTED)})
 
 
 def _valid(frame: bytes) -> bool:

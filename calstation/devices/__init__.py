@@ -1,4 +1,4 @@
-"""What tables and IMUs are told and say: profiles, links, codecs and drivers.
+"""Tables and IMUs: profiles, links, codecs and drivers.
 
 No driver decides whether a motion is allowed; the sequencer does.
 """

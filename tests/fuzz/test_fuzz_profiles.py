@@ -95,7 +95,7 @@ def test_a_profile_is_right_or_told(path: Path, data: st.DataObject) -> None:
 class Zeros:
     """Registers that hold nothing and take everything that fits a Modbus transfer."""
 
-    heard = b""
+    received = b""
 
     def read(self, address: int, count: int) -> list[int]:
         assert 0 <= address <= address + count <= 1 << 16

@@ -78,8 +78,8 @@ class Number:
         else:
             plain = self._integer(value).to_bytes(self.width, "big", signed=self.kind == "i")
         wire = bytearray(self.width)
-        for place, source in enumerate(self._places(byte_order, word_order)):
-            wire[source] = plain[place]
+        for position, source in enumerate(self._positions(byte_order, word_order)):
+            wire[source] = plain[position]
         return bytes(wire)
 
     def unpack(self, wire: bytes, byte_order: ByteOrder, word_order: WordOrder | None = None) -> float:
@@ -105,7 +105,7 @@ class Number:
         Returns an array of shape (n,): int64 for whole numbers (of u64 the lower 63 bits and a sign), float64
         otherwise.
         """
-        plain = wire[:, self._places(byte_order, word_order)]
+        plain = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":
             real = np.ascontiguousarray(plain).view(">f4" if self.width == 4 else ">f8")
             with np.errstate(invalid="ignore"):  # a signalling NaN is only a NaN here
@@ -119,7 +119,7 @@ class Number:
         whole = padded.view(">u8" if self.kind == "u" else ">i8")[:, 0].astype(np.float64)
         return np.asarray(whole * 2.0**-self.fraction)
 
-    def _places(self, byte_order: ByteOrder, word_order: WordOrder | None) -> list[int]:
+    def _positions(self, byte_order: ByteOrder, word_order: WordOrder | None) -> list[int]:
         """Positions of the bytes on the wire, most significant first."""
         places = list(range(self.width))
         if word_order == "fraction_first":

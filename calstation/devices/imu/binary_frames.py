@@ -35,33 +35,33 @@ class BinaryFrame:
         self._check_order = frame.crc.byte_order or frame.byte_order
         self._tail = frame.tail_bytes
         self._id = hex_bytes(frame.id.value) if frame.id else b""
-        self._places = [(f, at) for f, at, _ in frame.positions() if not f.is_spare]
+        self._positions = [(f, at) for f, at, _ in frame.positions() if not f.is_spare]
         #: Smallest size of a frame in bytes.
         self.shortest = self._shortest()
         self._fixed = frame.length is None
         self._layouts: dict[tuple[int, bytes], Layout] = {}
 
     def _shortest(self) -> int:
-        behind = self._check_size + len(self._tail)
+        trailer = self._check_size + len(self._tail)
         if self._frame.length is None:
-            return max((end for _, _, end in self._frame.positions()), default=self._frame.body) + behind
-        return max(len(self.sync), self._frame.length.at + number(self._frame.length.type).width) + behind
+            return max((end for _, _, end in self._frame.positions()), default=self._frame.body) + trailer
+        return max(len(self.sync), self._frame.length.at + number(self._frame.length.type).width) + trailer
 
-    def size(self, buffer: bytes, place: int) -> int | None:
+    def size(self, buffer: bytes, start: int) -> int | None:
         length = self._frame.length
         if length is None:
             return self.shortest
-        at, width = place + length.at, number(length.type).width
+        at, width = start + length.at, number(length.type).width
         if len(buffer) < at + width:
             return None
-        told = int.from_bytes(buffer[at : at + width], self._frame.byte_order)
-        size = told + length.adds
-        if length.extended and told == (1 << 8 * width) - 1:
+        stated = int.from_bytes(buffer[at : at + width], self._frame.byte_order)
+        size = stated + length.adds
+        if length.extended and stated == (1 << 8 * width) - 1:
             extra = number(length.extended).width
             if len(buffer) < at + width + extra:
                 return None
-            told = int.from_bytes(buffer[at + width : at + width + extra], self._frame.byte_order)
-            size = told + length.adds + extra
+            stated = int.from_bytes(buffer[at + width : at + width + extra], self._frame.byte_order)
+            size = stated + length.adds + extra
         return size if self.shortest <= size <= self._frame.max_size else 0
 
     def is_valid(self, packet: bytes) -> bool:
@@ -124,12 +124,12 @@ class BinaryFrame:
         if self._frame.items is None:
             end = len(packet) - len(self._tail) - self._check_size
             extra = self._extra(packet)
-            return [(f, at + extra) for f, at in self._places if at + extra + f.width <= end]
+            return [(f, at + extra) for f, at in self._positions if at + extra + f.width <= end]
         items: dict[bytes, tuple[int, int]] = {}
         for name, at, size in self._walk(packet) or []:
             items.setdefault(name, (at, size))
         places = []
-        for f, at in self._places:
+        for f, at in self._positions:
             begin, size = items.get(hex_bytes(f.item or ""), (0, 0))
             if at + f.width <= size:
                 places.append((f, begin + at))
@@ -148,21 +148,21 @@ class BinaryFrame:
         """Id, start and size of the data of every item; None if they do not fill the packet exactly."""
         items = self._frame.items
         assert items is not None
-        place = items.at + self._extra(packet)
+        start = items.at + self._extra(packet)
         end = len(packet) - len(self._tail) - self._check_size
         widths = (number(items.id).width, number(items.length).width)
         id_at, length_at = (0, widths[0]) if items.order == "id length" else (widths[1], 0)
         found = []
-        while place < end:
-            data = place + items.header
+        while start < end:
+            data = start + items.header
             if data > end:
                 return None
-            told = packet[place + length_at : place + length_at + widths[1]]
-            size = int.from_bytes(told, self._frame.byte_order) - (items.header if items.counts_header else 0)
+            stated = packet[start + length_at : start + length_at + widths[1]]
+            size = int.from_bytes(stated, self._frame.byte_order) - (items.header if items.counts_header else 0)
             if size < 0 or data + size > end:
                 return None
-            found.append((packet[place + id_at : place + id_at + widths[0]], data, size))
-            place = data + size
+            found.append((packet[start + id_at : start + id_at + widths[0]], data, size))
+            start = data + size
         return found
 
 

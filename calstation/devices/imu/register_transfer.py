@@ -206,7 +206,7 @@ def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: Calstation
     except CalstationError:
         return kind("imu.holds_unknown", **values)
     if holds is Holds.OLD:
-        with suppress(CalstationError):  # the given error tells of the same disk
+        with suppress(CalstationError):  # the given error reports the same disk
             entry.close(Closing.KEPT)
         return kind("imu.holds_old", **values)
     return kind("imu.holds_new" if holds is Holds.NEW else "imu.holds_neither", **values)

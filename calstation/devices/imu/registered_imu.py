@@ -99,7 +99,7 @@ class RegisteredImu(StreamedImu):
 
         Raises DeviceFaultError if it does not answer again, or has not restarted.
         """
-        self._outlast_commit()
+        self._wait_for_commit()
         mark = self._mark()
         deadline = time.monotonic() + self._reset_timeout
         try:
@@ -114,7 +114,7 @@ class RegisteredImu(StreamedImu):
         if self._streaming:
             self.start()
 
-    def _outlast_commit(self) -> None:
+    def _wait_for_commit(self) -> None:
         """Wait for a commit whose end was not seen: a restart during it would leave neither old nor new registers."""
         if not self._burns_until:
             return
@@ -129,15 +129,15 @@ class RegisteredImu(StreamedImu):
         if entry is None:
             return None
         with self._quiet():
-            self._patiently(self._check_idle)
-            before = self._patiently(lambda: self._read_entry(entry))
-            self._patiently(lambda: self._write_entry(entry, marked(entry, before)))
-            shown = self._patiently(lambda: self._read_entry(entry))
+            self._retry_while_busy(self._check_idle)
+            before = self._retry_while_busy(lambda: self._read_entry(entry))
+            self._retry_while_busy(lambda: self._write_entry(entry, marked(entry, before)))
+            shown = self._retry_while_busy(lambda: self._read_entry(entry))
         if alike(before, shown):
             raise DeviceFaultError("imu.not_writable", addresses=entry.label)
         return RestartMarker(entry, tuple(before), tuple(shown))
 
-    def _patiently(self, work: Callable[[], T]) -> T:
+    def _retry_while_busy(self, work: Callable[[], T]) -> T:
         """Repeat what a busy unit refuses, for as long as its flash may take."""
         deadline = time.monotonic() + self._commit_timeout
         while True:

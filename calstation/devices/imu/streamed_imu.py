@@ -166,7 +166,7 @@ class StreamedImu(Imu):
         return iter(())
 
     def _between(self, timeout: float) -> bool:
-        """Ask a question with a signature that no late answer has; whether it is answered, which settles all before."""
+        """Ask a question with a signature that no late answer has; whether it is answered, after which none comes."""
         while True:
             for question in self._other_questions():
                 if question.signature not in self._unanswered:

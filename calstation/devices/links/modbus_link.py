@@ -75,9 +75,9 @@ class ModbusLink:
         self._carrier.connect()
 
     @property
-    def heard(self) -> bytes:
+    def received(self) -> bytes:
         """The bytes received last, valid or not."""
-        return self._carrier.heard
+        return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
         """Read registers; a lost transfer is repeated.

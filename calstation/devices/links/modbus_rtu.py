@@ -115,7 +115,7 @@ class RtuRequest:
         return int.from_bytes(self.payload[:2], "big")
 
     def data_of(self, reply: Reply, unanswered: Unanswered) -> bytes | None:
-        """Data of its answer; None for the answer to an older request, which is then settled.
+        """Data of its answer; None for the answer to an older request, which is then removed.
 
         Raises RefusedError for a refusal.
         """
@@ -126,12 +126,12 @@ class RtuRequest:
         if reply.op == self.function | REFUSED and set(refused) <= {self.signature}:
             unanswered.answered(self.signature)
             raise RefusedError(reply.payload[0])
-        settle_older(reply, unanswered)
+        mark_answered(reply, unanswered)
         return None
 
 
-def settle_older(reply: Reply, unanswered: Unanswered) -> None:
-    """Settle the oldest unanswered request that an unexpected reply can answer."""
+def mark_answered(reply: Reply, unanswered: Unanswered) -> None:
+    """Remove the oldest unanswered request that an unexpected reply can answer."""
     unanswered.late(lambda signature: _refuses(reply, signature) or _answers(reply, signature))
 
 
@@ -175,11 +175,11 @@ class RtuLine:
 
     timeout : host time for an answer, s
 
-    heard : the bytes received last, valid or not
+    received : the bytes received last, valid or not
     """
 
     def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
-        self.heard = b""
+        self.received = b""
         self._port, self._timeout, self._settings = port, timeout, settings
         self._gap = _FRAME_GAP * (2 + settings.data_bits + settings.stop_bits) / settings.baud
         self._link: SerialLink | None = None
@@ -236,28 +236,28 @@ class RtuLine:
         self._listen_until_quiet(request.unit, unanswered, 0.0)
         self._send(request.frame)
         deadline = time.monotonic() + self._timeout
-        heard, start, others = b"", 0, False
+        received, start, others = b"", 0, False
         while (left := deadline - time.monotonic()) > 0:
-            heard += self._hear(left)
-            for reply, end in replies(request.unit, heard, start):
+            received += self._receive(left)
+            for reply, end in replies(request.unit, received, start):
                 start, others = end, True
                 data = request.data_of(reply, unanswered)
                 if data is not None:
                     return data
-            heard, start = heard[max(start, len(heard) - LARGEST) :], 0
+            received, start = received[max(start, len(received) - LARGEST) :], 0
         unanswered.add(request.signature)
         raise UnansweredError(Text("modbus.other_answer" if others else "modbus.no_answer"))
 
     def _listen_until_quiet(self, unit: int, unanswered: Unanswered, quiet: float = QUIET) -> None:
         """Receive late answers until the line is quiet, for at most the time of an answer."""
         deadline = time.monotonic() + self._timeout
-        heard = b""
-        while time.monotonic() < deadline and (data := self._hear(quiet)):
-            heard = (heard + data)[-_KEPT:]
-        for reply, _ in replies(unit, heard, 0):
-            settle_older(reply, unanswered)
+        received = b""
+        while time.monotonic() < deadline and (data := self._receive(quiet)):
+            received = (received + data)[-_KEPT:]
+        for reply, _ in replies(unit, received, 0):
+            mark_answered(reply, unanswered)
 
-    def _hear(self, wait: float) -> bytes:
+    def _receive(self, wait: float) -> bytes:
         assert self._link is not None
         try:
             data = self._link.read(wait)
@@ -265,7 +265,7 @@ class RtuLine:
             self.close()
             raise
         if data:
-            self.heard, self._last = data, time.monotonic()
+            self.received, self._last = data, time.monotonic()
         return data
 
     def _send(self, data: bytes) -> None:
@@ -279,12 +279,12 @@ class RtuLine:
         self._last = time.monotonic()
 
 
-def replies(unit: int, heard: bytes, start: int) -> Iterator[tuple[Reply, int]]:
+def replies(unit: int, received: bytes, start: int) -> Iterator[tuple[Reply, int]]:
     """A unit's valid answers among bytes from `start` on, each with the index after it."""
     kind = RtuReply(unit)
-    while 0 <= (start := heard.find(kind.sync, start)) < len(heard):
-        size = kind.size(heard, start)
-        packet = heard[start : start + size] if size else b""
+    while 0 <= (start := received.find(kind.sync, start)) < len(received):
+        size = kind.size(received, start)
+        packet = received[start : start + size] if size else b""
         if size and len(packet) == size and kind.is_valid(packet):
             start += size
             yield kind.reply(packet), start

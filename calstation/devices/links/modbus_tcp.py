@@ -21,7 +21,7 @@ class TcpConnection:
 
     port : `tcp://host:port`; timeout : host time for an answer, s
 
-    heard : the bytes received last, valid or not
+    received : the bytes received last, valid or not
     open : whether it is open
     """
 
@@ -29,10 +29,12 @@ class TcpConnection:
         address = host_and_port(port)
         if address is None:
             raise ConfigurationError("link.not_an_address", device="table", port=port)
-        self.heard = b""
+        self.received = b""
         self.open = False
         self._port = port
-        self._client = ModbusTcpClient(address[0], port=address[1], timeout=timeout, retries=0, trace_packet=self._hear)
+        self._client = ModbusTcpClient(
+            address[0], port=address[1], timeout=timeout, retries=0, trace_packet=self._receive
+        )
 
     def connect(self) -> None:
         """Connect. Raises DeviceFaultError."""
@@ -77,7 +79,7 @@ class TcpConnection:
             raise RefusedError(answer.exception_code)
         return answer
 
-    def _hear(self, sending: bool, data: bytes) -> bytes:
+    def _receive(self, sending: bool, data: bytes) -> bytes:
         if not sending and data:
-            self.heard = data
+            self.received = data
         return data

@@ -81,19 +81,19 @@ def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...
     to the second.
     """
     alike = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
-    place = _place(port)
-    own = [p for p in alike if _place(p) == place]
+    location = _location(port)
+    own = [p for p in alike if _location(p) == location]
     # Ports of one adapter come and go together, so that their order identifies them.
     which = f"/{own.index(port) + 1}" if len(own) > 1 else ""
     names = []
-    if own and len(own) == len(alike) and (place or len(own) == 1):
+    if own and len(own) == len(alike) and (location or len(own) == 1):
         names.append(f"{USB}{port.serial_number}{which}")
-    if own and place:
-        names.append(f"{USB}{port.serial_number}@{place}{which}")
+    if own and location:
+        names.append(f"{USB}{port.serial_number}@{location}{which}")
     return tuple(names)
 
 
-def _place(port: ListPortInfo) -> str:
+def _location(port: ListPortInfo) -> str:
     """Location of an adapter on the bus, without its interface; "" if unknown."""
     return (port.location or "").partition(":")[0]
 

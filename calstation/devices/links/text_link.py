@@ -32,13 +32,13 @@ class Plain:
         """The bytes to send."""
         return (line + self._end).encode("latin-1")
 
-    def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
+    def reply(self, line: str, received: bytes) -> tuple[str, bytes] | None:
         """The reply to `line` in the received bytes and what follows it; None until it is complete."""
-        while b"\n" in heard:
-            first, _, heard = heard.partition(b"\n")
+        while b"\n" in received:
+            first, _, received = received.partition(b"\n")
             words = self._words(line, first.decode("latin-1").strip())
             if words:
-                return words, heard
+                return words, received
         return None
 
     def _words(self, line: str, received: str) -> str:
@@ -53,12 +53,12 @@ class Prompted(Plain):
         super().__init__(section)
         self._prompt = section.prompt.encode("latin-1")
 
-    def reply(self, line: str, heard: bytes) -> tuple[str, bytes] | None:
+    def reply(self, line: str, received: bytes) -> tuple[str, bytes] | None:
         """See `Plain`; an echo of the line is dropped."""
-        said, prompt, rest = heard.partition(self._prompt)
+        text, prompt, rest = received.partition(self._prompt)
         if not prompt:
             return None
-        words = [part.strip() for part in said.decode("latin-1").splitlines()]
+        words = [part.strip() for part in text.decode("latin-1").splitlines()]
         return "\n".join(word for word in words if word and word != line), rest
 
 
@@ -96,11 +96,11 @@ class TextLink:
 
     port : as in a station file; `tcp://host:port` for a socket
 
-    heard : the bytes received last, valid or not
+    received : the bytes received last, valid or not
     """
 
     def __init__(self, port: str, section: TextSection, serial: SerialSettings) -> None:
-        self.heard = b""
+        self.received = b""
         self._port, self._section, self._serial = port, section, serial
         if section.checked is not None:
             self._framing: Plain = Checked(section, section.checked)
@@ -126,7 +126,7 @@ class TextLink:
         table answers.
         """
         for _ in range(_ATTEMPTS):
-            if self._settled() and (reply := self._exchange(line, answer)) is not None:
+            if self._synchronised() and (reply := self._exchange(line, answer)) is not None:
                 if line == self._identity:
                     self._identified_as = reply
                 return reply
@@ -139,7 +139,7 @@ class TextLink:
             and again if its reply was lost
         """
         if self._silent is not None and self._silent.search(line):
-            if self._known() or self._settled():
+            if self._known() or self._synchronised():
                 self._send(line)
                 if self._section.flush:
                     query = self._section.queries[self._section.flush]
@@ -151,7 +151,7 @@ class TextLink:
         for attempt in range(_ATTEMPTS if repeat else 1):
             # Either of two equal lines may be the answered one; the other's reply may still come.
             again = attempt > 0 and self._known()
-            if (again or self._settled()) and self._exchange(line, None) is not None:
+            if (again or self._synchronised()) and self._exchange(line, None) is not None:
                 return
         raise self._not_answered(line)
 
@@ -170,7 +170,7 @@ class TextLink:
         """Whether the table was identified on this link."""
         return self._link is not None and not self._new
 
-    def _settled(self) -> bool:
+    def _synchronised(self) -> bool:
         """Whether the next reply will answer the next line; asks the table if that is uncertain."""
         if self._known() and not self._unanswered:
             return True
@@ -183,7 +183,7 @@ class TextLink:
             self._drop()
             expected = quoted_text(self._identified_as or "")
             raise DeviceFaultError("table.other_table", port=self._port, found=quoted_text(reply), expected=expected)
-        self._quieten()
+        self._wait_until_quiet()
         self._unanswered.clear()
         self._new = False
         return True
@@ -195,7 +195,7 @@ class TextLink:
             time.sleep(wait)
         try:
             while stale := link.read(0.0):
-                self.heard = stale
+                self.received = stale
             link.write(self._framing.request(line))
         except DeviceFaultError:
             self._drop()
@@ -213,35 +213,35 @@ class TextLink:
         assert link is not None
         deadline = time.monotonic() + self._section.timeout_s
         other: str | None = None
-        heard = b""
-        while (left := deadline - time.monotonic()) > 0 and len(heard) < _LONGEST:
+        received = b""
+        while (left := deadline - time.monotonic()) > 0 and len(received) < _LONGEST:
             try:
                 data = link.read(left)
             except DeviceFaultError:
                 self._drop()
                 raise
-            heard += data
-            self.heard = data or self.heard
-            while (found := self._framing.reply(line, heard)) is not None:
-                said, heard = found
+            received += data
+            self.received = data or self.received
+            while (found := self._framing.reply(line, received)) is not None:
+                text, received = found
                 if only:
-                    if answer is not None and answer.search(said):
-                        return said
+                    if answer is not None and answer.search(text):
+                        return text
                     continue
-                other = said
-                if self._refused and self._refused.search(said):
-                    raise TextRefusalError("table.line_refused", line=line, answer=quoted_text(said))
-                if answer is None or answer.search(said):
-                    return said
+                other = text
+                if self._refused and self._refused.search(text):
+                    raise TextRefusalError("table.line_refused", line=line, answer=quoted_text(text))
+                if answer is None or answer.search(text):
+                    return text
         if answer is not None or other is None:
             self._unanswered.append(line)
             if "://" in self._port:  # the connection may be dead without notice
                 self._drop()
             else:
-                self._quieten()
+                self._wait_until_quiet()
         return other
 
-    def _quieten(self) -> None:
+    def _wait_until_quiet(self) -> None:
         """Wait until the line is quiet, for at most the time of an answer."""
         deadline = time.monotonic() + self._section.timeout_s
         while self._link is not None and time.monotonic() < deadline:

@@ -166,7 +166,7 @@ class ImuProfile(StrictModel):
 
     @property
     def frames(self) -> tuple[FrameSection, ...]:
-        """The frames of all streams that the unit can be told to send."""
+        """The frames of all streams that the unit can send."""
         own = self.corrected.frame if self.corrected is not None else None
         return (self.frame,) if own is None else (self.frame, own)
 

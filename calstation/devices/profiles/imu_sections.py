@@ -218,7 +218,7 @@ class VectorNavSection(CommandTimes):
 
 
 class CorrectedSection(StrictModel):
-    """`[corrected]`: how the unit is told to stream its output with the registers applied; left out if it cannot.
+    """`[corrected]`: how the unit is commanded to stream its output with the registers applied; left out if it cannot.
 
     stream : what switches that stream on: the byte after the framed link's op, or the value of the Modbus register
     start : the lines that do so on a VectorNav, without $ and check

@@ -37,7 +37,7 @@ class ModbusTable(RegisterTable):
 class OtherUnit:
     """Registers of a second unit on the line of a first, which owns the port; meets `register_table.RegisterLink`."""
 
-    heard = b""
+    received = b""
 
     def __init__(self, link: ModbusLink, unit: int) -> None:
         self._link, self._unit = link, unit

@@ -20,11 +20,11 @@ _LARGEST_READ = 120  # registers in one transfer
 class RegisterLink(Protocol):
     """What carries the registers. Calls are bounded in time and raise DeviceFaultError if they fail.
 
-    heard : the bytes received last, valid or not
+    received : the bytes received last, valid or not
     """
 
     @property
-    def heard(self) -> bytes: ...
+    def received(self) -> bytes: ...
 
     def read(self, address: int, count: int) -> list[int]:
         """Read registers; a lost transfer is repeated."""
@@ -166,9 +166,9 @@ class RegisterTable(Table):
         self._link.close()
 
     @property
-    def heard(self) -> bytes:
+    def received(self) -> bytes:
         """The bytes received last, valid or not."""
-        return self._link.heard
+        return self._link.received
 
     def _drive(self, name: str) -> RegisterLink:
         """The link of a register: the inner axis may have its own drive."""

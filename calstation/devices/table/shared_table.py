@@ -12,7 +12,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 class ImuWords:
     """Registers of the axes, accessed by an IMU's commands; meets `register_table.RegisterLink`."""
 
-    heard = b""
+    received = b""
 
     def __init__(self, imu: FramedImu, *, owned: bool) -> None:
         self._imu, self._owned = imu, owned

@@ -99,9 +99,9 @@ class TextTable(Table):
         self._link.close()
 
     @property
-    def heard(self) -> bytes:
+    def received(self) -> bytes:
         """The bytes received last, valid or not."""
-        return self._link.heard
+        return self._link.received
 
     def _send(self, command: str, repeat: bool = True, **values: tuple[float, float]) -> None:
         """Send a command's lines, those with {axis} once for each axis; values in rad."""
