@@ -37,7 +37,7 @@ class Pair:
 class Unit:
     """One drive as `register_table.RegisterLink`; `gone` where its cable is cut."""
 
-    heard = b""
+    received = b""
 
     def __init__(self, drive):
         self.drive, self.gone, self.said = drive, False, []
