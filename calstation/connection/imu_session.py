@@ -86,9 +86,8 @@ def _rest(
     """Mean of one rest, rad/s and m/s², shape (6,)."""
     model = setup.solve_context().imu
     count = round(REST * model.sample_rate)
-    parts = read_contiguous(
-        session, setup.imu.status.ready, count, lambda taken: check_cancelled(), corrected=corrected
-    )
+    ready = setup.imu.status.ready
+    parts = read_contiguous(session, ready, count, lambda taken: check_cancelled(), corrected=corrected)
     if parts is None:
         raise DeviceFaultError("connection.no_rest", seconds=_WITHIN)
     return mean_at_rest(np.concatenate([part.counts for part in parts])) * to_si(model)

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
@@ -58,24 +58,13 @@ class ImuTest:
         try:
             identity = imu.identify()
             imu.start()
-        except OtherModelError as exc:
-            yield Finding("wrong_model", "wrong", {"found": exc.found, "expected": exc.expected})
-            return
-        except ImuRefusalError as exc:
-            yield Finding("command_refused", "wrong", {"words": exc.as_text})
-            return
         except DeviceFaultError as exc:
             yield self._failed(exc)
             return
         if setup.imu.protocol == "stream":
             yield Finding("cannot_tell", "told")
         else:
-            values: dict[str, Value] = {
-                "model": identity.model,
-                "serial": identity.serial,
-                "firmware": identity.firmware,
-            }
-            yield Finding("identified", "ok", values)
+            yield Finding("identified", "ok", asdict(identity))
             pattern = setup.product.serial_pattern
             if setup.station.bench is None and not re.fullmatch(pattern, identity.serial):
                 yield Finding("serial_unlike", "look", {"serial": identity.serial, "pattern": pattern})
@@ -144,15 +133,9 @@ class ImuTest:
         heat = np.concatenate([part.temperature for part in parts])
         if np.any(np.isfinite(heat)):
             yield Finding("temperature", "told", {"celsius": float(np.nanmean(heat))})
-        model = ImuModel(
-            "",
-            profile.stream.sample_rate_hz,
-            profile.stream.output,
-            profile.stream.gyro_lsb,
-            profile.stream.accel_lsb,
-            profile.noise.gyro_arw,
-            profile.noise.accel_vrw,
-        )
+        stream, noise = profile.stream, profile.noise
+        scale = (stream.sample_rate_hz, stream.output, stream.gyro_lsb, stream.accel_lsb)
+        model = ImuModel("", *scale, noise.gyro_arw, noise.accel_vrw)
         mean = np.concatenate([part.counts for part in parts]).mean(axis=0) * to_si(model)
         measured = float(np.linalg.norm(mean[3:]))
         site = self.setup.station.site
@@ -165,6 +148,10 @@ class ImuTest:
             yield Finding("wrong_gravity", "wrong", values)
 
     def _failed(self, error: DeviceFaultError) -> Finding:
+        if isinstance(error, OtherModelError):
+            return Finding("wrong_model", "wrong", {"found": error.found, "expected": error.expected})
+        if isinstance(error, ImuRefusalError):
+            return Finding("command_refused", "wrong", {"words": error.as_text})
         if isinstance(error, PortLostError):
             return Finding("lost", "wrong", {"words": error.as_text})
         return self._unanswered(error.as_text)
@@ -173,15 +160,8 @@ class ImuTest:
         """Explain a missing reply from the bytes and frames that did come."""
         stats, profile = self.imu.stats, self.setup.imu
         line = line_values(self.at.imu, self.settings)
-        values: dict[str, Value] = {
-            "words": words,
-            "bytes": stats.bytes,
-            "frames": stats.frames,
-            "errors": stats.crc_errors,
-            "profile": profile.name,
-            "line": profile.link.line,
-            **line,
-        }
+        counts = {"bytes": stats.bytes, "frames": stats.frames, "errors": stats.crc_errors}
+        values = {"words": words, "profile": profile.name, "line": profile.link.line, **counts, **line}
         if stats.bytes == 0:
             return Finding("silent", "wrong", values)
         if stats.frames:

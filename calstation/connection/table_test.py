@@ -112,8 +112,8 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
     elif status.fault is not None:
         yield Finding("fault", "look", {"fault": status.fault})
     yield Finding("interlock", "ok") if status.interlock_closed else Finding("interlock_open", "look")
-    outer, inner = np.rad2deg(status.angles)
-    yield Finding("angles", "told", {"outer": float(outer), "inner": float(inner)})
+    angles = np.rad2deg(status.angles).tolist()
+    yield Finding("angles", "told", {"outer": angles[0], "inner": angles[1]})
     if status.moving:
         yield Finding("moving", "look")
     if not status.homed:
@@ -121,17 +121,11 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
     for joint, name in enumerate(JOINTS):
         section = (profile.outer, profile.inner)[joint]
         low, high = np.rad2deg(status.limits.low[joint]), np.rad2deg(status.limits.high[joint])
-        values: dict[str, Value] = {
-            "joint": name,
-            "low": float(low),
-            "high": float(high),
-            "profile_low": section.low_deg,
-            "profile_high": section.high_deg,
-        }
-        angle = float(np.rad2deg(status.angles[joint]))
-        inside = section.low_deg - _TRAVEL_TOLERANCE <= angle <= section.high_deg + _TRAVEL_TOLERANCE
+        own: dict[str, Value] = {"profile_low": section.low_deg, "profile_high": section.high_deg}
+        values: dict[str, Value] = {"joint": name, "low": float(low), "high": float(high), **own}
+        inside = section.low_deg - _TRAVEL_TOLERANCE <= angles[joint] <= section.high_deg + _TRAVEL_TOLERANCE
         if status.homed and not inside:
-            yield Finding("outside_travel", "wrong", {**values, "angle": angle})
+            yield Finding("outside_travel", "wrong", {**values, "angle": angles[joint]})
         elif low > section.low_deg + _TRAVEL_TOLERANCE or high < section.high_deg - _TRAVEL_TOLERANCE:
             yield Finding("travel_narrower", "look", values)
         else:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,6 +38,15 @@ class Frames:
         # Fields of one layout share one array.
         distinct = {id(present): present for present in needed if present is not None}
         return np.asarray(np.logical_and.reduce(list(distinct.values())))
+
+
+class Samples(NamedTuple):
+    """Raw counter (n,), counts (n, 6), temperature in °C (n,) and status word (n,)."""
+
+    counter: IntArray
+    counts: FloatArray
+    temperature: FloatArray
+    status: IntArray
 
 
 @dataclass(frozen=True)
@@ -107,13 +117,13 @@ class FrameDecoder:
         frames = Frames(tuple(packets), self._frame.columns(packets)) if packets else self._none
         return Decoded(frames, tuple(replies))
 
-    def samples(self, frames: Frames) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
-        """Raw counter (n,), counts (n, 6), temperature in °C (n,) and status word (n,) of those that are samples."""
+    def samples(self, frames: Frames) -> Samples:
+        """The frames that are samples."""
         complete = frames.complete
         rows = slice(None) if complete.all() else complete
         values = frames.columns.values
         if "counter" not in values or not len(frames):
-            return np.empty(0, np.int64), np.empty((0, 6)), np.empty(0), np.empty(0, np.int64)
+            return Samples(np.empty(0, np.int64), np.empty((0, 6)), np.empty(0), np.empty(0, np.int64))
         counter = values["counter"][rows].astype(np.int64)
         counts = np.empty((len(counter), 6))
         for i, name in enumerate(CHANNELS):
@@ -127,7 +137,7 @@ class FrameDecoder:
         for i, name in enumerate(STATUS_WORDS):
             if name in values:
                 status |= values[name][rows].astype(np.int64) << 16 * i
-        return counter, counts, heat, status
+        return Samples(counter, counts, heat, status)
 
     @property
     def size(self) -> int:

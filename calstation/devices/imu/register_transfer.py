@@ -6,7 +6,6 @@ corrected output is verified on new data; an open entry holds the old and the ne
 tell which of them the unit holds.
 """
 
-import struct
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -151,18 +150,16 @@ def put_back(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
     return _put(imu, registers, entry, entry.old)
 
 
-def recognise(imu: Imu, entry: Entry, registers: RegisterMap | None = None) -> Holds:
+def recognise(imu: Imu, entry: Entry, registers: RegisterMap) -> Holds:
     """Restart the unit and determine which values of an entry its flash holds.
 
-    `registers` : the unit's map, for registers that read back with a tolerance. Raises DeviceFaultError if another
-    unit answers or the link fails.
+    Raises DeviceFaultError if another unit answers or the link fails.
     """
     check_serial(imu, entry.serial)
     found = flash_registers(imu)
-    differ = differing if registers is None else registers.differing
-    if not differ(entry.new, found):
+    if not registers.differing(entry.new, found):
         return Holds.NEW
-    return Holds.NEITHER if differ(entry.old, found) else Holds.OLD
+    return Holds.NEITHER if registers.differing(entry.old, found) else Holds.OLD
 
 
 def check_serial(imu: Imu, serial: str) -> None:
@@ -170,15 +167,6 @@ def check_serial(imu: Imu, serial: str) -> None:
     found = imu.identify().serial
     if found != serial:
         raise DeviceFaultError("imu.other_unit", found=found, serial=serial)
-
-
-def differing(wanted: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
-    """Parameters whose values differ in any bit: an erased NaN equals itself, −0 is not 0."""
-    return [name for name, value in wanted.items() if name not in found or _bits(found[name]) != _bits(value)]
-
-
-def _bits(value: float) -> bytes:
-    return struct.pack("<d", value)
 
 
 def _put(imu: Imu, registers: RegisterMap, entry: Entry, wanted: Mapping[str, float]) -> Transferred:
@@ -216,10 +204,6 @@ def _compare(
     registers: RegisterMap, wanted: Mapping[str, float], found: Mapping[str, float], *, restarted: bool
 ) -> None:
     for name in registers.differing(wanted, found):
-        raise DeviceFaultError(
-            "imu.restarted_differently" if restarted else "imu.reads_back_differently",
-            address=registers.address(name),
-            name=name,
-            found=found.get(name, float("nan")),
-            wanted=wanted[name],
-        )
+        values = {"name": name, "found": found.get(name, float("nan")), "wanted": wanted[name]}
+        code = "imu.restarted_differently" if restarted else "imu.reads_back_differently"
+        raise DeviceFaultError(code, address=registers.address(name), **values)

@@ -12,13 +12,12 @@ import numpy as np
 
 from calstation.devices import Imu, LinkStats, NoFramesError, SampleBatch
 from calstation.devices.codecs import Reply, ReplyKind
-from calstation.devices.imu.frames import FrameDecoder
+from calstation.devices.imu.frames import FrameDecoder, Samples
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.links import QUIET, SerialLink, Unanswered
 from calstation.devices.profiles import CommandSection, FrameSection, ImuProfile
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text
-from calstation.physics import FloatArray, IntArray
 
 #: Host time for which the reader waits for bytes before it checks for commands to send, s.
 _WAIT = 0.02
@@ -57,17 +56,6 @@ class Question(Generic[T_co]):
     take: Callable[[Reply], T_co | None]
 
 
-@dataclass(frozen=True)
-class _Arrived:
-    """Samples decoded from one read, and the host time of it."""
-
-    counter: IntArray
-    counts: FloatArray
-    temperature: FloatArray
-    status: IntArray
-    time: float
-
-
 class StreamedImu(Imu):
     """The port of an IMU: samples come out of `read`, commands go through `exchange`."""
 
@@ -77,7 +65,7 @@ class StreamedImu(Imu):
         self._kind, self._decoder_frame = replies, profile.frame
         self._decoder = FrameDecoder(profile.frame, replies)
         self._count = SampleCount(profile.frame)
-        self._arrived: queue.SimpleQueue[_Arrived] = queue.SimpleQueue()
+        self._arrived: queue.SimpleQueue[tuple[Samples, float]] = queue.SimpleQueue()
         self._replies: queue.SimpleQueue[Reply] = queue.SimpleQueue()
         self._outbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._unanswered = Unanswered()
@@ -111,20 +99,16 @@ class StreamedImu(Imu):
         parts = [self._arrived.get() for _ in range(self._arrived.qsize())]
         if not parts:
             self._check()
-            empty = np.empty(0)
-            whole = np.empty(0, np.int64)
-            return SampleBatch(whole, empty, np.empty((0, 6)), empty, whole, empty)
-        counter = np.concatenate([p.counter for p in parts])
+            nothing, whole = np.empty(0), np.empty(0, np.int64)
+            return SampleBatch(whole, nothing, np.empty((0, 6)), nothing, whole, nothing)
+        counter, counts, temperature, status = (
+            np.concatenate(arrays) for arrays in zip(*(s for s, _ in parts), strict=True)
+        )
+        arrival = np.repeat([at for _, at in parts], [len(samples.counter) for samples, _ in parts])
         taken = self._count.in_order(counter)
         seq = self._count.feed(counter[taken])
-        return SampleBatch(
-            seq,
-            (seq + 1) / self._profile.stream.sample_rate_hz,
-            np.concatenate([p.counts for p in parts])[taken],
-            np.concatenate([p.temperature for p in parts])[taken],
-            np.concatenate([p.status for p in parts])[taken],
-            np.repeat([p.time for p in parts], [len(p.counter) for p in parts])[taken],
-        )
+        end = (seq + 1) / self._profile.stream.sample_rate_hz
+        return SampleBatch(seq, end, counts[taken], temperature[taken], status[taken], arrival[taken])
 
     def close(self) -> None:
         """End the reader and close the port."""
@@ -271,8 +255,8 @@ class StreamedImu(Imu):
             self._frames += len(decoded.frames)
             self._last_frame = now
             samples = decoder.samples(decoded.frames)
-            if len(samples[0]):
-                self._arrived.put(_Arrived(*samples, now))
+            if len(samples.counter):
+                self._arrived.put((samples, now))
         for reply in decoded.replies:
             self._replies.put(reply)
         self._bytes += len(data)

@@ -182,14 +182,12 @@ class ModbusUnitSection(CommandTimes):
     def ranges(self) -> dict[str, tuple[int, int]]:
         """First address of everything but the calibration, and the address after the last, by name."""
         found = {}
-        for name in ("model", "serial", "firmware"):
-            text: TextRegisters | None = getattr(self, name)
-            if text is not None:
-                found[name] = (text.address, text.address + text.words)
-        for name in ("commit", "reset", "stream"):
-            word: WordCommand | StreamSwitch | None = getattr(self, name)
-            if word is not None:
-                found[name] = (word.address, word.address + 1)
+        for text in ("model", "serial", "firmware"):
+            if (registers := getattr(self, text)) is not None:
+                found[text] = (registers.address, registers.address + registers.words)
+        for command in ("commit", "reset", "stream"):
+            if (register := getattr(self, command)) is not None:
+                found[command] = (register.address, register.address + 1)
         if self.page is not None:
             found["page"] = (self.page, self.page + 1)
         return found
