@@ -98,7 +98,7 @@ def imu() -> Iterator[str]:
 
 
 @needs_terminals
-def test_a_run_tells_nothing_to_another_model(run: Callable[..., Fault], imu: str) -> None:
+def test_a_run_commands_nothing_to_another_model(run: Callable[..., Fault], imu: str) -> None:
     plc = FakeTable({})
     plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
     with server(plc.answer) as address:
@@ -109,7 +109,9 @@ def test_a_run_tells_nothing_to_another_model(run: Callable[..., Fault], imu: st
 
 @needs_terminals
 @pytest.mark.parametrize("code", [2, 4])
-def test_a_run_tells_nothing_to_what_refuses_to_say_its_model(run: Callable[..., Fault], imu: str, code: int) -> None:
+def test_a_run_commands_nothing_to_a_device_that_refuses_its_model(
+    run: Callable[..., Fault], imu: str, code: int
+) -> None:
     functions: list[int] = []
 
     def refuse(heard: bytes) -> bytes:
@@ -127,7 +129,7 @@ def test_a_run_tells_nothing_to_what_refuses_to_say_its_model(run: Callable[...,
 
 
 @needs_terminals
-def test_an_imu_that_does_not_say_who_it_is_leaves_the_table_alone(run: Callable[..., Fault]) -> None:
+def test_nothing_is_commanded_if_the_imu_is_not_identified(run: Callable[..., Fault]) -> None:
     table, unit = FakeTable({}), FakeImu(mute=True)
     with server(table.answer) as address, terminal(unit.answer, unit.sends) as port:
         assert run(f"tcp://{address}", port).code == "imu.streams_without_answer"
@@ -135,7 +137,7 @@ def test_an_imu_that_does_not_say_who_it_is_leaves_the_table_alone(run: Callable
 
 
 @needs_terminals
-def test_stop_is_heard_while_it_is_found_out_who_answers(tmp_path: Path, imu: str) -> None:
+def test_a_stop_is_obeyed_during_identification(tmp_path: Path, imu: str) -> None:
     others: list[int] = []
     control = Control()
 
@@ -155,7 +157,7 @@ def test_stop_is_heard_while_it_is_found_out_who_answers(tmp_path: Path, imu: st
 
 
 @pytest.mark.parametrize("work", [reset_table, read_table])
-def test_the_reset_tells_nothing_to_another_model(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_model_is_not_reset(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.1)
     plc = FakeTable({})
     plc.words[0:8] = struct.unpack(">8H", b"WRONGPLC".ljust(16, b"\0"))
@@ -172,7 +174,7 @@ def test_the_reset_tells_nothing_to_another_model(work: Any, monkeypatch: pytest
 
 
 @needs_terminals
-def test_exchanged_ports_are_told(run: Callable[..., Fault], imu: str) -> None:
+def test_swapped_ports_are_reported(run: Callable[..., Fault], imu: str) -> None:
     bus = Bus()
     with terminal(bus.answer) as line:
         assert run(imu, line).code == "connection.swapped"
@@ -180,7 +182,7 @@ def test_exchanged_ports_are_told(run: Callable[..., Fault], imu: str) -> None:
 
 
 @needs_terminals
-def test_exchanged_ports_are_told_of_a_unit_that_does_not_stream_by_itself(
+def test_swapped_ports_are_reported_for_a_unit_that_streams_on_command(
     run: Callable[..., Fault],
 ) -> None:
     bus, unit = Bus(), FakeImu(rate=0.0)
@@ -189,7 +191,7 @@ def test_exchanged_ports_are_told_of_a_unit_that_does_not_stream_by_itself(
 
 
 @needs_terminals
-def test_the_number_of_the_unit_that_answers_is_told(run: Callable[..., Fault], imu: str) -> None:
+def test_the_answering_unit_number_is_reported(run: Callable[..., Fault], imu: str) -> None:
     bus = Bus(unit=3)
     with terminal(bus.answer) as line:
         fault = run(line, imu, unit=7)
@@ -200,7 +202,7 @@ def test_the_number_of_the_unit_that_answers_is_told(run: Callable[..., Fault], 
 
 
 @needs_terminals
-def test_nobody_is_told_with_the_number_that_was_asked(run: Callable[..., Fault], imu: str) -> None:
+def test_a_silent_table_is_reported_with_its_unit_number(run: Callable[..., Fault], imu: str) -> None:
     other = Bus(unit=3, model=b"pump")  # another device on the line is not what the profile is for
     with terminal(other.answer) as line:
         fault = run(line, imu, unit=7)
@@ -209,7 +211,7 @@ def test_nobody_is_told_with_the_number_that_was_asked(run: Callable[..., Fault]
 
 
 @needs_terminals
-def test_the_tests_of_exchanged_links_say_so(imu: str) -> None:
+def test_the_link_tests_report_swapped_links(imu: str) -> None:
     bus = Bus()
     with terminal(bus.answer) as line:
         crossed = {
@@ -223,7 +225,7 @@ def test_the_tests_of_exchanged_links_say_so(imu: str) -> None:
 
 
 @needs_terminals
-def test_the_test_of_a_table_tells_the_number_that_answers() -> None:
+def test_the_table_test_reports_the_answering_unit_number() -> None:
     bus = Bus(unit=3)
     with terminal(bus.answer) as line:
         report = check_table_link(tell, order(table={"port": line, "unit": 7}))
@@ -250,7 +252,7 @@ def test_a_table_of_another_profile_is_named_with_it() -> None:
 
 
 @needs_terminals
-def test_the_reset_of_exchanged_links_says_so(imu: str) -> None:
+def test_a_reset_reports_swapped_links(imu: str) -> None:
     bus = Bus()
     with (
         terminal(bus.answer) as line,
@@ -268,7 +270,7 @@ def test_the_reset_of_exchanged_links_says_so(imu: str) -> None:
 
 
 @pytest.mark.parametrize("work", [read_table, reset_table])
-def test_why_there_is_no_connection_is_told(work: Any) -> None:
+def test_the_reason_for_a_failed_connection_is_reported(work: Any) -> None:
     with server(silent) as address:
         pass
     with raises_code(DeviceFaultError, "link.refused"):
@@ -279,7 +281,7 @@ def test_why_there_is_no_connection_is_told(work: Any) -> None:
 
 @needs_terminals
 @pytest.mark.parametrize("work", [read_table, reset_table])
-def test_why_a_serial_port_does_not_open_is_told(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_reason_for_a_failed_serial_port_is_reported(work: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(list_ports, "comports", lambda: [])
     with terminal(silent) as port:
         other = SerialLink(port, SerialSettings(), "imu")
@@ -290,6 +292,6 @@ def test_why_a_serial_port_does_not_open_is_told(work: Any, monkeypatch: pytest.
         work(tell, order(table={"port": "/dev/ttyNONE7"}))
 
 
-def test_an_imus_address_of_the_wrong_kind_is_told_with_the_right_one() -> None:
+def test_a_wrong_kind_of_address_is_reported_with_the_right_one() -> None:
     with pytest.raises(ConfigurationError, match=r"Write socket://10\.0\.0\.7:4001 for a serial server"):
         order(imu={"port": "tcp://10.0.0.7:4001"})

@@ -83,7 +83,7 @@ def test_the_virtual_benchs_table_is_right() -> None:
         ),
     ],
 )
-def test_a_latched_fault_is_told_with_its_cause_where_the_table_tells_one(code: int, told: tuple[str, str]) -> None:
+def test_a_latched_fault_is_reported_with_its_cause_if_the_table_gives_one(code: int, told: tuple[str, str]) -> None:
     fake = FakeTable({})
     fake.words[17], fake.words[18] = 1 << 9 | 1 << 3, code
     with server(fake.answer) as address:
@@ -105,7 +105,7 @@ def test_the_virtual_benchs_imu_is_right() -> None:
 
 
 @needs_terminals
-def test_serial_links_are_right_too_and_the_machines_state_is_told() -> None:
+def test_serial_links_pass_and_the_table_state_is_reported() -> None:
     bench = {
         "table_transport": "rtu",
         "imu_transport": "pty",
@@ -166,7 +166,7 @@ def test_a_host_that_serves_nothing() -> None:
 # A table that does not answer, or not as it should
 
 
-def test_a_table_that_says_nothing_over_tcp() -> None:
+def test_a_silent_table_over_tcp() -> None:
     with server(silent) as address:
         found = wrong(table(port=f"tcp://{address}", unit=7))
     assert (found.id, found.values["unit"]) == ("silent_tcp", 7)
@@ -272,7 +272,7 @@ def test_a_table_commanded_in_text_on_the_imus_line() -> None:
         assert "perhaps the IMU" in word_finding(wrong(report))[1]
 
 
-def test_bytes_that_are_no_text_are_shown_short_and_as_numbers() -> None:
+def test_unprintable_bytes_are_quoted_as_numbers() -> None:
     noise = bytes(range(256)) * 8
     with server(lambda _: noise + b"\r\n") as address:
         found = wrong(table(profile="acutronic_acl", port=f"tcp://{address}"))
@@ -286,7 +286,7 @@ def test_bytes_that_are_no_text_are_shown_short_and_as_numbers() -> None:
 
 
 @needs_terminals
-def test_behind_a_serial_server_its_own_settings_are_named() -> None:
+def test_settings_of_a_serial_server_are_named() -> None:
     with server(lambda _: bytes(range(0x80, 0xA0))) as address:
         garbled = wrong(table(port=f"socket://{address}"))
     assert garbled.id == "garbled"
@@ -295,7 +295,7 @@ def test_behind_a_serial_server_its_own_settings_are_named() -> None:
         assert "set in the serial server" in word_finding(wrong(table(port=f"socket://{address}")))[1]
 
 
-def test_a_table_commanded_in_text_that_says_nothing_over_tcp() -> None:
+def test_a_silent_text_table_over_tcp() -> None:
     with server(silent) as address:
         assert wrong(table(profile="acutronic_acl", port=f"tcp://{address}")).id == "silent_host"
 
@@ -318,7 +318,7 @@ def test_an_imu_that_does_not_answer_as_it_should(unit: FakeImu, expected: str) 
         assert wrong(imu(port=port)).id == expected
 
 
-def test_an_imu_at_another_baud_is_heard_there(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_imu_at_another_baud_rate_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     unit = FakeImu()
 
     class AtBaud:
@@ -359,7 +359,7 @@ def test_an_imu_whose_stream_is_not_as_its_profile_says() -> None:
 
 
 @needs_terminals
-def test_a_place_that_was_confirmed_at_another_computer_is_told() -> None:
+def test_a_site_confirmed_at_another_computer_is_reported() -> None:
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
         asked = order(imu={"port": port, "timeout_s": 0.3})
@@ -400,7 +400,7 @@ def streaming(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @needs_terminals
-def test_an_imu_that_only_streams_is_right_without_a_word(streaming: Path) -> None:
+def test_an_imu_that_only_streams_passes(streaming: Path) -> None:
     unit = FakeImu(mute=True)
     with terminal(unit.answer, unit.sends) as port:
         report = check_imu_link(tell, order(streaming, imu={"port": port}))
@@ -427,7 +427,7 @@ def test_an_imu_that_hangs_up() -> None:
         assert wrong(imu(port=f"socket://{address}")).id == "lost"
 
 
-def test_a_profile_that_does_not_exist_is_one_sentence() -> None:
+def test_a_missing_profile_is_reported_in_one_sentence() -> None:
     with pytest.raises(ConfigurationError, match="There is no table profile “nosuch”"):
         table(profile="nosuch")
 

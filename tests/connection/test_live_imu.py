@@ -27,7 +27,7 @@ def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return record_on_bench(tell, "hand", tmp_path / "hand.h5", "tactical", 3)
 
 
-def test_the_recordings_own_unit_lies_in_the_virtual_fixture(recording: Path) -> None:
+def test_the_virtual_fixture_holds_the_recorded_unit(recording: Path) -> None:
     truth = read_truth(recording)
     found = np.array([truth[name] for name in NAMES])
     now = apply_to_unit(tell, recording, None, None, ZERO, found, seconds=4.0)
@@ -39,7 +39,7 @@ def test_the_recordings_own_unit_lies_in_the_virtual_fixture(recording: Path) ->
     assert now.rate_rms[1] == pytest.approx(now.earth, rel=0.05)
 
 
-def test_a_stream_behind_the_registers_is_left_as_it_comes(recording: Path, tmp_path: Path) -> None:
+def test_a_stream_after_the_registers_is_left_unchanged(recording: Path, tmp_path: Path) -> None:
     profile = library.find("imus", "bench_tactical").read_text("utf-8")
     (tmp_path / "home" / "imus").mkdir(parents=True)
     own = tmp_path / "home" / "imus" / "bench_tactical.toml"

@@ -120,7 +120,9 @@ def test_a_second_owner_is_refused_before_a_byte_is_sent(
     assert heard == []
 
 
-def test_the_terminal_says_it_in_a_line(opened: tuple[Hall, list[bytes]], capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_reports_the_state_in_a_line(
+    opened: tuple[Hall, list[bytes]], capsys: pytest.CaptureFixture[str]
+) -> None:
     hall, _ = opened
     with owner(f"tcp://{hall.address}"):
         assert run_app(["table", "status", "--station", str(hall.station)]) == 3
@@ -135,7 +137,7 @@ def test_the_death_of_its_owner_frees_a_port(opened: tuple[Hall, list[bytes]]) -
         assert read_table(tell, hall.order).model.startswith("bench-table")
 
 
-def test_a_port_is_free_again_behind_whatever_ended_its_use(opened: tuple[Hall, list[bytes]]) -> None:
+def test_a_port_is_released_however_its_use_ends(opened: tuple[Hall, list[bytes]]) -> None:
     port = f"tcp://{opened[0].address}"
     with pytest.raises(OSError, match="cut"), lock_ports([port]):
         raise OSError("cut")
@@ -173,12 +175,12 @@ def test_a_serial_port_is_the_same_by_all_its_names(tmp_path: Path, monkeypatch:
         assert not refused(str(device)), "which another adapter may have now"
 
 
-def test_what_does_not_exist_is_nobodys(tmp_path: Path) -> None:
+def test_a_missing_port_is_not_locked(tmp_path: Path) -> None:
     with lock_ports(["usb:NONE", str(tmp_path / "none"), "tcp://"]):
         assert not refused("usb:NONE")
 
 
-def test_a_lock_that_cannot_be_had_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_lock_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setattr(port_lock, "_folder", lambda: tmp_path / "file")
     with raises_code(DeviceFaultError, "connection.lock_failed"), lock_ports(["tcp://127.0.0.1:40001"]):
@@ -199,7 +201,7 @@ def test_locks_are_for_every_user_and_follow_no_link(tmp_path: Path, monkeypatch
     assert target.read_text(encoding="utf-8") == "kept"
 
 
-def test_a_name_that_nobody_knows_is_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unknown_host_name_stands_for_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     def unknown(*args: object, **kwargs: object) -> None:
         raise socket.gaierror("unknown")
 

@@ -30,7 +30,7 @@ def test_a_stage_runs_on_a_system_with_its_own_axes(site_folder: SiteFolder) -> 
     assert "outer_lever_x" not in verdict.result["parameters"], "it turns about its sensing centre"
 
 
-def test_table_and_imu_of_such_a_system_are_tested_one_by_one() -> None:
+def test_table_and_imu_on_one_port_are_tested_separately() -> None:
     data = {**STATION, "table": {"profile": "indexing_unit"}, "bench": {"seed": 5}}
     order = LinkTestRequest(StationConfig.model_validate(data))
     for test in (check_table_link, check_imu_link):
@@ -62,7 +62,7 @@ def hardware(site_folder: SiteFolder, profile: str, table: str, imu: str) -> Res
         ),
     ],
 )
-def test_a_port_that_cannot_be_shared_or_must_be_is_told(
+def test_wrongly_shared_or_separate_ports_are_reported(
     site_folder: SiteFolder, profile: str, table: str, imu: str, code: str
 ) -> None:
     setup = hardware(site_folder, profile, table, imu)
@@ -81,11 +81,11 @@ def test_two_names_of_one_port_are_one_port(site_folder: SiteFolder) -> None:
         raise AssertionError("never opened")
 
 
-def test_such_a_system_takes_the_same_port_twice(site_folder: SiteFolder) -> None:
+def test_an_inertial_system_with_axes_shares_one_port(site_folder: SiteFolder) -> None:
     with endpoints(hardware(site_folder, "indexing_unit", "/dev/ttyNONE7", "/dev/ttyNONE7")) as at:
         assert at.table == at.imu == "/dev/ttyNONE7"
 
 
-def test_ports_apart_are_left_alone(site_folder: SiteFolder, tmp_path: Path) -> None:
+def test_different_ports_do_not_conflict(site_folder: SiteFolder, tmp_path: Path) -> None:
     with endpoints(hardware(site_folder, "bench", "tcp://127.0.0.1:502", "/dev/ttyNONE7")) as at:
         assert at.imu == "/dev/ttyNONE7"

@@ -104,7 +104,7 @@ def test_a_latched_fault_is_reset_and_a_run_may_begin_again(bench: Bench, kind: 
     assert (later.outer_deg, later.inner_deg) == pytest.approx((before.outer_deg, before.inner_deg), abs=0.5)
 
 
-def test_where_nothing_is_latched_nothing_is_sent(bench: Bench) -> None:
+def test_nothing_is_sent_if_nothing_is_latched(bench: Bench) -> None:
     assert bench.reset() == TableReset("nothing", None, None)
     fake = FakeTable({})
     fake.words[17] = _REMOTE
@@ -113,7 +113,7 @@ def test_where_nothing_is_latched_nothing_is_sent(bench: Bench) -> None:
     assert set(fake.functions) == {3}, "something was written to the table"
 
 
-def test_behind_an_open_interlock_nothing_is_reset_until_the_cover_is_closed(bench: Bench) -> None:
+def test_nothing_is_reset_while_the_interlock_is_open(bench: Bench) -> None:
     bench.obey("interlock", 0)
     assert bench.reset() == TableReset("interlock_open", "interlock", "interlock")
     assert bench.standing().fault == "interlock"
@@ -123,7 +123,7 @@ def test_behind_an_open_interlock_nothing_is_reset_until_the_cover_is_closed(ben
     assert bench.reset() == TableReset("cleared", "interlock", None)
 
 
-def test_a_table_that_does_not_rest_is_left_alone(bench: Bench) -> None:
+def test_a_moving_table_is_not_reset(bench: Bench) -> None:
     bench.obey("never_settle", 5.0)
     bench.obey("drive_fault")
     assert bench.reset() == TableReset("moving", "drive", "drive")
@@ -151,9 +151,7 @@ class Stubborn(FakeTable):
 
 
 @pytest.mark.parametrize(("refuses", "outcome"), [(False, "stays"), (True, "refused")])
-def test_a_fault_whose_cause_is_still_there_is_told(
-    refuses: bool, outcome: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_whose_cause_persists_is_reported(refuses: bool, outcome: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
     fake = Stubborn(fault=4, refuses=refuses)
     with server(fake.answer) as address:
@@ -163,7 +161,7 @@ def test_a_fault_whose_cause_is_still_there_is_told(
     assert fake.written == ([] if refuses else [(16, 0x06), (16, 0x86), (16, 0x06)]), "nothing else is written"
 
 
-def test_under_local_control_there_is_nothing_to_reset() -> None:
+def test_nothing_is_reset_under_local_control() -> None:
     fake = FakeTable({})
     with server(fake.answer) as address:
         result = reset_table(tell, order(table={"port": f"tcp://{address}"}))
@@ -181,7 +179,7 @@ def test_another_model_is_never_written_to() -> None:
     assert fake.written == []
 
 
-def test_the_terminal_asks_and_resets(bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_confirms_and_resets(bench: Bench, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     link: dict[str, Any] = {"profile": "bench", "port": bench.order.station.table.port, "timeout_s": 5.0}
     imu = {"port": "/dev/ttyNONE9"}
     station = tmp_path / "line.toml"

@@ -55,7 +55,7 @@ def test_lines_that_are_samples_are_right() -> None:
         (fields(0, 1, 2, 3, 4, 5, 7), "line_short", {"column": 7, "field": "accel_z", "count": 7}),
     ],
 )
-def test_what_is_wrong_is_told(changes: dict[str, Any], expected: str, values: dict[str, Any]) -> None:
+def test_a_wrong_profile_is_reported(changes: dict[str, Any], expected: str, values: dict[str, Any]) -> None:
     found = told(3 * line(), **changes)
     assert found is not None
     assert found.id == expected
@@ -66,7 +66,7 @@ def test_what_is_wrong_is_told(changes: dict[str, Any], expected: str, values: d
     assert mend
 
 
-def test_a_check_that_is_wrong_says_both_checks() -> None:
+def test_a_wrong_check_is_reported_with_the_right_one() -> None:
     found = told(3 * line(), crc={"kind": "xor8", "start": 0})
     assert found is not None
     right = line().strip().rpartition(b"*")[2].decode()
@@ -74,14 +74,14 @@ def test_a_check_that_is_wrong_says_both_checks() -> None:
     assert int(str(found.values["right"]), 16) == int(right, 16) ^ ord("$")
 
 
-def test_a_column_that_is_no_number_is_shown() -> None:
+def test_a_non_numeric_column_is_reported() -> None:
     found = told(3 * line(numbers="1,2,3,4,up,6"))
     assert found is not None
     assert (found.id, found.values["column"], found.values["field"]) == ("line_column", 5, "accel_y")
     assert found.values["text"] == "up"
 
 
-def test_noise_and_half_lines_are_no_lines() -> None:
+def test_noise_and_partial_lines_are_not_lines() -> None:
     assert told(bytes(range(0x80, 0xFF)) * 4 + b"\r\n" + bytes(range(0x80, 0xFF)) + b"\r\n") is None
     assert told(line()[:-4]) is None
     assert told(b"") is None

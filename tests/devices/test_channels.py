@@ -40,14 +40,14 @@ def test_whole_numbers_saturate_at_the_ends_of_their_type() -> None:
     np.testing.assert_array_equal(shown.high, [32767, 2**23 - 1, 16384, 32767, 2048 - 2.0**-20, 1000])
 
 
-def test_floats_have_no_step_and_no_end_but_the_one_that_is_told() -> None:
+def test_floats_have_no_step_and_no_bound_but_a_stated_reach() -> None:
     shown = span(frame({"type": "f32", "reach": 34.9}, *[{"type": "f64"}] * 5))
     np.testing.assert_array_equal(shown.step, np.zeros(6))
     np.testing.assert_array_equal(shown.high, [34.9, *[np.inf] * 5])
     np.testing.assert_array_equal(shown.low, -shown.high)
 
 
-def test_nobody_knows_the_digits_of_a_line() -> None:
+def test_the_resolution_of_a_text_line_is_unknown() -> None:
     shown = span(frame(*[{"type": "f64"}] * 6, format="text", sync="$X"))
     assert np.isinf(shown.step).all()
 

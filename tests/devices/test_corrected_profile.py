@@ -52,7 +52,7 @@ def profile(name: str, corrected: dict[str, Any] | None, **changes: Any) -> ImuP
         ("bench_nav", {"stream": 2, "frame": COUNTER_ALONE}, {}, "corrected.frame.fields profile.field_missing"),
     ],
 )
-def test_what_does_not_fit_is_told(name: str, corrected: dict[str, Any], changes: dict[str, Any], told: str) -> None:
+def test_mismatches_are_reported(name: str, corrected: dict[str, Any], changes: dict[str, Any], told: str) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, corrected, **changes)
     assert complaint(error.value) == told
@@ -92,13 +92,15 @@ def at_half_the_rate(fields: list[dict[str, Any]]) -> list[dict[str, Any]]:
         ("vectornav_vn100", "fields", at_half_the_rate, "corrected.frame.fields[0].per_sample profile.clock_rate"),
     ],
 )
-def test_a_frame_of_its_own_is_checked_as_the_raw_one(name: str, place: str, value: Any, told: str) -> None:
+def test_the_frame_of_the_corrected_stream_is_checked_like_the_raw_one(
+    name: str, place: str, value: Any, told: str
+) -> None:
     with pytest.raises(ConfigurationError) as error:
         profile(name, own_frame(name, place, value))
     assert complaint(error.value) == told
 
 
-def test_the_framed_link_is_told_by_a_byte() -> None:
+def test_corrected_output_is_selected_by_a_byte_on_the_framed_link() -> None:
     pairs = [(request(6, bytes([k])), reply_frame(6, bytes([k]))) for k in (2, 1)]
     with framed(pairs) as (imu, link):
         imu.start(corrected=True)
@@ -106,14 +108,14 @@ def test_the_framed_link_is_told_by_a_byte() -> None:
         assert link.finished
 
 
-def test_the_modbus_link_is_told_by_a_value() -> None:
+def test_corrected_output_is_selected_by_a_value_on_modbus() -> None:
     with modbus([write(20, 2), write(20, 1)]) as (imu, link):
         imu.start(corrected=True)
         imu.start()
         assert link.finished
 
 
-def test_the_vectornav_is_told_by_lines() -> None:
+def test_corrected_output_is_selected_by_lines_on_a_vectornav() -> None:
     raw = [pair("VNWRG,06,0"), pair("VNWRG,75,1,4,05,0001,001C")]
     with vectornav([pair("VNWRG,06,0"), pair("VNWRG,75,1,4,05,0001,0610"), *raw]) as (imu, link):
         imu.start(corrected=True)

@@ -129,7 +129,7 @@ def item_frame(*items: tuple[int, bytes], kind: int = 0x36) -> bytes:
     return b"\xfa" + head + bytes([-sum(head) & 0xFF])
 
 
-def test_items_come_in_any_order_and_what_is_missing_is_no_sample() -> None:
+def test_items_come_in_any_order_and_an_incomplete_frame_is_no_sample() -> None:
     six = struct.pack(">6h", 1, -2, 3, -4, 5, -6)
     data = (
         item_frame((0x1020, b"\x00\x07"), (0x4020, six))
@@ -191,7 +191,7 @@ def test_a_clock_becomes_a_count_over_wraps_and_jitter(parts: list[int]) -> None
     assert count.gaps == 1
 
 
-def test_a_clock_that_runs_back_is_a_reset_that_cost_a_sample() -> None:
+def test_a_clock_that_runs_back_counts_as_a_reset_with_one_lost_sample() -> None:
     count = count_of("u64", 1e6)
     assert count.feed(np.array([70_000_000, 71_000_000, 200_000, 1_200_000])).tolist() == [70, 71, 73, 74]
     assert count.gaps == 1
@@ -249,7 +249,7 @@ def edited(base: dict[str, Any], where: str, value: Any) -> dict[str, Any]:
         (VN_TEXT, "id", {"at": 1, "value": "00"}, "id profile.not_with"),
     ],
 )
-def test_a_wrong_frame_is_told_by_its_entry(base: dict[str, Any], where: str, value: Any, told: str) -> None:
+def test_a_wrong_frame_is_reported_by_its_entry(base: dict[str, Any], where: str, value: Any, told: str) -> None:
     first = problems_of(FrameSection, edited(base, where, value))[0]
     assert f"{field_name(first.place)} {first.what.code}" == told
 

@@ -171,7 +171,7 @@ def test_a_restart_waits_for_a_flash_that_is_busy() -> None:
         assert link.finished
 
 
-def test_no_restart_before_the_time_of_a_commit_is_over_that_was_not_seen_to_end() -> None:
+def test_no_restart_before_an_unconfirmed_commit_has_timed_out() -> None:
     pairs = [(request(4), b""), *marking(), (request(5), reply_frame(5, b"\x00")), IDENTITY, bias()]
     with driver(pairs) as (imu, link):
         begun = time.monotonic()
@@ -190,7 +190,7 @@ def test_no_restart_before_the_time_of_a_commit_is_over_that_was_not_seen_to_end
         assert time.monotonic() - begun >= BRIEF["commit_timeout_s"]
 
 
-def test_a_restart_is_believed_once_the_mark_is_gone() -> None:
+def test_a_restart_counts_once_the_marker_is_gone() -> None:
     (_, marked) = bias(-0.1 + 0.2 * 0.381966)
     late = [IDENTITY, (bias()[0], marked)] * 2
     silent = [(request(1), b"")]
@@ -232,7 +232,7 @@ def test_a_lost_answer_is_asked_for_again_once_something_else_was_answered() -> 
         assert len(set(link.unexpected)) == len(link.unexpected) == 3
 
 
-def test_a_unit_that_talks_unasked_is_asked_all_the_same() -> None:
+def test_a_unit_that_sends_unsolicited_replies_is_still_queried() -> None:
     closing = threading.Event()
     with driver([(request(1), b""), bias(), IDENTITY]) as (imu, link):
 
@@ -305,7 +305,7 @@ def test_a_failure_of_the_reader_is_reported() -> None:
             imu.identify()
 
 
-def test_a_lost_link_is_told_after_the_last_samples() -> None:
+def test_a_lost_link_is_reported_after_the_last_samples() -> None:
     with driver([]) as (imu, link):
         link.send(stream_frame(1, [0] * 6))
         wait_for_frames(imu, 1)

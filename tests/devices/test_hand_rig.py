@@ -20,7 +20,7 @@ def profile() -> TableProfile:
     return load_table_profile(PATH)
 
 
-def test_it_is_at_rest_ready_and_nobody_knows_its_angles(profile: TableProfile) -> None:
+def test_a_manual_rig_is_at_rest_at_unknown_angles(profile: TableProfile) -> None:
     table = ManualTable(profile)
     assert table.identify().model == "hand-rails"
     for command in (table.enable, table.disable, table.home, table.stop, table.reset_fault, table.heartbeat):
@@ -52,7 +52,7 @@ def test_it_has_no_port(profile: TableProfile) -> None:
     ("section", "value"),
     [("commands", {"move": 1}), ("link_loss_stop_s", 1.0), ("modbus", {"unit": 1, "timeout_s": 1})],
 )
-def test_what_belongs_to_a_driven_table_is_refused(section: str, value: object) -> None:
+def test_entries_of_a_driven_table_are_refused(section: str, value: object) -> None:
     with pytest.raises(ConfigurationError) as caught:
         validate(TableProfile, {**read_toml(PATH), section: value}, "hand.toml")
     assert complaint(caught.value) == f"{section} profile.not_with"

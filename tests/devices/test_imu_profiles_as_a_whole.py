@@ -124,7 +124,7 @@ def test_stream_and_commands(tmp_path: Path, name: str, changes: dict[str, Any],
     assert told(tmp_path, name, changes) == words
 
 
-def test_a_counter_that_begins_again_too_soon_is_refused(tmp_path: Path) -> None:
+def test_a_counter_with_too_short_a_period_is_refused(tmp_path: Path) -> None:
     short = {"frame/fields/0/type": "u8", "link/baud": None}
     words = told(tmp_path, NAV, {**short, "stream/sample_rate_hz": 4000.0})
     assert words == "frame.fields[0].type profile.counter_too_short"
@@ -133,7 +133,7 @@ def test_a_counter_that_begins_again_too_soon_is_refused(tmp_path: Path) -> None
     load_imu_profile(path)
 
 
-def test_a_line_whose_baud_nobody_states_is_not_judged(tmp_path: Path) -> None:
+def test_an_unstated_baud_rate_is_not_checked(tmp_path: Path) -> None:
     path = tmp_path / "profile.toml"
     path.write_text(tomli_w.dumps(edited(NAV, {"link/baud": None, "stream/sample_rate_hz": 2000.0})), encoding="utf-8")
     assert load_imu_profile(path).stream.sample_rate_hz == 2000.0

@@ -48,7 +48,7 @@ def link(late: Mapping[int, float | None], **server: object) -> Iterator[tuple[M
     [{1: LATE}, {1: LATE, 2: 0.02}, {1: 2 * TIMEOUT}, {1: LATE, 2: LATE}, {1: None}, {1: None, 2: LATE}],
     ids=str,
 )
-def test_every_block_that_is_read_is_the_one_that_was_asked_for(late: Mapping[int, float | None]) -> None:
+def test_every_block_read_is_the_requested_one(late: Mapping[int, float | None]) -> None:
     with link(late) as (table, _):
         for address in (10, 20, 30, 40, 50, 60):
             try:
@@ -72,7 +72,7 @@ def test_a_device_that_is_always_too_late_is_a_fault_and_never_another_s_registe
         assert table.read(70, 4)[0] == 70
 
 
-def test_a_stop_is_said_at_once_and_again_at_once_though_an_answer_is_still_to_come() -> None:
+def test_a_stop_is_sent_and_repeated_at_once_although_an_answer_is_pending() -> None:
     with link({0: None, 1: None, 2: None, 3: None}) as (table, device):
         with raises_code(DeviceFaultError, "table.read_unanswered"):
             table.read(10, 4)
@@ -82,7 +82,7 @@ def test_a_stop_is_said_at_once_and_again_at_once_though_an_answer_is_still_to_c
         assert table.read(10, 4)[0] == 10
 
 
-def test_targets_that_differ_are_not_told_while_the_same_echo_may_still_come() -> None:
+def test_a_new_target_waits_while_an_equal_echo_may_still_come() -> None:
     with link({0: None, 1: None, 2: LATE}) as (table, device):
         with raises_code(DeviceFaultError, "table.write_unanswered"):
             table.write(34, [1, 2])
@@ -92,7 +92,7 @@ def test_targets_that_differ_are_not_told_while_the_same_echo_may_still_come() -
         assert device.requests[asked + 1 :] == [(16, 34, 2)], "what counts is told behind another question's answer"
 
 
-def test_a_refusal_that_may_be_an_older_request_s_is_passed_over() -> None:
+def test_a_refusal_that_may_belong_to_an_older_request_is_skipped() -> None:
     class Forbidding(RtuServer):
         def tell(self, address: int) -> int | None:
             return None if address == 99 else address
@@ -108,7 +108,7 @@ def test_a_refusal_that_may_be_an_older_request_s_is_passed_over() -> None:
         device.close()
 
 
-def test_a_table_with_gaps_tells_its_own_angles_and_limits_however_late_an_answer_is() -> None:
+def test_a_table_with_gaps_reads_its_own_angles_and_limits_however_late_an_answer_is() -> None:
     profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
     assert profile.modbus is not None
     profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})
@@ -185,7 +185,7 @@ def test_over_tcp_an_answer_with_another_transaction_s_number_is_not_taken() -> 
         server.shutdown(socket.SHUT_RDWR)
 
 
-def test_what_is_asked_in_between_has_a_length_of_its_own() -> None:
+def test_the_read_in_between_has_a_distinct_length() -> None:
     barriers, due = Barriers(), Unanswered()
     barriers.asked(1, 17, 4)
     barriers.asked(1, 0, 8)

@@ -171,7 +171,7 @@ def test_a_commit_that_is_acknowledged_by_an_exception_is_not_done_yet() -> None
         assert link.finished
 
 
-def test_a_commit_that_a_busy_unit_did_not_take_is_told() -> None:
+def test_a_commit_refused_by_a_busy_unit_is_reported() -> None:
     with (
         driver([OFF, (write(21, 0x5A5A)[0], rtu(1, 0x86, 6))]) as (imu, _),
         raises_code(ImuBusyError, "imu.register_refused"),
@@ -179,7 +179,7 @@ def test_a_commit_that_a_busy_unit_did_not_take_is_told() -> None:
         imu.commit()
 
 
-def test_a_commit_that_never_ends_is_told_and_one_that_is_lost_never_repeated() -> None:
+def test_an_endless_commit_is_reported_and_a_lost_one_never_repeated() -> None:
     quick = PROFILE.model_copy(update={"modbus": section(PROFILE).model_copy(update={"commit_timeout_s": 0.1})})
     busy = [read(21, b"\x5a\x5a")] * 200
     with (
@@ -214,7 +214,7 @@ def test_an_exception_is_reported_with_its_meaning(number: int, meaning: str) ->
         assert caught.value.values["reason"].code == meaning
 
 
-def test_a_lost_or_hurt_answer_is_asked_for_again() -> None:
+def test_a_lost_or_damaged_answer_is_requested_again() -> None:
     request, reply = IDENTITY[0]
     hurt = reply[:5] + bytes([reply[5] ^ 4]) + reply[6:]
     other = rtu(1, 3, 2, 0, 7)

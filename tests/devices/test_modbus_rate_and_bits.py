@@ -34,7 +34,7 @@ def test_no_endless_rate_while_the_watchdog_is_off() -> None:
         driver.rate(0.1, 0.0, 0.1)
 
 
-def test_a_stop_of_its_own_stands_in_for_the_watchdog() -> None:
+def test_a_link_loss_stop_replaces_the_watchdog() -> None:
     stated = quick().model_copy(update={"link_loss_stop_s": 0.5})
     pairs = [
         polled(watchdog=0),
@@ -72,7 +72,7 @@ def test_a_profile_without_the_command_says_so() -> None:
         (0x1E27, 4, "drive"),
     ],
 )
-def test_what_the_statusword_s_bits_say(status: int, fault: int, told: str | None) -> None:
+def test_status_bits_are_decoded(status: int, fault: int, told: str | None) -> None:
     with table([polled(status, fault)]) as (driver, _):
         assert driver.status().fault == told
 

@@ -203,7 +203,7 @@ def test_after_a_lost_answer_the_next_request_has_a_link_of_its_own() -> None:
         assert len(server._peers) == 2
 
 
-def test_a_table_that_went_silent_or_away_is_told() -> None:
+def test_a_silent_or_lost_table_is_reported() -> None:
     request = read(17, image()[17:64])[0]
     with table([(request, None)] * 3) as (driver, _), raises_code(DeviceFaultError, "table.read_unanswered"):
         driver.status()
@@ -238,7 +238,7 @@ def test_an_answer_of_the_wrong_length_is_not_taken() -> None:
         driver.status()
 
 
-def test_ports_that_cannot_be_are_told() -> None:
+def test_impossible_ports_are_reported() -> None:
     for port in ("tcp://nohost", "tcp://:1", "tcp://x:99999"):
         with raises_code(ConfigurationError, "link.not_an_address"):
             ModbusTable(port, quick())
@@ -246,7 +246,7 @@ def test_ports_that_cannot_be_are_told() -> None:
         ModbusTable("/dev/ttyNONE7", quick())
 
 
-def test_a_value_that_does_not_fit_is_told_before_anything_is_sent() -> None:
+def test_a_value_out_of_range_is_reported_before_anything_is_sent() -> None:
     with table([]) as (driver, _), raises_code(ConfigurationError, "table.value_beyond_register"):
         driver.move(1000.0, 0.0, 0.1, 0.1)
 

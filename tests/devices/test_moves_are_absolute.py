@@ -179,7 +179,7 @@ def test_every_shipped_profile_of_a_driven_table_is_here() -> None:
 
 
 @pytest.mark.parametrize("name", DRIVEN)
-def test_a_move_is_told_without_a_word_of_where_the_table_stands(name: str) -> None:
+def test_a_move_is_absolute(name: str) -> None:
     said, targets = zip(*(moved(name, start) for start in FROM), strict=True)
     assert said[0] == said[1]
     np.testing.assert_allclose(targets, [TO, TO], atol=1e-6)
@@ -190,7 +190,7 @@ WHO = (b"IDN\r\n", b"*IDN?\n", b"$MNCHK*D6\r\n")
 
 
 @pytest.mark.parametrize("name", DRIVEN)
-def test_what_is_not_answered_is_said_again_word_for_word_and_adds_nothing(name: str) -> None:
+def test_an_unanswered_move_is_repeated_literally_and_adds_no_motion(name: str) -> None:
     clean, _ = moved(name, FROM[1])
     said, targets = moved(name, FROM[1], loses=True)
     assert len(said) > len(clean)

@@ -54,7 +54,7 @@ def test_an_adapter_that_comes_back_under_another_name_is_found_there(plugged: l
         second.close()
 
 
-def test_another_table_behind_the_same_name_is_told_nothing(plugged: list[str]) -> None:
+def test_another_table_at_the_same_port_is_not_commanded(plugged: list[str]) -> None:
     first, other = table_at("T-0001"), table_at("T-0002")
     plugged.append(first.port)
     table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())
@@ -71,7 +71,7 @@ def test_another_table_behind_the_same_name_is_told_nothing(plugged: list[str]) 
         other.close()
 
 
-def test_an_adapter_that_is_still_out_is_a_lost_link(plugged: list[str]) -> None:
+def test_a_missing_adapter_is_a_lost_link(plugged: list[str]) -> None:
     first = table_at("T-0001")
     plugged.append(first.port)
     table = ModbusTable(f"usb:{ADAPTER}", quick(), SerialSettings())

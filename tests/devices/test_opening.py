@@ -24,7 +24,7 @@ SETTINGS = SerialSettings()
         ("/dev/ttyUSB0", None),
     ],
 )
-def test_addresses_are_taken_apart(url: str, address: tuple[str, int] | None) -> None:
+def test_addresses_are_parsed(url: str, address: tuple[str, int] | None) -> None:
     assert host_and_port(url) == address
 
 

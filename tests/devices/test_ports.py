@@ -65,7 +65,7 @@ def test_an_adapter_with_several_ports_is_named_port_by_port(plugged: list[objec
         resolve("usb:Q4", "table")
 
 
-def test_adapters_with_one_number_are_named_by_their_place_on_the_bus(plugged: list[object]) -> None:
+def test_adapters_with_one_number_are_named_by_their_location_on_the_bus(plugged: list[object]) -> None:
     first, second = listed("/dev/ttyUSB0", "0001", "1-1"), listed("/dev/ttyUSB1", "0001", "1-2")
     dual = [listed("/dev/ttyUSB3", "0001", "1-3:1.1"), listed("/dev/ttyUSB2", "0001", "1-3:1.0")]
     plugged += [first, second, *dual]
@@ -76,7 +76,7 @@ def test_adapters_with_one_number_are_named_by_their_place_on_the_bus(plugged: l
         resolve("usb:0001/2", "imu")
 
 
-def test_an_adapter_that_was_pulled_out_leaves_its_name_to_no_other(plugged: list[object]) -> None:
+def test_the_name_of_an_unplugged_adapter_passes_to_no_other(plugged: list[object]) -> None:
     plugged += [listed("/dev/ttyUSB0", "0001", "1-2")]  # that at 1-1 was pulled
     assert resolve("usb:0001@1-2", "table") == "/dev/ttyUSB0"
     for name in ("usb:0001@1-1", "usb:0001/1", "usb:0001/2"):
@@ -84,7 +84,7 @@ def test_an_adapter_that_was_pulled_out_leaves_its_name_to_no_other(plugged: lis
             resolve(name, "table")
 
 
-def test_adapters_with_one_number_of_which_no_place_is_known_have_no_name(plugged: list[object]) -> None:
+def test_adapters_with_one_number_and_unknown_location_have_no_name(plugged: list[object]) -> None:
     plugged += [listed("COM3", "0001"), listed("COM4", "0001")]
     assert [p.usb for p in found_ports()] == [None, None]
     with raises_code(DeviceFaultError, "link.ambiguous"):

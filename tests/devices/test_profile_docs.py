@@ -47,14 +47,14 @@ def models(kind: Any, seen: set[type]) -> Iterator[type[BaseModel]]:
 
 
 @pytest.mark.parametrize("profile", [ImuProfile, TableProfile])
-def test_every_entry_is_told(profile: type[BaseModel]) -> None:
+def test_every_entry_is_documented(profile: type[BaseModel]) -> None:
     found = list(models(profile, set()))
     assert len(found) > 8
     missing = [f"{m.__name__}.{name}" for m in found for name in m.model_fields if name not in TOLD]
     assert missing == []
 
 
-def test_every_name_that_an_entry_may_have_is_told() -> None:
+def test_every_allowed_name_is_documented() -> None:
     names = {*OPS, *CHECK_WIDTHS, *COMMANDS, *STATUS_BITS, *OPTIONAL_BITS, *WRITTEN}
     names |= {*DRIVE_REGISTERS, *OPTIONAL_DRIVE_REGISTERS, *JOINT_REGISTERS, *OPTIONAL_JOINT_REGISTERS}
     assert sorted(names - TOLD) == []

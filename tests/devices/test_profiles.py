@@ -88,7 +88,7 @@ def refused(
         ("noise/gyro_arw", None, "noise.gyro_arw entry.missing"),
     ],
 )
-def test_a_wrong_imu_profile_is_told_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
+def test_a_wrong_imu_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
     assert refused(tmp_path, load_imu_profile, "imus", where, value) == told
 
 
@@ -115,7 +115,7 @@ def test_a_wrong_imu_profile_is_told_by_its_entry(tmp_path: Path, where: str, va
         ("link_loss_stop_s", 0.0, "link_loss_stop_s entry.greater_than"),
     ],
 )
-def test_a_wrong_table_profile_is_told_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
+def test_a_wrong_table_profile_is_reported_by_its_entry(tmp_path: Path, where: str, value: Any, told: str) -> None:
     assert refused(tmp_path, load_table_profile, "tables", where, value) == told
 
 
@@ -162,7 +162,9 @@ def text_table(name: str) -> dict[str, Any]:
         ("aerosmith_atl", "text/silent", "JOG(", "text.silent profile.not_a_pattern"),
     ],
 )
-def test_a_wrong_text_table_is_told_by_its_entry(tmp_path: Path, name: str, where: str, value: Any, told: str) -> None:
+def test_a_wrong_text_table_is_reported_by_its_entry(
+    tmp_path: Path, name: str, where: str, value: Any, told: str
+) -> None:
     data = text_table(name)
     edit(data, where, value)
     path = tmp_path / "profile.toml"

@@ -80,7 +80,7 @@ def test_first_order_would_not_do() -> None:
 
 
 @pytest.mark.parametrize("places", [["xx", "yy", "zz"], ["xx", "yx", "yy", "zx", "zy", "zz"]])
-def test_a_matrix_that_is_only_in_part_there_inverts_the_part(places: list[str]) -> None:
+def test_a_partial_matrix_is_inverted_as_far_as_it_is_present(places: list[str]) -> None:
     slots = [f"accel_matrix_{p}" for p in places]
     values = {n: 0.01 * (i + 1) for i, n in enumerate(NAMES) if n.startswith("accel")}
     held = to_registers("accel", values, slots, Convention(), Convention())
@@ -89,7 +89,7 @@ def test_a_matrix_that_is_only_in_part_there_inverts_the_part(places: list[str])
     assert len(back) == len(places)
 
 
-def test_what_cannot_be_a_calibration_is_not_one() -> None:
+def test_registers_without_a_possible_calibration_are_refused() -> None:
     erased = dict.fromkeys(matrix_slots("gyro"), 0.0)
     assert all(np.isnan(v) for v in from_registers("gyro", erased, Convention(), Convention()).values())
     full = {**dict.fromkeys(matrix_slots("accel"), 0.0), "accel_matrix_xx": 1.0, "accel_matrix_yy": 1.0}
@@ -246,7 +246,7 @@ def edited(name: str, where: str, value: Any) -> dict[str, Any]:
         ("bench_nav", "commands", None, "commands profile.needed_by"),
     ],
 )
-def test_a_wrong_register_map_is_told_by_its_entry(
+def test_a_wrong_register_map_is_reported_by_its_entry(
     tmp_path: Path, name: str, where: str, value: Any, told: str | None
 ) -> None:
     path = tmp_path / "profile.toml"

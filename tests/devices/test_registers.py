@@ -36,7 +36,7 @@ def test_values_survive_as_float32(name: str, part: float) -> None:
     assert MAP.rounded(back) == back
 
 
-def test_a_value_that_does_not_fit_is_told_by_register() -> None:
+def test_a_value_out_of_range_is_reported_with_its_register() -> None:
     with raises_code(DeviceFaultError, "imu.value_beyond_register"):
         MAP.encode({**dict.fromkeys(MAP.parameters, 0.0), "gyro_misalign_xy": 0.5})
     with raises_code(DeviceFaultError, "imu.value_beyond_register"):

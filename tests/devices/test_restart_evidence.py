@@ -88,7 +88,7 @@ def moved(imu: ModbusImu, noted: Noted, value: float = 0.5) -> Mapping[str, floa
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.4])
-def test_registers_that_are_burnt_are_read_back_behind_the_restart(delay: float) -> None:
+def test_committed_registers_are_read_back_after_the_restart(delay: float) -> None:
     unit, noted = FlashUnit(delay=delay), Noted(serial=UNIT)
     with driver(unit) as imu:
         assert moved(imu, noted)["gyro_bias_x"] == 0.5
@@ -97,7 +97,7 @@ def test_registers_that_are_burnt_are_read_back_behind_the_restart(delay: float)
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.4])
-def test_registers_that_were_never_burnt_are_not_called_restarted(delay: float) -> None:
+def test_uncommitted_registers_are_not_taken_for_restarted(delay: float) -> None:
     unit, noted = FlashUnit(burns=None, delay=delay), Noted(serial=UNIT)
     with driver(unit) as imu, raises_code(DeviceFaultError, "imu.holds_old"):
         moved(imu, noted)
@@ -105,7 +105,7 @@ def test_registers_that_were_never_burnt_are_not_called_restarted(delay: float) 
     assert noted.closing == "kept"
 
 
-def test_a_unit_that_never_restarts_is_told_before_anything_is_written() -> None:
+def test_a_unit_that_never_restarts_is_reported_before_anything_is_written() -> None:
     unit, noted = FlashUnit(delay=None), Noted(serial=UNIT)
     with driver(unit, reset_timeout_s=0.3) as imu, raises_code(DeviceFaultError, "imu.not_restarted"):
         moved(imu, noted)
@@ -113,14 +113,14 @@ def test_a_unit_that_never_restarts_is_told_before_anything_is_written() -> None
     assert unit.words == unit.flash, "the mark was taken back"
 
 
-def test_a_unit_that_burns_for_long_is_not_restarted_meanwhile() -> None:
+def test_a_unit_is_not_restarted_during_a_long_commit() -> None:
     unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
     with driver(unit) as imu:
         assert moved(imu, noted)["gyro_bias_x"] == 0.5
     assert not unit.hurt
 
 
-def test_a_unit_that_burns_for_longer_than_it_may_is_left_alone_until_then() -> None:
+def test_a_unit_whose_commit_exceeds_its_timeout_is_not_restarted() -> None:
     unit, noted = FlashUnit(burns=3600.0), Noted(serial=UNIT)
     with driver(unit, commit_timeout_s=0.4) as imu, raises_code(DeviceFaultError, "imu.holds_unknown"):
         moved(imu, noted)
@@ -129,7 +129,7 @@ def test_a_unit_that_burns_for_longer_than_it_may_is_left_alone_until_then() -> 
     assert (noted.steps[-1], noted.closing) == ("committing", None)
 
 
-def test_a_unit_that_burns_for_somebody_else_is_not_restarted_meanwhile() -> None:
+def test_a_unit_busy_with_another_commit_is_not_restarted() -> None:
     unit, noted = FlashUnit(burns=0.5), Noted(serial=UNIT)
     unit.obey(6, COMMIT, [0x5A5A])
     with driver(unit) as imu:
@@ -147,7 +147,7 @@ def entry(*parameters: str, **told: object) -> RegisterEntry:
     )
 
 
-def test_what_is_marked_is_no_matrix_where_there_is_something_else() -> None:
+def test_the_marker_avoids_matrix_elements_if_possible() -> None:
     matrix, bias = entry("gyro_matrix"), entry("gyro_bias")
     assert markable([matrix, bias]) is bias
     assert markable([matrix]) is matrix
@@ -161,7 +161,7 @@ def test_what_is_marked_is_no_matrix_where_there_is_something_else() -> None:
 
 @pytest.mark.parametrize("kind", ["i16", "f32", "f64", "q2.30"])
 @pytest.mark.parametrize("before", [float("nan"), 0.0, -0.1 + 0.2 * 0.381966, 0.0236068])
-def test_a_mark_is_inside_its_range_and_never_what_was_there(kind: str, before: float) -> None:
+def test_a_marker_is_inside_its_range_and_differs_from_the_present_value(kind: str, before: float) -> None:
     scale = 1e-5 if kind == "i16" else 1.0
     told = entry("gyro_bias", type=kind, scale=scale)
     numbers = marked(told, [before / scale if kind == "i16" and before == before else before] * 3)

@@ -133,7 +133,7 @@ def test_a_lost_answer_is_asked_for_again_but_homing_is_not() -> None:
             table.home()
 
 
-def test_an_answer_of_the_wrong_length_is_told() -> None:
+def test_an_answer_of_the_wrong_length_is_reported() -> None:
     ask, _ = read(0, [0] * 8)
     short = reply_frame(7, ask[4:7] + b"\0\0")
     with system([(ask, short)]) as (table, _, _link), raises_code(DeviceFaultError, "table.answer_length"):
@@ -148,6 +148,6 @@ def test_an_imu_without_framed_commands_cannot_carry_axes() -> None:
     assert link.closed.is_set()
 
 
-def test_such_axes_have_no_port_of_their_own() -> None:
+def test_shared_axes_have_no_port_of_their_own() -> None:
     with raises_code(ConfigurationError, "table.behind_imu"):
         open_table("/dev/ttyUSB0", PROFILE, SerialSettings())

@@ -165,7 +165,7 @@ def test_lines_of_text(tmp_path: Path, name: str, changes: dict[str, Any], words
     assert told(tmp_path, name, changes) == words
 
 
-def test_axes_that_count_the_other_way_throughout_are_taken(tmp_path: Path) -> None:
+def test_axes_of_opposite_sense_are_accepted(tmp_path: Path) -> None:
     backwards = {f"registers/outer_{name}/scale": -1e-5 for name in ("position", "rate", "target", "low", "high")}
     load(tmp_path, BENCH, {**backwards, "commands/rate": None})
 
@@ -176,5 +176,5 @@ def test_a_brace_of_the_language_s_own_is_doubled(tmp_path: Path) -> None:
     assert profile.text.commands.reset == ["CLR{{1}}"]
 
 
-def test_a_line_may_tell_both_axes_at_once(tmp_path: Path) -> None:
+def test_a_line_may_hold_both_axes(tmp_path: Path) -> None:
     load(tmp_path, MN, {"text/commands/move": ["POS,{outer_angle},{inner_angle},{outer_rate}"]})

@@ -166,7 +166,7 @@ def test_atl_on_the_wire(place: Any) -> None:
         driver.reset_fault()
 
 
-def test_atl_a_fault_is_told_by_its_code() -> None:
+def test_atl_a_fault_is_reported_by_its_code() -> None:
     faulty = [(b"1STA\r\n", b"26 3\r\n>"), *ATL_STATE[1:]]
     with table([*faulty, (b"1STA\r\n", b"26 9\r\n>"), *ATL_STATE[1:]], profile("aerosmith_atl")) as (driver, _):
         status = driver.status()
@@ -192,7 +192,7 @@ def test_atl_the_late_prompt_of_a_jog_is_never_taken_for_an_angle() -> None:
 
 
 @pytest.mark.parametrize("name", ["aerosmith_atl", "acutronic_acl", "mn_ascii"])
-def test_an_endless_rate_is_refused_where_nothing_would_end_it(name: str) -> None:
+def test_an_endless_rate_is_refused_without_a_watchdog(name: str) -> None:
     answers = {"aerosmith_atl": ATL_STATE, "acutronic_acl": ACL_STATE, "mn_ascii": MN_STATE}[name]
     with table(answers, profile(name)) as (driver, _), raises_code(ConfigurationError, "table.would_not_stop"):
         driver.rate(0.1, 0.0, 0.1)
@@ -208,7 +208,7 @@ def test_an_endless_rate_keeps_to_the_profile(rates: tuple[float, ...], code: st
         driver.rate(*np.deg2rad(rates))
 
 
-def test_atl_a_refusal_is_told_and_not_repeated() -> None:
+def test_atl_a_refusal_is_reported_and_not_repeated() -> None:
     with (
         table([(b"1SRV1\r\n", b"ERROR 7\r\n>")], profile("aerosmith_atl")) as (driver, _),
         raises_code(TextRefusalError, "table.line_refused"),
@@ -230,7 +230,7 @@ def test_a_lost_reply_is_asked_for_again_on_a_socket_of_its_own_but_homing_is_no
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals")
-def test_a_stop_is_said_at_once_though_replies_to_others_are_still_to_come() -> None:
+def test_a_stop_is_sent_at_once_although_other_replies_are_pending() -> None:
     second: Pairs = [(b"2STO\r\n", b">"), *WHO, (b"2STO\r\n", b">")]
     with table([LOST, LOST, *STOP, *second, (b"1HOM\r\n", b"")], profile("aerosmith_atl"), over_terminal) as (
         driver,
@@ -254,7 +254,7 @@ def test_a_late_reply_is_neither_the_next_axis_s_angle_nor_a_command_s_prompt() 
                 driver.home()
 
 
-def test_a_link_that_was_opened_anew_leads_to_the_table_that_it_led_to() -> None:
+def test_a_reopened_link_must_lead_to_the_same_table() -> None:
     other: Pairs = [(b"IDN\r\n", b"AERO 4000,SN78\r\n>")]
     with table([*WHO, LOST, *other], profile("aerosmith_atl")) as (driver, _):
         driver.identify()
@@ -262,7 +262,7 @@ def test_a_link_that_was_opened_anew_leads_to_the_table_that_it_led_to() -> None
             driver.stop()
 
 
-def test_a_reply_that_the_profile_does_not_expect_is_told_by_its_entry() -> None:
+def test_an_unexpected_reply_is_reported_with_its_entry() -> None:
     with (
         table([(b"1STA\r\n", b"ready\r\n>")], profile("aerosmith_atl")) as (driver, _),
         raises_code(DeviceFaultError, "table.unexpected_answer"),
@@ -429,7 +429,7 @@ def test_mn_a_wrong_sum_a_refusal_and_another_command_s_answer() -> None:
         driver.stop()
 
 
-def test_mn_under_local_control_is_told() -> None:
+def test_mn_local_control_is_reported() -> None:
     local = [pair("STS,0", "STS,OK,0.0,0.0,0.0,0.0,002F,0")]
     with table(local, profile("mn_ascii")) as (driver, _):
         assert driver.status().fault == "local control"
@@ -438,7 +438,7 @@ def test_mn_under_local_control_is_told() -> None:
 # Any table of text -----------------------------------------------------------------------------------------------
 
 
-def test_a_table_that_went_away_is_told_and_found_again() -> None:
+def test_a_lost_table_is_reported_and_found_again() -> None:
     request, reply = pair("CHK", "CHK,OK,MN-2A,T1")
     with socket.create_server(("127.0.0.1", 0)) as server:
 
@@ -461,7 +461,7 @@ def test_a_table_that_went_away_is_told_and_found_again() -> None:
             server.shutdown(socket.SHUT_RDWR)
 
 
-def test_a_port_that_is_not_there_is_told() -> None:
+def test_a_missing_port_is_reported() -> None:
     with raises_code(DeviceFaultError, "link.nothing_served"):
         TextTable("tcp://127.0.0.1:1", profile("acutronic_acl"))
 

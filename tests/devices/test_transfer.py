@@ -105,7 +105,7 @@ def test_another_unit_than_meant_is_not_even_read() -> None:
     assert unit.calls == []
 
 
-def test_what_somebody_wrote_and_never_committed_is_not_taken_for_what_the_unit_holds() -> None:
+def test_uncommitted_values_are_not_taken_for_the_registers() -> None:
     unit, noted = RegisterUnit(), Noted()
     unit.ram["gyro_bias_y"] = 0.5
     transfer(unit, MAP, SERIAL, {"gyro_bias_x": 1e-5}, noted.begin)
@@ -113,7 +113,7 @@ def test_what_somebody_wrote_and_never_committed_is_not_taken_for_what_the_unit_
     assert unit.flash["gyro_bias_y"] == OLD
 
 
-def test_nothing_is_written_where_a_value_does_not_fit() -> None:
+def test_nothing_is_written_if_a_value_does_not_fit() -> None:
     unit = RegisterUnit()
     with raises_code(DeviceFaultError, "imu.value_beyond_register"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_x": 5.0}, Noted().begin)
@@ -129,7 +129,7 @@ def test_a_register_that_does_not_read_back_is_never_committed_and_the_unit_rest
     assert noted.closing == "kept"
 
 
-def test_a_register_that_flash_lost_is_told_and_left_to_be_decided() -> None:
+def test_a_register_lost_from_flash_is_reported_and_left_open() -> None:
     unit, noted = RegisterUnit(forgets="gyro_bias_y"), Noted()
     with raises_code(DeviceFaultError, "imu.holds_neither"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_y": 0.01}, noted.begin)
@@ -141,7 +141,7 @@ def test_a_register_that_flash_lost_is_told_and_left_to_be_decided() -> None:
 
 
 @pytest.mark.parametrize("step", ["written", "committing"])
-def test_a_journal_that_takes_no_more_before_the_commit_means_no_commit(step: str) -> None:
+def test_nothing_is_committed_if_the_journal_cannot_be_written(step: str) -> None:
     unit, noted = RegisterUnit(), Noted(full_at=step)
     with raises_code(ConfigurationError, "imu.holds_old"):
         transfer(unit, MAP, SERIAL, {"gyro_bias_x": 0.01}, noted.begin)
@@ -149,7 +149,7 @@ def test_a_journal_that_takes_no_more_before_the_commit_means_no_commit(step: st
     assert unit.ram == noted.old
 
 
-def test_a_link_lost_over_the_commit_leaves_it_to_the_next_start() -> None:
+def test_a_link_lost_during_the_commit_leaves_the_transfer_to_the_next_start() -> None:
     unit, noted = RegisterUnit(), Noted()
     commit = unit.commit
 
@@ -177,7 +177,7 @@ def test_restoring_what_was_never_replaced_costs_no_flash_cycle() -> None:
 
 
 @pytest.mark.parametrize("moment", [0, 64, 127])
-def test_a_brown_out_over_the_commit_is_told_and_leaves_old_values(tmp_path: Path, moment: int) -> None:
+def test_a_brown_out_during_the_commit_is_reported_and_leaves_old_values(tmp_path: Path, moment: int) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_committing = moment
@@ -187,7 +187,7 @@ def test_a_brown_out_over_the_commit_is_told_and_leaves_old_values(tmp_path: Pat
     assert unit.flash == noted.old
 
 
-def test_a_brown_out_between_two_writes_is_seen_in_the_read_back(tmp_path: Path) -> None:
+def test_a_brown_out_between_two_writes_is_detected_by_the_read_back(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_writing = 31  # behind the mark and the first entry
@@ -196,7 +196,7 @@ def test_a_brown_out_between_two_writes_is_seen_in_the_read_back(tmp_path: Path)
     assert (unit.cycles, noted.closing) == (0, "kept")
 
 
-def test_a_brown_out_over_the_first_write_is_mended_by_its_repetition(tmp_path: Path) -> None:
+def test_a_brown_out_during_the_first_write_is_recovered_by_repeating_it(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_writing = 0
@@ -204,7 +204,7 @@ def test_a_brown_out_over_the_first_write_is_mended_by_its_repetition(tmp_path: 
     assert unit.flash == noted.new
 
 
-def test_a_brown_out_behind_the_last_byte_of_the_commit_leaves_new_values_to_be_proved(tmp_path: Path) -> None:
+def test_a_brown_out_after_the_last_byte_of_the_commit_leaves_new_values_to_verify(tmp_path: Path) -> None:
     unit, noted = Unit(tmp_path / "flash.bin"), Noted()
     with unit.powered(timeout_s=0.2) as imu:
         unit.unit.fails_committing = 128
@@ -214,7 +214,7 @@ def test_a_brown_out_behind_the_last_byte_of_the_commit_leaves_new_values_to_be_
         assert recognise(imu, noted, MAP) is Holds.NEW
 
 
-def test_a_unit_without_a_spare_bank_is_recognised_as_neither_and_can_be_mended(tmp_path: Path) -> None:
+def test_a_unit_without_a_spare_bank_holds_neither_and_can_be_recovered(tmp_path: Path) -> None:
     unit = Unit(tmp_path / "flash.bin", banks=1)
     with unit.powered() as imu:
         transfer(imu, MAP, SERIAL, {"gyro_bias_x": 1e-5}, Noted().begin)

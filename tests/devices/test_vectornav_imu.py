@@ -173,7 +173,7 @@ def test_an_error_is_reported_with_its_meaning(reply: str, meaning: str) -> None
 
 
 @pytest.mark.parametrize("reply", ["VNRRG,25,1,2,3", "VNRRG,25,a,b,c,d,e,f,g,h,i,j,k,l", "VNRRG,25"])
-def test_an_answer_that_is_none_is_told(reply: str) -> None:
+def test_an_unusable_answer_is_reported(reply: str) -> None:
     with driver([pair("VNRRG,25", reply)]) as (imu, _), raises_code(DeviceFaultError, "imu.answer_numbers"):
         imu.read_registers()
 

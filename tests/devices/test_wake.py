@@ -84,7 +84,7 @@ def driver(name: str, **told: Any) -> Iterator[tuple[StreamedImu, BootingLink]]:
 
 @pytest.mark.parametrize("corrected", [False, True])
 @pytest.mark.parametrize("name", UNITS)
-def test_it_is_asked_until_it_answers_and_streams_as_it_was_told(name: str, corrected: bool) -> None:
+def test_a_waking_unit_is_queried_until_it_answers_and_streams(name: str, corrected: bool) -> None:
     heard: list[bool] = []
     with driver(name) as (imu, link):
         imu.start(corrected=corrected)
@@ -98,7 +98,7 @@ def test_it_is_asked_until_it_answers_and_streams_as_it_was_told(name: str, corr
 
 
 @pytest.mark.parametrize("name", UNITS)
-def test_one_that_never_answers_is_told_within_the_time_of_a_restart(name: str) -> None:
+def test_a_unit_that_never_answers_is_reported_within_the_restart_timeout(name: str) -> None:
     with driver(name, reset_timeout_s=0.2) as (imu, link):
         imu.start()
         link.restart(lost=10**6)
@@ -107,7 +107,7 @@ def test_one_that_never_answers_is_told_within_the_time_of_a_restart(name: str) 
 
 
 @pytest.mark.parametrize("name", UNITS)
-def test_who_wants_it_to_stop_is_heard_between_two_questions(name: str) -> None:
+def test_a_cancellation_is_checked_between_two_queries(name: str) -> None:
     with driver(name) as (imu, link):
         imu.start()
         link.restart(lost=10**6)
@@ -122,7 +122,7 @@ def test_who_wants_it_to_stop_is_heard_between_two_questions(name: str) -> None:
             imu.wake(check_cancelled)
 
 
-def test_what_it_sends_unasked_is_no_wrong_baud() -> None:
+def test_unsolicited_bytes_do_not_count_as_a_wrong_baud_rate() -> None:
     with driver("vectornav_vn100") as (imu, link):
         imu.start()
         # As it leaves the factory: lines of text that no frame of the profile is among.
@@ -133,14 +133,14 @@ def test_what_it_sends_unasked_is_no_wrong_baud() -> None:
         assert link.unit.streaming
 
 
-def test_another_model_is_told_at_once() -> None:
+def test_another_model_is_reported_at_once() -> None:
     with driver("bench_nav") as (imu, link):
         link.unit.answer = lambda op, payload, time: pack(REPLY_SYNC, op, b"other;SN-7;1")  # type: ignore[method-assign]
         with raises_code(OtherModelError, "imu.other_model"):
             imu.wake(lambda: None)
 
 
-def test_a_unit_that_takes_no_command_cannot_be_asked() -> None:
+def test_a_unit_without_commands_cannot_be_queried() -> None:
     profile = load_imu_profile(library.shipped_folder() / "imus" / "stim300.toml")
     imu = open_imu(BootingLink(ImuUnit(BenchConfig(serial="SN-7"))), profile, "SN-7")  # type: ignore[arg-type]
     try:
@@ -149,7 +149,7 @@ def test_a_unit_that_takes_no_command_cannot_be_asked() -> None:
         imu.close()
 
 
-def test_a_counter_that_began_again_is_counted_with_the_link() -> None:
+def test_a_counter_restart_is_counted_in_the_link_statistics() -> None:
     with driver("bench_nav") as (imu, link):
         for counters in ([5000, 5001], [0, 1]):
             frames = imu.stats.frames

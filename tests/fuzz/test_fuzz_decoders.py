@@ -25,7 +25,7 @@ pieces = st.one_of(
 @pytest.mark.parametrize("name", [name for name in TARGETS if name not in file_targets.TARGETS])
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(parts=st.lists(pieces, max_size=30))
-def test_a_decoder_bears_any_bytes(name: str, parts: list[bytes]) -> None:
+def test_a_decoder_accepts_any_bytes(name: str, parts: list[bytes]) -> None:
     TARGETS[name](b"".join(parts))
 
 
@@ -46,7 +46,7 @@ def test_a_reader_of_files_bears_anything(name: str, data: bytes) -> None:
 @pytest.mark.parametrize("name", [n.removeprefix("stream ") for n in TARGETS if n.startswith("stream")])
 @settings(deadline=None, max_examples=30)
 @given(parts=st.lists(pieces, max_size=20), cut=st.integers(1, 50))
-def test_noise_is_decoded_alike_however_it_is_cut(name: str, parts: list[bytes], cut: int) -> None:
+def test_noise_decodes_the_same_however_it_is_cut(name: str, parts: list[bytes], cut: int) -> None:
     data = b"".join(parts)
     whole, _ = decoder(name)
     cutting, _ = decoder(name)

@@ -61,7 +61,7 @@ def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 @pytest.mark.parametrize("path", PROFILES, ids=lambda p: p.stem)
 @settings(deadline=None, max_examples=60)
 @given(data=st.data())
-def test_a_profile_is_right_or_told(path: Path, data: st.DataObject) -> None:
+def test_a_profile_loads_or_is_refused_with_its_entry(path: Path, data: st.DataObject) -> None:
     profile = tomllib.loads(path.read_text(encoding="utf-8"))
     for _ in range(data.draw(st.integers(1, 3))):
         *parents, last = data.draw(st.sampled_from(places(profile)))

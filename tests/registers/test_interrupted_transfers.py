@@ -89,7 +89,7 @@ def told(events: list[Event], ident: str) -> list[Any]:
     return [event.values for event in events if isinstance(event, Message) and event.id == ident]
 
 
-def test_a_unit_that_kept_its_registers_is_calibrated_as_if_nothing_had_been(bench: Workbench) -> None:
+def test_a_unit_that_kept_its_registers_is_calibrated_normally(bench: Workbench) -> None:
     bench.interrupt(committed=False)
     events = bench.run()
     assert told(events, "transfer_kept")[0]["holds"] == "old"
@@ -99,7 +99,7 @@ def test_a_unit_that_kept_its_registers_is_calibrated_as_if_nothing_had_been(ben
     assert (first.closing, second.closing) == ("kept", "done")
 
 
-def test_unproved_registers_stop_a_run_until_somebody_decides(bench: Workbench) -> None:
+def test_unverified_registers_block_a_run_until_a_decision(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     events = bench.run()
     (offer,) = told(events, "transfer_open")
@@ -136,7 +136,7 @@ def test_finished_or_restored_without_a_run(bench: Workbench, committed: bool, c
         bench.errands.do("finish")
 
 
-def test_new_registers_finished_before_a_run_are_proved_by_its_table_before_its_first_stage(bench: Workbench) -> None:
+def test_new_registers_finished_before_a_run_are_verified_before_its_first_stage(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     events = bench.run(unfinished="finish")
     assert isinstance(events[-1], Verdict)
@@ -150,7 +150,7 @@ def test_new_registers_finished_before_a_run_are_proved_by_its_table_before_its_
     assert (first.closing, first.steps[-1]) == (second.closing, second.steps[-1]) == ("done", "turned")
 
 
-def test_new_registers_that_the_runs_table_refutes_are_taken_back_and_nothing_is_calibrated(bench: Workbench) -> None:
+def test_new_registers_that_fail_verification_are_restored_and_nothing_is_calibrated(bench: Workbench) -> None:
     entry = bench.interrupt(committed=True, values={"gyro_scale_x": 0.05})
     events = bench.run(unfinished="finish")
     (fault,) = [event for event in events if isinstance(event, Fault)]
@@ -161,7 +161,7 @@ def test_new_registers_that_the_runs_table_refutes_are_taken_back_and_nothing_is
     assert closed.closing == "restored"
 
 
-def test_a_table_that_may_not_move_keeps_a_run_from_finishing_a_transfer(bench: Workbench) -> None:
+def test_a_run_does_not_finish_a_transfer_if_the_table_may_not_move(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     bench.healthy(interlock_closed=False)
     events = bench.run(unfinished="finish")
@@ -171,7 +171,7 @@ def test_a_table_that_may_not_move_keeps_a_run_from_finishing_a_transfer(bench: 
     assert register_journal.interrupted(bench.runs, SERIAL) is not None
 
 
-def test_a_run_stopped_before_its_table_proved_them_says_so(bench: Workbench) -> None:
+def test_a_run_stopped_before_verification_reports_it(bench: Workbench) -> None:
     bench.interrupt(committed=True)
     control = Control()
     events: list[Event] = []
@@ -203,7 +203,7 @@ def test_any_earlier_set_can_be_restored_by_its_transfer(bench: Workbench) -> No
 
 
 @pytest.mark.parametrize("at_rest", [False, True])
-def test_registers_that_make_the_output_wrong_are_taken_back(bench: Workbench, at_rest: bool) -> None:
+def test_registers_with_a_wrong_output_are_restored(bench: Workbench, at_rest: bool) -> None:
     before = bench.holds()
     with raises_code(DeviceFaultError, "verification.wrong"):
         bench.errands.write({"accel_scale_z": 0.05}, at_rest=at_rest)

@@ -35,7 +35,7 @@ def test_a_transfer_is_read_back_with_every_bit(tmp_path: Path) -> None:
     assert journal.interrupted(tmp_path, "SN-1") is None
 
 
-def test_every_line_is_on_disk_when_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_line_is_on_disk_when_it_is_acknowledged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: list[int] = []
     fsync = os.fsync
 
@@ -70,7 +70,7 @@ def test_the_latest_intention_is_the_one_that_may_be_open(tmp_path: Path) -> Non
     assert journal.interrupted(tmp_path, "SN-1") is None
 
 
-def test_a_journal_that_cannot_be_written_says_so_and_what_to_do(tmp_path: Path) -> None:
+def test_an_unwritable_journal_is_reported_with_a_remedy(tmp_path: Path) -> None:
     (tmp_path / journal.FOLDER).write_text("in the way", encoding="utf-8")
     with pytest.raises(ConfigurationError) as refused:
         begin(tmp_path)
@@ -115,7 +115,7 @@ def test_no_byte_can_be_wrong_unseen(tmp_path: Path) -> None:
     [((0, 2), 2), ((0, 1, 1, 2), 3), ((0, 2, 1), 2), ((1, 2), 1), ((0, 1, 2, 2), 4)],
     ids=["missing", "doubled", "exchanged", "first missing", "last doubled"],
 )
-def test_every_line_has_its_place(tmp_path: Path, order: tuple[int, ...], line: int) -> None:
+def test_every_line_has_its_position(tmp_path: Path, order: tuple[int, ...], line: int) -> None:
     made = begun(tmp_path)
     lines = made.path.read_bytes().splitlines(keepends=True)
     assert len(lines) == 3
@@ -137,7 +137,7 @@ Spoil = Callable[[bytes], bytes]
         pytest.param(lambda data: data[:40], 1, id="a torn intention"),
     ],
 )
-def test_a_damaged_journal_refuses_its_unit_with_file_line_and_mend(tmp_path: Path, spoil: Spoil, line: int) -> None:
+def test_a_damaged_journal_refuses_its_unit_with_file_line_and_remedy(tmp_path: Path, spoil: Spoil, line: int) -> None:
     path = begun(tmp_path).path
     path.write_bytes(spoil(path.read_bytes()))
     words = told(tmp_path)
@@ -170,7 +170,7 @@ def test_a_damaged_journal_refuses_its_unit_with_file_line_and_mend(tmp_path: Pa
         {},
     ],
 )
-def test_a_line_of_unknown_meaning_refuses_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
+def test_an_unknown_journal_line_refuses_the_unit(tmp_path: Path, content: dict[str, object]) -> None:
     made = begun(tmp_path)
     append_line(made.path, {"id": made.id, "utc": "", **content})
     assert told(tmp_path).startswith(f"Data: {made.path}, line 4: its content is unknown to this program")
@@ -185,7 +185,7 @@ def before_checks(path: Path) -> None:
     path.write_text("".join(json.dumps(line) + "\n" for line in lines), encoding="utf-8")
 
 
-def test_a_journal_without_checks_is_read_and_carried_on(tmp_path: Path) -> None:
+def test_a_journal_without_checks_is_read_and_continued(tmp_path: Path) -> None:
     made = begun(tmp_path)
     before_checks(made.path)
     found = journal.interrupted(tmp_path, "SN-1")
@@ -201,7 +201,7 @@ def test_a_journal_without_checks_is_read_and_carried_on(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("right", "wrong"), [("1e-06", "1" + "0" * 400), ('"old"', '"olc"'), ('"committing"', '"comitting"')]
 )
-def test_a_journal_without_checks_is_not_believed_everything(tmp_path: Path, right: str, wrong: str) -> None:
+def test_a_journal_without_checks_is_still_validated(tmp_path: Path, right: str, wrong: str) -> None:
     made = begun(tmp_path)
     before_checks(made.path)
     text = made.path.read_text(encoding="utf-8")
@@ -209,7 +209,7 @@ def test_a_journal_without_checks_is_not_believed_everything(tmp_path: Path, rig
     assert "its content is unknown to this program" in told(tmp_path)
 
 
-def test_a_torn_last_line_announces_nothing_and_is_told(tmp_path: Path) -> None:
+def test_a_truncated_last_line_is_ignored_and_reported(tmp_path: Path) -> None:
     made = begun(tmp_path)
     whole = made.path.read_bytes()
     last = whole.rindex(b"\n", 0, -1) + 1
@@ -225,7 +225,7 @@ def test_a_torn_last_line_announces_nothing_and_is_told(tmp_path: Path) -> None:
 
 
 @given(cut=st.integers(0, 10_000))
-def test_what_a_cut_left_is_carried_on(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
+def test_a_journal_is_continued_after_a_power_cut(tmp_path_factory: pytest.TempPathFactory, cut: int) -> None:
     runs = tmp_path_factory.mktemp("journal")
     first = begun(runs)
     content = first.path.read_bytes()
@@ -251,7 +251,7 @@ def test_a_unit_on_hardware_has_one_journal_whatever_the_folder_of_its_runs(tmp_
     assert journal.serials(site) == ["SN-1"]
 
 
-def test_what_was_written_before_the_site_had_journals_is_found_beside_the_runs(tmp_path: Path) -> None:
+def test_transfers_from_before_the_site_journals_are_found_beside_the_runs(tmp_path: Path) -> None:
     site = tmp_path / "site"
     virtual = begun(tmp_path)
     assert journal.interrupted(tmp_path, "SN-1", site) is None, "a virtual unit of the same number"

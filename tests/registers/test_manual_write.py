@@ -45,7 +45,7 @@ def result_of(site_folder: SiteFolder, **values: float) -> Result:
     )
 
 
-def test_what_is_written_is_what_the_unit_then_holds(unit: SiteFolder) -> None:
+def test_the_unit_holds_what_was_written(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     before = read_unit(tell, unit.request(), runs)
     assert (before.serial, before.commits, before.virtual) == (SERIAL, 0, True)
@@ -65,7 +65,7 @@ def test_what_is_written_is_what_the_unit_then_holds(unit: SiteFolder) -> None:
     assert entry.new == after.values
 
 
-def test_what_a_unit_holds_can_be_read_in_a_terminal(unit: SiteFolder, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_reads_the_registers_of_a_unit(unit: SiteFolder, capsys: pytest.CaptureFixture[str]) -> None:
     Errands(unit.request()).write({"gyro_bias_x": 1e-6, "accel_scale_y": 3e-4}, at_rest=True)
     flash = (unit.folder / "flash.bin").read_bytes()
     where = [
@@ -116,7 +116,7 @@ def test_no_journal_no_write(unit: SiteFolder) -> None:
     assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] == 0.0
 
 
-def test_a_result_behind_the_registers_is_put_together_with_them(
+def test_a_result_after_the_registers_is_composed_with_them(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     home = site_folder.folder / "home"

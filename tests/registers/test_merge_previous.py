@@ -39,12 +39,12 @@ def better(held: float, found: Belief, *, after_registers: bool = False) -> list
     return [(parameter.name, parameter.contradicted) for parameter in earlier]
 
 
-def test_what_was_found_far_better_is_kept() -> None:
+def test_a_much_better_earlier_value_is_kept() -> None:
     assert better(5e-4, belief()) == [("accel_scale_x", False)]
     assert better(5e-4, belief(0.0), after_registers=True) == [("accel_scale_x", False)]
 
 
-def test_as_good_now_or_no_longer_in_the_unit_is_not_kept() -> None:
+def test_equally_good_or_changed_registers_are_not_kept() -> None:
     assert better(5e-4, belief(sigma=1.9e-7)) == []
     assert better(0.0, belief()) == []
     assert better(float("nan"), belief()) == []
@@ -56,7 +56,7 @@ def test_a_unit_that_has_changed_is_not_kept() -> None:
 
 
 @pytest.mark.parametrize("behind", [False, True])
-def test_the_others_fit_what_is_kept(behind: bool) -> None:
+def test_the_other_registers_fit_the_kept_ones(behind: bool) -> None:
     found, held = belief(3e-4 - 5e-4 * behind), {"accel_scale_x": 5e-4}
     kept = better_previous_values(held, found, held, BEFORE, after_registers=behind)
     after = condition_on(found, kept, held, after_registers=behind)
@@ -66,7 +66,7 @@ def test_the_others_fit_what_is_kept(behind: bool) -> None:
     assert condition_on(found, (), held, after_registers=behind) is found
 
 
-def test_in_force_is_what_was_proved_last_and_not_what_was_kept(tmp_path: Path) -> None:
+def test_current_registers_are_the_last_verified_ones(tmp_path: Path) -> None:
     def run(name: str, day: int, outcome: str = "passed", verified: bool = True, **more: object) -> None:
         registers = {"old": {}, "new": {"gyro_scale_x": 1e-4 * day}, "verified": verified, **more}
         write(tmp_path, name, "SN-1", outcome, day, values={"gyro_scale_x": 1.0}, registers=registers)
@@ -81,7 +81,7 @@ def test_in_force_is_what_was_proved_last_and_not_what_was_kept(tmp_path: Path) 
 
 
 @pytest.mark.long
-def test_a_part_keeps_and_says_so(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_partial_run_keeps_registers_and_reports_it(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = {"stages": ["six_position"]}
     site_folder.write(whole, flash_file=str(site_folder.folder / "flash.bin"))
     first = site_folder.run()

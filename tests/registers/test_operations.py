@@ -92,7 +92,7 @@ def stop_at(moment: str) -> Any:
     return watch
 
 
-def test_a_wrong_sign_that_no_rest_shows_is_refuted_by_the_turn(floor: Floor) -> None:
+def test_a_wrong_sign_invisible_at_rest_fails_the_turn(floor: Floor) -> None:
     floor.write_station(parameters={"gyro_scale_x": SCALE})
     floor.errands.write({"gyro_scale_x": SCALE})
     assert floor.entry.steps[-1] == "turned"
@@ -108,7 +108,7 @@ def test_a_wrong_sign_that_no_rest_shows_is_refuted_by_the_turn(floor: Floor) ->
 
 
 @pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.long)])
-def test_the_table_is_prepared_before_the_write_turned_behind_it_and_left_at_its_load_angle(
+def test_the_table_is_prepared_before_the_write_turned_after_it_and_left_at_its_load_angle(
     floor: Floor, profile: str
 ) -> None:
     floor.write_station(profile)
@@ -180,7 +180,7 @@ def test_a_stop_works_at_every_moment(floor: Floor, moment: str, written: bool, 
 
 
 @pytest.mark.long
-def test_a_stop_where_the_table_is_left_alone(floor: Floor) -> None:
+def test_a_stop_without_the_table(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")
     assert floor.errands.write(VALUES, at_rest=True).closing == "stopped"
     assert floor.errands.told()[-1] == "transfer_unproved"
@@ -241,7 +241,7 @@ def test_a_table_that_fails_before_the_write_leaves_the_unit_untouched(floor: Fl
 
 
 @pytest.mark.long
-def test_old_registers_that_are_put_back_are_looked_at_as_well(floor: Floor) -> None:
+def test_restored_registers_are_verified(floor: Floor) -> None:
     floor.write_station(parameters={"gyro_scale_x": SCALE})
     floor.errands.write({"gyro_scale_x": -SCALE}, at_rest=True)
     floor.errands.on_event = stop_at("verifying")
@@ -261,7 +261,7 @@ def test_old_registers_that_are_put_back_are_looked_at_as_well(floor: Floor) -> 
 
 
 @pytest.mark.long
-def test_a_unit_that_has_its_old_registers_still_is_not_moved_for_them(floor: Floor) -> None:
+def test_a_unit_with_its_old_registers_is_not_moved(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")
     floor.errands.write(VALUES)
     entry = floor.entry
@@ -275,7 +275,7 @@ def test_a_unit_that_has_its_old_registers_still_is_not_moved_for_them(floor: Fl
 
 
 @pytest.mark.long
-def test_rails_that_hands_turn_are_left_to_them(floor: Floor) -> None:
+def test_a_manual_rig_is_not_tested(floor: Floor) -> None:
     floor.write_station("hand_rails", parameters={})
     floor.errands.request = replace(floor.errands.request, product=library.find("products", "mems_hand"))
     settled = floor.errands.write({"gyro_bias_x": 1e-4})
@@ -284,9 +284,7 @@ def test_rails_that_hands_turn_are_left_to_them(floor: Floor) -> None:
 
 
 @pytest.mark.long
-def test_the_terminal_says_what_will_move_and_how_it_was_proved(
-    floor: Floor, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_command_line_reports_motion_and_verification(floor: Floor, capsys: pytest.CaptureFixture[str]) -> None:
     floor.errands.write(VALUES, at_rest=True)
     files = ["--out", str(floor.runs), "--station", str(floor.site_folder.station)]
     files += ["--product", str(floor.site_folder.product)]

@@ -30,7 +30,7 @@ def test_registers_that_hold_no_calibration_are_no_prior():
     assert not belief.mean.any()
 
 
-def test_behind_the_registers_nothing_is_known_and_they_are_kept_to_compose_with():
+def test_after_the_registers_the_prior_is_zero_and_they_are_kept_for_composition():
     setup = prepare_run(RunRequest("SN-1"))
     stream = setup.imu.stream.model_copy(update={"order": "after_registers"})
     setup = replace(setup, imu=setup.imu.model_copy(update={"stream": stream}))

@@ -58,7 +58,7 @@ def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
 
 
 @pytest.mark.long
-def test_who_changes_the_folder_of_the_runs_sees_the_same_journal(
+def test_another_folder_of_runs_has_the_same_journal(
     hardware: RunRequest, site_folder: SiteFolder, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     Errands(hardware).write(VALUES, at_rest=True)
@@ -120,7 +120,7 @@ def worn(site_folder: SiteFolder, home: Path) -> Worn:
 
 
 @pytest.mark.long
-def test_a_flash_that_is_nearly_worn_out_is_told(worn: Worn) -> None:
+def test_a_nearly_worn_flash_is_reported(worn: Worn) -> None:
     worn.wear(9)
     events = worn.run()
     (told,) = [event for event in events if isinstance(event, Message) and event.id == "flash_near"]
@@ -132,7 +132,7 @@ def test_a_flash_that_is_nearly_worn_out_is_told(worn: Worn) -> None:
         worn.run()
 
 
-def test_a_flash_that_is_worn_out_takes_no_new_registers(worn: Worn) -> None:
+def test_a_worn_flash_is_not_written(worn: Worn) -> None:
     worn.wear(10)
     errands = Errands(worn.request)
     uses: list[Any] = [worn.run, lambda: errands.write(VALUES), lambda: errands.do("restore")]
@@ -143,7 +143,7 @@ def test_a_flash_that_is_worn_out_takes_no_new_registers(worn: Worn) -> None:
 
 
 @pytest.mark.long
-def test_what_was_begun_is_put_back_all_the_same(worn: Worn) -> None:
+def test_an_interrupted_transfer_is_still_restored(worn: Worn) -> None:
     worn.wear(10)
     register_journal.begin(worn.runs, SERIAL, {}, {}, register_journal.Purpose(None, "run", ""))
     assert Errands(worn.request).do("restore").closing in ("kept", "restored")
@@ -159,7 +159,7 @@ def test_a_damaged_journal_ends_a_run_before_anything_is_opened(worn: Worn) -> N
 
 
 @pytest.mark.long
-def test_a_torn_line_is_told(worn: Worn) -> None:
+def test_a_truncated_line_is_reported(worn: Worn) -> None:
     worn.wear(1)
     (journal,) = (worn.runs / register_journal.FOLDER).iterdir()
     journal.write_bytes(journal.read_bytes() + b'{"event": "int')

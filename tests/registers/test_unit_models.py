@@ -71,7 +71,7 @@ def known(site_folder: SiteFolder) -> Known:
     return Known(site_folder)
 
 
-def test_a_set_says_what_sort_of_unit_it_is_of(known: Known) -> None:
+def test_a_register_set_records_its_type_of_unit(known: Known) -> None:
     settled = Errands(known.site_folder.request()).write({"gyro_bias_x": 2e-6}, at_rest=True)
     (entry,) = register_journal.history(known.runs, SERIAL)
     assert entry.unit_type == UnitType(settled.unit["model"], NAV, "short", known.own.map)
@@ -79,7 +79,7 @@ def test_a_set_says_what_sort_of_unit_it_is_of(known: Known) -> None:
 
 
 @pytest.mark.long
-def test_a_run_says_what_sort_of_unit_it_wrote(known: Known) -> None:
+def test_a_run_records_the_type_of_unit_that_it_wrote(known: Known) -> None:
     assert known.site_folder.run("rate").outcome == "passed"
     (entry,) = register_journal.history(known.runs, SERIAL)
     assert (entry.unit_type.profile, entry.unit_type.product, entry.unit_type.map) == (NAV, "short", known.own.map)
@@ -117,7 +117,7 @@ def test_a_set_of_another_model_is_not_written(known: Known, open_: bool) -> Non
     assert len(register_journal.history(known.runs, SERIAL)) == 1
 
 
-def test_a_set_without_its_sort_is_told_by_its_parameters(known: Known) -> None:
+def test_a_register_set_without_a_type_is_compared_by_its_parameters(known: Known) -> None:
     known.transfer(None)
     assert known.restores()
     known.transfer(None, {"gyro_bias_x": 1e-6})
@@ -125,7 +125,7 @@ def test_a_set_without_its_sort_is_told_by_its_parameters(known: Known) -> None:
         known.restores()
 
 
-def test_how_near_a_register_reads_back_leaves_its_meaning(known: Known) -> None:
+def test_a_tolerance_does_not_change_the_meaning_of_a_register(known: Known) -> None:
     entries = registers()
     near = [entry.model_copy(update={"tolerance": 1e-9}) for entry in entries]
     turned = [entry.model_copy(update={"scale": -entry.scale}) for entry in entries]

@@ -129,7 +129,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize(("protocol", "what"), WRONG)
-def test_a_wrong_convention_is_refuted(protocol: str, what: str) -> None:
+def test_a_wrong_convention_fails_verification(protocol: str, what: str) -> None:
     grade = "nav" if protocol == "framed" else "mems"
     for seed in range(3):
         failed = looked(protocol, grade, seed, WRONG[protocol, what])
@@ -137,7 +137,7 @@ def test_a_wrong_convention_is_refuted(protocol: str, what: str) -> None:
 
 
 @pytest.mark.parametrize("protocol", ["modbus", "vectornav"])
-def test_a_bias_before_for_after_the_matrix_is_refuted_where_it_matters(protocol: str) -> None:
+def test_a_bias_before_instead_of_after_the_matrix_fails_verification(protocol: str) -> None:
     """The two differ by the product of bias and matrix, which only large errors make visible."""
     other = "before" if protocol == "modbus" else "after"
     change = convention("gyro_offset", offset=other)
@@ -146,7 +146,7 @@ def test_a_bias_before_for_after_the_matrix_is_refuted_where_it_matters(protocol
     assert looked(protocol, "mems", 3, larger=12.0) == []
 
 
-def test_the_proof_resolves_what_its_decision_says() -> None:
+def test_the_verification_resolves_its_stated_errors() -> None:
     """Navigation grade: errors of that size in one register are refuted wherever they stand."""
     resolved = {
         "gyro_bias": 1.9e-6,

@@ -52,7 +52,7 @@ def misread(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, name: str,
 @pytest.mark.parametrize(
     "what", [pytest.param(what, marks=[pytest.mark.long] if "of" not in what else []) for what in WRONG]
 )
-def test_a_run_refutes_it_and_the_unit_has_its_old_registers(
+def test_a_run_that_fails_verification_restores_the_old_registers(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, what: str
 ) -> None:
     misread(site_folder, monkeypatch, *WRONG[what])
@@ -67,7 +67,7 @@ def test_a_run_refutes_it_and_the_unit_has_its_old_registers(
     assert "refuted" in entry.steps
 
 
-def test_registers_written_by_hand_are_refuted_at_rest_as_well(
+def test_manually_written_registers_are_verified_at_rest(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     misread(
@@ -81,7 +81,7 @@ def test_registers_written_by_hand_are_refuted_at_rest_as_well(
         Errands(site_folder.request()).write({"accel_bias_x": 5e-3}, at_rest=True)
 
 
-def test_a_unit_that_shows_no_corrected_output_is_said_to_be_read_back_only(
+def test_a_unit_without_corrected_output_is_only_read_back(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     misread(site_folder, monkeypatch, "bench_nav", "[corrected]\nstream = 2", "# none")
@@ -98,9 +98,7 @@ def test_a_unit_that_shows_no_corrected_output_is_said_to_be_read_back_only(
 
 
 @pytest.mark.parametrize("at", [60.0, 75.0, 100.0])
-def test_frames_dropped_while_the_unit_is_looked_at_cost_a_turn_and_nothing_else(
-    site_folder: SiteFolder, at: float
-) -> None:
+def test_frames_dropped_during_verification_cost_one_repeated_turn(site_folder: SiteFolder, at: float) -> None:
     site_folder.write(orders=[{"order": "drop_frames", "at": at, "value": 3}])
     verdict = site_folder.run("six_position")
     assert verdict.outcome == "passed", site_folder.fault().text
