@@ -46,7 +46,9 @@ class Known:
     def __init__(self, site_folder: SiteFolder) -> None:
         self.site_folder = site_folder
         self.runs = site_folder.folder / "runs"
-        self.own = UnitType.of(resolve_configuration(site_folder.request()), "bench-imu")
+        self.own = register_journal.Purpose.of(
+            resolve_configuration(site_folder.request()), "bench-imu", "", ""
+        ).unit_type
 
     def transfer(
         self, sort: UnitType | None, old: Mapping[str, float] | None = None, *, open_: bool = False
