@@ -37,6 +37,7 @@ from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.settings import page as page_module
 from calstation.gui.settings.fields import problem_text
 from calstation.gui.settings.page import StationPage
+from calstation.gui.settings.table_section import TravelPlot
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.main_window import MainWindow
@@ -264,11 +265,11 @@ def test_a_shipped_file_is_saved_as_the_sites_own(hands: Hands, site_folder: Any
     hands.turn(TABLE)
     hands.type("outer_high_deg_edit", "-2000")
     assert hands.says("outer_high_deg") == "low_deg = -1080 must be below high_deg = -2000. Correct one of them."
-    assert "no travel" in hands.page.table._picture.accessibleName()
+    assert "no travel" in hands.page.findChild(TravelPlot).accessibleName()
     hands.type("outer_high_deg_edit", "400")
     assert hands.says("outer_high_deg") == ""
-    assert "1480° in all" not in hands.page.table._picture.accessibleName()
-    assert "4.11 turns in all" in hands.page.table._picture.accessibleName()
+    assert "1480° in all" not in hands.page.findChild(TravelPlot).accessibleName()
+    assert "4.11 turns in all" in hands.page.findChild(TravelPlot).accessibleName()
     hands.press("save_station_button")
     own = site_folder.home / "tables" / "bench.toml"
     assert saved(own)["outer"]["high_deg"] == 400
@@ -636,7 +637,7 @@ def test_versions_are_listed_compared_and_taken_back(hands: Hands, site_folder: 
     assert "current" in listed.item(0).text()
     listed.setCurrentRow(2)
     hands.press("compare_button")
-    shown = profiles._diff.toPlainText()
+    shown = profiles.diff.toPlainText()
     assert "-turns = 2" in shown
     assert "+turns = 4" in shown
     hands.press("take_back_button")

@@ -1,6 +1,7 @@
 """The left of the engineer page: the stages to calibrate, and the schedule of the stage selected."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
@@ -35,7 +36,7 @@ class ChoicePanel(QFrame):
         self.parts = Parts()
         self._heading, self._lock_label = label(kind="section"), label(kind="muted", wrap=True)
         self._unlock_button = button("unlock_schedule_button", pressed=self.unlock_wanted)
-        self._reset_button = button("reset_schedule_button", lambda: self.tr("Reset"), self._reset)
+        self._reset_button = button("reset_schedule_button", lambda: self.tr("Reset"), lambda: self.form.reset())
         self._save_button = button("save_product_button", lambda: self.tr("Save to product"), self.save_wanted)
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
         content = QWidget()
@@ -78,17 +79,17 @@ class ChoicePanel(QFrame):
         """The form of the stage selected."""
         return self._forms[self.parts.current]
 
-    def show_offer(self, offer: ScheduleOptions) -> None:
-        """ScheduleOptions a product's stages with their schedules."""
+    def show_options(self, options: ScheduleOptions) -> None:
+        """Offer a product's stages with their schedules."""
         for form in self._forms.values():
             form.setParent(None)
             form.deleteLater()
-        self._forms = {stage: ScheduleForm(stage, offer) for stage in offer.offered}
+        self._forms = {stage: ScheduleForm(stage, options) for stage in options.offered}
         for form in self._forms.values():
             form.changed.connect(self.changed)
             form.hide()
             self._form_box.addWidget(form)
-        self.parts.offer(offer.offered, offer.stages)
+        self.parts.offer(options.offered, options.stages)
 
     def lock(self, choice: str, schedule: str, save: str) -> None:
         """Disable parts of the panel, each with its reason; "" enables it.
@@ -103,15 +104,11 @@ class ChoicePanel(QFrame):
         for form in self._forms.values():
             form.lock(choice or schedule)
         self._lock_label.setText(schedule)
-        self._lock_label.setVisible(bool(schedule))
-        self._unlock_button.setVisible(bool(schedule))
+        for each in (self._lock_label, self._unlock_button):
+            each.setVisible(bool(schedule))
         for each in (self._reset_button, self._save_button):
             each.setVisible(not schedule)
-        enable(
-            self._reset_button,
-            choice or schedule,
-            self.tr("Back to the product's values of this stage"),
-        )
+        enable(self._reset_button, choice or schedule, self.tr("Back to the product's values of this stage"))
         enable(self._save_button, choice or schedule or save)
         self._reason.setText("" if schedule else choice or save)
         self._reason.setVisible(bool(self._reason.text()))
@@ -134,9 +131,6 @@ class ChoicePanel(QFrame):
         self._area.verticalScrollBar().setValue(0)
         self._show_texts()
 
-    def _reset(self) -> None:
-        self.form.reset()
-
 
 class Parts(QWidget):
     """Check boxes of parts and stages; emits `changed` with the choice or its order, `selected` with a stage's row."""
@@ -147,7 +141,7 @@ class Parts(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._rows: list[_StageRow] = []
-        self._current = ""
+        self.current = ""
         self._parts = {name: QCheckBox() for name in PARTS}
         bind(self._parts["scale_factors"], lambda: self.tr("Scale factors"))
         bind(self._parts["installation"], lambda: self.tr("Installation matrix and lever arms"))
@@ -173,13 +167,8 @@ class Parts(QWidget):
         """The stages chosen, in their order."""
         return tuple(each.stage for each in self._rows if each.check.isChecked())
 
-    @property
-    def current(self) -> str:
-        """The stage selected."""
-        return self._current
-
     def offer(self, stages: tuple[str, ...], chosen: tuple[str, ...]) -> None:
-        """ScheduleOptions these stages, the `chosen` ones checked."""
+        """Offer these stages, the `chosen` ones checked."""
         for each in self._rows:
             each.setParent(None)
             each.deleteLater()
@@ -192,12 +181,12 @@ class Parts(QWidget):
         self._arrange()
         for name, check in self._parts.items():
             check.setVisible(any(stage in stages for stage in PARTS[name]))
-        self.select(self._current if self._current in stages else stages[0])
+        self.select(self.current if self.current in stages else stages[0])
         self._toggled()
 
     def select(self, stage: str) -> None:
         """Select a stage's row."""
-        self._current = stage
+        self.current = stage
         for each in self._rows:
             theme.set_kind(each, "current" if each.stage == stage else "")
         self.selected.emit(stage)
@@ -213,7 +202,7 @@ class Parts(QWidget):
         """Select the row that gets the focus."""
         if event.type() == QEvent.Type.FocusIn:
             for each in self._rows:
-                if each.check is watched and each.stage != self._current:
+                if each.check is watched and each.stage != self.current:
                     self.select(each.stage)
         return super().eventFilter(watched, event)
 
@@ -235,7 +224,7 @@ class Parts(QWidget):
                 check.setTristate(False)
                 check.setChecked(bool(count))
         for each in self._rows:
-            each.show_number(chosen.index(each.stage) + 1 if each.stage in chosen else None)
+            each.number.setText(str(chosen.index(each.stage) + 1) if each.stage in chosen else "")
         self.changed.emit()
 
     def _move(self, moved: "_StageRow", by: int) -> None:
@@ -247,11 +236,10 @@ class Parts(QWidget):
 
     def _arrange(self) -> None:
         """Lay out the rows in their order, which is that of Tab."""
-        for each in self._rows:
-            self._list.removeWidget(each)
         previous: QWidget = self._parts["biases"]
         for index, each in enumerate(self._rows):
-            self._list.addWidget(each)
+            self._list.removeWidget(each)
+            self._list.insertWidget(index, each)
             each.up.setEnabled(index > 0)
             each.down.setEnabled(index < len(self._rows) - 1)
             for widget in (each.check, each.up, each.down):
@@ -267,42 +255,30 @@ class _StageRow(QFrame):
     def __init__(self, stage: str, parent: QWidget) -> None:
         super().__init__(parent)
         self.stage = stage
-        self._number = QLabel()
-        self._number.setFixedWidth(2 * theme.GRID)
-        self._number.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        self.check, self.up, self.down = QCheckBox(), QToolButton(), QToolButton()
+        self.number = QLabel()
+        self.number.setFixedWidth(2 * theme.GRID)
+        self.number.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.check = QCheckBox()
         self.check.setObjectName(f"stage_check_{stage}")
         self.check.setMinimumHeight(_ROW_HEIGHT)
-        bind(self.check, lambda: term("stage", stage))
-        for each, name, arrow, by in (
-            (self.up, "up", Qt.ArrowType.UpArrow, -1),
-            (self.down, "down", Qt.ArrowType.DownArrow, 1),
-        ):
-            each.setObjectName(f"stage_{name}_{stage}")
-            each.setArrowType(arrow)
-            each.setAutoRaise(True)
-            each.setFixedSize(_ROW_HEIGHT, _ROW_HEIGHT)
-            each.clicked.connect(lambda _=False, by=by: self.moved.emit(self, by))
-        row(
-            self._number,
-            (self.check, 1),
-            self.up,
-            self.down,
-            on=self,
-            spacing=theme.GRID // 2,
-            margins=(theme.GRID, 0, 0, 0),
-        )
+        bind(self.check, partial(term, "stage", stage))
+        self.up = self._make_button("up", Qt.ArrowType.UpArrow, -1)
+        self.down = self._make_button("down", Qt.ArrowType.DownArrow, 1)
+        margins = (theme.GRID, 0, 0, 0)
+        row(self.number, (self.check, 1), self.up, self.down, on=self, spacing=theme.GRID // 2, margins=margins)
         on_language_change(self, self._show_texts)
 
-    def show_number(self, number: int | None) -> None:
-        """Show the stage's number among those chosen, None if it is not chosen."""
-        self._number.setText("" if number is None else str(number))
+    def _make_button(self, name: str, arrow: Qt.ArrowType, by: int) -> QToolButton:
+        made = QToolButton()
+        made.setObjectName(f"stage_{name}_{self.stage}")
+        made.setArrowType(arrow)
+        made.setAutoRaise(True)
+        made.setFixedSize(_ROW_HEIGHT, _ROW_HEIGHT)
+        made.clicked.connect(lambda: self.moved.emit(self, by))
+        return made
 
     def _show_texts(self) -> None:
-        name = term("stage", self.stage)
-        for each, text in (
-            (self.up, self.tr("Move {0} one up")),
-            (self.down, self.tr("Move {0} one down")),
-        ):
-            each.setToolTip(text.format(name))
+        texts = (self.tr("Move {0} one up"), self.tr("Move {0} one down"))
+        for each, text in zip((self.up, self.down), texts, strict=True):
+            each.setToolTip(text.format(term("stage", self.stage)))
             each.setAccessibleName(each.toolTip())

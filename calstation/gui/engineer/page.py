@@ -124,7 +124,7 @@ class EngineerPage(Page):
         found = self._options
         self.choice.setEnabled(found is not None and bool(found.offered))
         if found is not None and found.offered:
-            self.choice.show_offer(found)
+            self.choice.show_options(found)
             if not self._fields.serial:
                 self._fields.serial_edit.setText(found.serial)
         self._update()
@@ -144,7 +144,7 @@ class EngineerPage(Page):
         if found is None or self.app.stages is not None:
             return
         if self.choice.parts.stages not in ((), found.stages) or self.choice.schedule:
-            self.choice.show_offer(found)
+            self.choice.show_options(found)
             self._update()
 
     def _role_changed(self, role: str) -> None:

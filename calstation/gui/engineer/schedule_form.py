@@ -15,11 +15,9 @@ from calstation.config import (
     schedule_problems,
 )
 from calstation.gui.text import bind, on_language_change, say, term
-from calstation.gui.widgets import column, enable, label, row, theme
+from calstation.gui.widgets import Words, column, enable, label, row, theme
 from calstation.messages import known
 from calstation.physics import DISPLAY
-
-_WIDTH = 11 * theme.GRID
 
 
 class ScheduleForm(QWidget):
@@ -27,36 +25,38 @@ class ScheduleForm(QWidget):
 
     changed = Signal()
 
-    def __init__(self, stage: str, offer: ScheduleOptions) -> None:
+    def __init__(self, stage: str, options: ScheduleOptions) -> None:
         super().__init__()
         self.stage = stage
-        self._offer = offer
-        groups = dict.fromkeys(name.rpartition("_")[0] for name in offer.estimates[stage])
+        self._options = options
+        groups = dict.fromkeys(name.rpartition("_")[0] for name in options.estimates[stage])
         shown = tuple(group for group in groups if group in DISPLAY)
-        made = {field.name: _make_row(stage, field, shown) for field in schedule_fields(stage)}
-        self._rows = {name: each for name, each in made.items() if each is not None}
+        self._rows = {
+            field.name: _TargetsRow(stage, field, shown) if field.kind == "targets" else _Row(stage, field)
+            for field in schedule_fields(stage)
+            if field.kind != "other"  # only the product's file can set it
+        }
         column(*self._rows.values(), None, on=self)
         for each in self._rows.values():
             each.changed.connect(self._typed)
-        self.fill(offer.schedules[stage])
+        self.fill(options.schedules[stage])
         on_language_change(self, self._check)
 
     @property
     def values(self) -> dict[str, Any]:
         """Values typed, by field; text that is not a number stays text, which the check refuses."""
-        typed = {name: each.value for name, each in self._rows.items()}
-        return {**self._offer.schedules[self.stage], **typed}
+        return {**self._options.schedules[self.stage], **{name: each.value for name, each in self._rows.items()}}
 
     @property
     def departures(self) -> dict[str, Any]:
         """Values that differ from the product's."""
-        product = self._offer.schedules[self.stage]
+        product = self._options.schedules[self.stage]
         return {name: value for name, value in self.values.items() if value != product.get(name)}
 
     @property
     def valid(self) -> bool:
         """Whether the schedule can be run."""
-        return not schedule_problems(self.stage, self.values, self._offer)
+        return not schedule_problems(self.stage, self.values, self._options)
 
     def fill(self, values: Mapping[str, Any]) -> None:
         """Show these values."""
@@ -66,7 +66,7 @@ class ScheduleForm(QWidget):
 
     def reset(self) -> None:
         """Go back to the product's values."""
-        self.fill(self._offer.schedules[self.stage])
+        self.fill(self._options.schedules[self.stage])
         self.changed.emit()
 
     def lock(self, why: str) -> None:
@@ -79,157 +79,119 @@ class ScheduleForm(QWidget):
         self.changed.emit()
 
     def _check(self) -> None:
-        found = schedule_problems(self.stage, self.values, self._offer)
-        product = self._offer.schedules[self.stage]
+        found = schedule_problems(self.stage, self.values, self._options)
+        product = self._options.schedules[self.stage]
         for name, each in self._rows.items():
-            each.show_problem(found.get(name))
-            each.emphasise(each.value != product.get(name))
+            each.show_state(found.get(name), departs=each.value != product.get(name))
 
 
 class _Row(QWidget):
-    """A caption, an input and a line for what is wrong with it; subclasses have the input."""
+    """The input of a field, its name before it, and what is wrong with the value below."""
 
     changed = Signal()
 
     def __init__(self, stage: str, field: ScheduleField) -> None:
         super().__init__()
-        self.field = field
-        self.caption = label(lambda: _field_name(field.name))
-        self.note = label(kind="error", wrap=True)
-        self.note.hide()
+        self._field = field
+        self._name: QLabel | QCheckBox = label(partial(_field_name, field.name))
+        self._problem = label(kind="error", wrap=True)
+        self._problem.hide()
+        self._inputs: list[QWidget] = []
         bind(self.setToolTip, lambda: _description(stage, field))
+        self._make_inputs(f"schedule_{stage}_{field.name}")
+
+    def _make_inputs(self, name: str) -> None:
+        field = self._field
+        if field.kind == "flag":
+            check = self._name = QCheckBox()
+            check.toggled.connect(self.changed)
+            bind(check, partial(_field_name, field.name))
+            column(check, on=self)
+            self._inputs = [check]
+        elif field.kind == "choice":
+            combo = QComboBox()
+            for choice in field.choices:
+                combo.addItem(choice.replace("_", " "), choice)
+            combo.currentIndexChanged.connect(lambda _: self.changed.emit())
+            row((self._name, 1), combo, on=self)
+            self._inputs = [combo]
+        else:
+            edit = self._make_edit(name, self._name.text)
+            inputs = row((self._name, 1), edit, _unit_label(field.unit))
+            column(inputs, self._problem, on=self, spacing=theme.GRID // 2)
+        self._inputs[0].setObjectName(name)
+
+    def _make_edit(self, name: str, words: Words) -> QLineEdit:
+        edit = QLineEdit()
+        edit.setObjectName(name)
+        edit.setAlignment(Qt.AlignmentFlag.AlignRight)
+        edit.setFixedWidth(11 * theme.GRID)
+        edit.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        edit.textEdited.connect(self.changed)
+        bind(edit.setAccessibleName, words)
+        self._inputs.append(edit)
+        return edit
 
     @property
     def value(self) -> Any:
-        """The value typed."""
-        raise NotImplementedError
-
-    def fill(self, value: Any) -> None:
-        """Show a value."""
-        raise NotImplementedError
-
-    def lock(self, why: str) -> None:
-        """Disable the input with a reason; "" enables it."""
-        raise NotImplementedError
-
-    def show_problem(self, problem: ScheduleProblem | None) -> None:
-        """Show what is wrong with the value, if anything."""
-        self.note.setText(_problem_text(self.field, problem) if problem else "")
-        self.note.setVisible(problem is not None)
-
-    def emphasise(self, departs: bool) -> None:
-        """Show in bold that the value is not the product's."""
-        self.caption.setFont(theme.font(bold=departs))
-
-
-class _Flag(_Row):
-    """True or false."""
-
-    def __init__(self, stage: str, field: ScheduleField) -> None:
-        super().__init__(stage, field)
-        self._check = QCheckBox()
-        self._check.setObjectName(f"schedule_{stage}_{field.name}")
-        self._check.toggled.connect(self.changed)
-        bind(self._check, lambda: _field_name(field.name))
-        column(self._check, on=self)
-
-    @property
-    def value(self) -> bool:
-        """Whether it is ticked."""
-        return self._check.isChecked()
-
-    def fill(self, value: Any) -> None:
-        """Show a value."""
-        self._check.setChecked(bool(value))
-
-    def lock(self, why: str) -> None:
-        """Disable the input with a reason; "" enables it."""
-        enable(self._check, why, self.toolTip())
-
-    def emphasise(self, departs: bool) -> None:
-        """Show in bold that the value is not the product's."""
-        self._check.setFont(theme.font(bold=departs))
-
-
-class _Choice(_Row):
-    """One of several words."""
-
-    def __init__(self, stage: str, field: ScheduleField) -> None:
-        super().__init__(stage, field)
-        self._combo = QComboBox()
-        self._combo.setObjectName(f"schedule_{stage}_{field.name}")
-        self._combo.addItems([choice.replace("_", " ") for choice in field.choices])
-        self._combo.currentIndexChanged.connect(lambda _: self.changed.emit())
-        self.caption.setBuddy(self._combo)
-        row((self.caption, 1), self._combo, on=self)
-
-    @property
-    def value(self) -> str:
-        """The word chosen."""
-        return self.field.choices[self._combo.currentIndex()]
-
-    def fill(self, value: Any) -> None:
-        """Show a value."""
-        if value in self.field.choices:
-            self._combo.setCurrentIndex(self.field.choices.index(value))
-
-    def lock(self, why: str) -> None:
-        """Disable the input with a reason; "" enables it."""
-        enable(self._combo, why, self.toolTip())
-
-
-class _Number(_Row):
-    """One number."""
-
-    def __init__(self, stage: str, field: ScheduleField) -> None:
-        super().__init__(stage, field)
-        self._edit = _number_edit(f"schedule_{stage}_{field.name}")
-        self._edit.textEdited.connect(self.changed)
-        self.caption.setBuddy(self._edit)
-        bind(self._edit.setAccessibleName, self.caption.text)
-        inputs = row((self.caption, 1), self._edit, _unit_label(field.unit))
-        column(inputs, self.note, on=self, spacing=theme.GRID // 2)
-
-    @property
-    def value(self) -> float | int | str | None:
-        """The number typed, None for nothing."""
-        return _number(self._edit.text(), whole=self.field.kind == "count")
+        """The value typed or chosen, None for nothing."""
+        (each,) = self._inputs
+        if isinstance(each, QCheckBox):
+            return each.isChecked()
+        if isinstance(each, QComboBox):
+            return each.currentData()
+        assert isinstance(each, QLineEdit)
+        return _number(each.text(), whole=self._field.kind == "count")
 
     def fill(self, value: Any) -> None:
         """Show a value, nothing for None."""
-        shown = f"{value:.12g}" if isinstance(value, float) else str(value)
-        self._edit.setText("" if value is None else shown)
+        (each,) = self._inputs
+        if isinstance(each, QCheckBox):
+            each.setChecked(bool(value))
+        elif isinstance(each, QComboBox):
+            each.setCurrentIndex(each.findData(value))
+        elif isinstance(each, QLineEdit):
+            shown = f"{value:.12g}" if isinstance(value, float) else str(value)
+            each.setText("" if value is None else shown)
 
     def lock(self, why: str) -> None:
-        """Disable the input with a reason; "" enables it."""
-        enable(self._edit, why, self.toolTip())
+        """Disable the inputs with a reason; "" enables them."""
+        for each in self._inputs:
+            enable(each, why, self.toolTip())
+
+    def show_state(self, problem: ScheduleProblem | None, *, departs: bool) -> None:
+        """Show what is wrong with the value, if anything, and in bold that it is not the product's."""
+        self._problem.setText(_problem_text(self._field, problem) if problem else "")
+        self._problem.setVisible(problem is not None)
+        self._name.setFont(theme.font(bold=departs))
 
 
-class _Targets(_Row):
+class _TargetsRow(_Row):
     """One sigma for each group that the stage estimates, in the unit shown."""
 
     def __init__(self, stage: str, field: ScheduleField, groups: tuple[str, ...]) -> None:
-        super().__init__(stage, field)
+        self._groups = groups
         #: Targets of single parameters, which the form does not show.
         self._others: dict[str, Any] = {}
         #: Text and exact value, SI, of each target as filled in.
         self._filled: dict[str, tuple[str, float]] = {}
-        self._edits = {group: _number_edit(f"schedule_{stage}_targets_{group}") for group in groups}
+        super().__init__(stage, field)
+
+    def _make_inputs(self, name: str) -> None:
+        self._edits: dict[str, QLineEdit] = {}
         grid = QGridLayout()
         grid.setHorizontalSpacing(theme.GRID)
         grid.setVerticalSpacing(theme.GRID // 2)
         grid.setColumnStretch(0, 1)
-        for line, (group, edit) in enumerate(self._edits.items()):
-            edit.textEdited.connect(self.changed)
+        for line, group in enumerate(self._groups):
             caption = label(partial(term, "group", group))
-            caption.setBuddy(edit)
-            bind(edit.setAccessibleName, partial(self._accessible_name, group))
-            for number, widget in enumerate((caption, edit, _unit_label(DISPLAY[group][0]))):
+            self._edits[group] = self._make_edit(f"{name}_{group}", partial(self._target_name, group))
+            for number, widget in enumerate((caption, self._edits[group], _unit_label(DISPLAY[group][0]))):
                 grid.addWidget(widget, line, number)
-        column(self.caption, grid, self.note, on=self, spacing=theme.GRID // 2)
+        column(self._name, grid, self._problem, on=self, spacing=theme.GRID // 2)
 
-    def _accessible_name(self, group: str) -> str:
-        return f"{self.caption.text()}: {term('group', group)}"
+    def _target_name(self, group: str) -> str:
+        return f"{self._name.text()}: {term('group', group)}"
 
     @property
     def value(self) -> dict[str, Any]:
@@ -248,38 +210,13 @@ class _Targets(_Row):
         """Show targets."""
         targets: Mapping[str, Any] = value or {}
         self._others = {name: sigma for name, sigma in targets.items() if name not in self._edits}
-        self._filled.clear()
+        self._filled = {
+            group: (f"{targets[group] / DISPLAY[group][1]:.6g}", float(targets[group]))
+            for group in self._edits
+            if group in targets
+        }
         for group, edit in self._edits.items():
-            text = ""
-            if group in targets:
-                text = f"{targets[group] / DISPLAY[group][1]:.6g}"
-                self._filled[group] = (text, float(targets[group]))
-            edit.setText(text)
-
-    def lock(self, why: str) -> None:
-        """Disable the inputs with a reason; "" enables them."""
-        for edit in self._edits.values():
-            enable(edit, why, self.toolTip())
-
-
-def _make_row(stage: str, field: ScheduleField, groups: tuple[str, ...]) -> _Row | None:
-    """The row of a field; None for a field that only the product's file can set."""
-    if field.kind == "targets":
-        return _Targets(stage, field, groups)
-    if field.kind == "flag":
-        return _Flag(stage, field)
-    if field.kind == "choice":
-        return _Choice(stage, field)
-    return None if field.kind == "other" else _Number(stage, field)
-
-
-def _number_edit(name: str) -> QLineEdit:
-    edit = QLineEdit()
-    edit.setObjectName(name)
-    edit.setAlignment(Qt.AlignmentFlag.AlignRight)
-    edit.setFixedWidth(_WIDTH)
-    edit.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
-    return edit
+            edit.setText(self._filled.get(group, ("", 0.0))[0])
 
 
 def _unit_label(unit: str) -> QLabel:
@@ -291,12 +228,10 @@ def _unit_label(unit: str) -> QLabel:
 def _number(text: str, whole: bool = False) -> float | int | str | None:
     """The number typed, None for nothing, or the text itself, which the check refuses."""
     text = text.strip().replace(",", ".")
-    if not text:
-        return None
     try:
         number = float(text)
     except ValueError:
-        return text
+        return text or None
     return int(number) if whole and number.is_integer() else number
 
 
@@ -317,9 +252,9 @@ def _description(stage: str, field: ScheduleField) -> str:
 
 def _range(field: ScheduleField) -> str:
     """The values that a field accepts."""
-    unit = f" {field.unit}" if field.unit else ""
     if field.low is None:
         return ""
+    unit = _unit(field)
     if field.high is None:
         return say("schedule.above" if field.above else "schedule.least", low=field.low, unit=unit)
     code = "schedule.range_above" if field.above else "schedule.range"
@@ -334,7 +269,11 @@ def _problem_text(field: ScheduleField, problem: ScheduleProblem) -> str:
     return say(
         f"schedule.wrong_{kind}",
         bound=problem.bound,
-        unit=f" {field.unit}" if field.unit else "",
+        unit=_unit(field),
         range=_range(field) or ("1" if kind == "whole" else "0.1"),
         subject=problem.subject,
     )
+
+
+def _unit(field: ScheduleField) -> str:
+    return f" {field.unit}" if field.unit else ""

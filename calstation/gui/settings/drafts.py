@@ -14,18 +14,9 @@ from calstation.schema import KeyPath, Problem
 
 
 class Draft(QObject):
-    """One file of a kind; every change checks it again and emits `changed`.
+    """One file of a kind (``stations``, ``tables``, ``imus``, ``products``), checked again after every change.
 
     A file that is not valid TOML has no data: its fields stay empty until its text is corrected.
-
-    Attributes
-    ----------
-    kind : ``stations``, ``tables``, ``imus`` or ``products``
-    path : the file, None before the first is opened
-    saved : its text as stored
-    text : its text as typed
-    data : `text` parsed
-    problems : what is wrong with it
     """
 
     changed = Signal()
@@ -34,10 +25,11 @@ class Draft(QObject):
         super().__init__(parent)
         self.kind = kind
         self.path: Path | None = None
+        #: The text as stored and as typed.
         self.saved = self.text = ""
-        self.data: Mapping[str, Any] = {}
-        self._stored: Mapping[str, Any] = {}
         self.problems: list[Problem] = []
+        self._data: Mapping[str, Any] = {}
+        self._saved_data: Mapping[str, Any] = {}
 
     @property
     def name(self) -> str:
@@ -54,7 +46,7 @@ class Draft(QObject):
         """The checked model of `text`; None while something is wrong with it."""
         if self.problems or self.path is None:
             return None
-        return editing.MODELS[self.kind].model_validate(self.data)
+        return editing.MODELS[self.kind].model_validate(self._data)
 
     def open(self, path: Path) -> None:
         """Read a file, which may be the present one; unsaved changes are lost."""
@@ -78,11 +70,11 @@ class Draft(QObject):
 
     def value(self, place: KeyPath) -> Any:
         """The value at a place, None if there is none."""
-        return _at(self.data, place)
+        return _value_at(self._data, place)
 
     def differs(self, place: KeyPath) -> bool:
         """Whether the value at a place differs from the stored one."""
-        return self.dirty and _at(self._stored, place) != self.value(place)
+        return self.dirty and _value_at(self._saved_data, place) != self.value(place)
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
         """Change values; None removes one. Text that is not valid TOML stays as it is."""
@@ -95,8 +87,7 @@ class Draft(QObject):
 
     def _show(self, text: str, problems: list[Problem]) -> None:
         self.text, self.problems = text, problems
-        self.data = _parsed(text)
-        self._stored = self.data if text == self.saved else _parsed(self.saved)
+        self._data, self._saved_data = _parsed(text), _parsed(self.saved)
         self.changed.emit()
 
 
@@ -112,24 +103,22 @@ class Drafts(QObject):
     def __init__(self, window_settings: QSettings, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._settings = window_settings
-        self.station = self._new("stations")
-        self.table = self._new("tables")
-        self._others: list[Draft] = []
+        self._all: list[Draft] = []
+        self.station, self.table = self._new("stations"), self._new("tables")
 
     def of(self, kind: str, path: Path) -> Draft:
         """The draft of a file, opened if there is none yet."""
-        for draft in (self.station, self.table, *self._others):
+        for draft in self._all:
             if draft.kind == kind and draft.path == path:
                 return draft
         draft = self._new(kind)
-        self._others.append(draft)
         draft.open(path)
         return draft
 
     @property
     def dirty(self) -> list[Draft]:
         """Drafts with unsaved changes."""
-        return [draft for draft in (self.station, self.table, *self._others) if draft.dirty]
+        return [draft for draft in self._all if draft.dirty]
 
     @property
     def wrong(self) -> list[Draft]:
@@ -144,8 +133,7 @@ class Drafts(QObject):
     @property
     def author(self) -> str:
         """The author of new versions: the name given on this page, else the user of this computer."""
-        given = str(self._settings.value("author", "")).strip()
-        return given or default_author()
+        return str(self._settings.value("author", "")).strip() or default_author()
 
     def save(self) -> None:
         """Store all changes as files of the site, each as a new version.
@@ -153,7 +141,7 @@ class Drafts(QObject):
         Raises ConfigurationError for the first draft that cannot be stored; those before it are.
         """
         for draft in self.dirty:
-            name = self._stored_name(draft)
+            name = _name_to_store(draft)
             versions.save(draft.kind, name, draft.text, self.author)
             draft.open(library.find(draft.kind, name))
             self.saved.emit(draft.kind)
@@ -170,23 +158,25 @@ class Drafts(QObject):
         self.saved.emit(kind)
         return library.find(kind, name)
 
-    def _stored_name(self, draft: Draft) -> str:
-        """The name in the site's folder; a file from elsewhere gets a number if its name is taken."""
-        name = draft.name
-        if name not in library.names(draft.kind) or library.find(draft.kind, name) == draft.path:
-            return name
-        numbered = (f"{name}-{number}" for number in range(2, 1000))
-        return next(free for free in numbered if free not in library.names(draft.kind))
-
     def _new(self, kind: str) -> Draft:
         draft = Draft(kind, self)
         draft.changed.connect(self.changed)
+        self._all.append(draft)
         return draft
 
 
 def default_author() -> str:
     """The user of this computer, "engineer" if unknown."""
     return computer_user() or "engineer"
+
+
+def _name_to_store(draft: Draft) -> str:
+    """The name in the site's folder; a file from elsewhere gets a number if its name is taken."""
+    name, number = draft.name, 1
+    while name in library.names(draft.kind) and library.find(draft.kind, name) != draft.path:
+        number += 1
+        name = f"{draft.name}-{number}"
+    return name
 
 
 def _parsed(text: str) -> Mapping[str, Any]:
@@ -196,7 +186,7 @@ def _parsed(text: str) -> Mapping[str, Any]:
         return {}
 
 
-def _at(data: Mapping[str, Any], place: KeyPath) -> Any:
+def _value_at(data: Mapping[str, Any], place: KeyPath) -> Any:
     found: Any = data
     for key in place:
         try:

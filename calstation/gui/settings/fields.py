@@ -1,23 +1,27 @@
-"""Labelled inputs bound to values of a draft: checked as typed, with the problem and its remedy beneath."""
+"""Forms made from the schema of a configuration file: labelled inputs, each with its problem and remedy beneath."""
 
-from collections.abc import Sequence
-from itertools import pairwise
-from typing import Any
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Literal, get_args, get_origin
 
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 from PySide6.QtWidgets import QFrame, QGridLayout, QSizePolicy, QWidget
 
+from calstation.config import editing
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.inputs import Editor
-from calstation.gui.text import bind, on_language_change, say, show
+from calstation.gui.settings.inputs import ChoiceBox, Editor, NumberEdit, VectorEdit, WordEdit
+from calstation.gui.text import bind, on_language_change, say, show, term
 from calstation.gui.widgets import Item, Words, column, enable, label, row, theme
 from calstation.messages import known
 from calstation.schema import KeyPath, Problem, field_name
 
-#: Widths of a field's label and of its input, px.
-LABEL, EDITOR = 22 * theme.GRID, 30 * theme.GRID
+#: Widths of a field's label, of its input, and of the unit beside it, px.
+LABEL, EDITOR, _UNIT = 22 * theme.GRID, 30 * theme.GRID, 9 * theme.GRID
 
-#: Width kept for a unit beside an input, px.
-_UNIT = 9 * theme.GRID
+#: Units by names of fields, and by the ends of names.
+_UNITS = {"velocity_sigma": "m/s", "speed": "×"}
+_UNITS_BY_END = {"deg": "°", "dps": "°/s", "dps2": "°/s²", "m": "m", "mps2": "m/s²", "s": "s"}
 
 
 class Field(QWidget):
@@ -25,94 +29,84 @@ class Field(QWidget):
 
     Parameters
     ----------
-    draft, place : the value shown
-    editor : its input
-    words : text of the label
-    unit : beside the input
-    hint : what the value means, shown while nothing is wrong
-    default : shown if the file has no value
-
-    Attributes
-    ----------
-    places : places whose problems are shown here
+    draft, place : the value shown; its key names label and hint in the catalogue family ``setting``
+    editor : its input; by default one for the type that the schema has for the value
+    name : names the label in place of the key
+    width : of the input, px
+    hint : what the value means, in place of the catalogue's words
+    default : shown if the file has no value, in place of the schema's default
     """
 
     def __init__(
         self,
         draft: Draft,
         place: KeyPath,
-        editor: Editor,
-        words: Words,
+        editor: Editor | None = None,
         *,
-        unit: str = "",
-        hint: Words = str,
+        name: str = "",
+        width: int = EDITOR,
+        hint: Words | None = None,
         default: Any = None,
     ) -> None:
         super().__init__()
-        self.draft, self.place, self.editor = draft, place, editor
+        key, info = str(place[-1]), _schema(draft.kind, place)
+        self.editor = editor or _make_editor(info, key)
+        #: Places whose problems are shown here.
         self.places: tuple[KeyPath, ...] = (place,)
-        self._hint, self._default = hint, default
-        self._advice: Words = str
-        name = "_".join(map(str, place))
-        editor.setObjectName(f"{name}_edit")
+        #: Warns of an allowed but unlikely value; gives "" if there is nothing to warn of.
+        self.advice: Words = str
+        self._draft, self._place = draft, place
+        self._hint = hint or partial(_hint, key)
+        self._default = info.get_default() if default is None and info and not info.is_required() else default
+        joined = "_".join(map(str, place))
+        self.editor.setObjectName(f"{joined}_edit")
+        words = partial(term, "setting", name or key)
         self.label = label(words, wrap=True)
-        self.label.setBuddy(editor)
+        self.label.setBuddy(self.editor)
         self.label.setFixedWidth(LABEL)
-        bind(editor.setAccessibleName, words)
-        self.message = label(name=f"{name}_message", wrap=True)
-        self.message.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
-        self._unit = label(lambda: unit, "muted")
+        bind(self.editor.setAccessibleName, words)
+        self._message = label(name=f"{joined}_message", wrap=True)
+        self._message.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
+        unit = _UNITS.get(key) or _UNITS_BY_END.get(key.rpartition("_")[2], "")
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setHorizontalSpacing(2 * theme.GRID)
         grid.setVerticalSpacing(2)
-        grid.addWidget(self.label, 0, 0)
-        grid.addWidget(editor, 0, 1)
-        grid.addWidget(self._unit, 0, 2)
-        grid.addWidget(self.message, 1, 1, 1, 2)
+        for number, widget in enumerate((self.label, self.editor, label(lambda: unit, "muted"))):
+            grid.addWidget(widget, 0, number)
+        grid.addWidget(self._message, 1, 1, 1, 2)
         grid.setColumnStretch(2, 1)
-        self.set_width(EDITOR)
-        editor.typed.connect(lambda: draft.set({place: editor.value()}))
+        self.editor.setFixedWidth(width)
+        self.setMinimumWidth(LABEL + width + _UNIT + 3 * theme.GRID)
+        self.editor.typed.connect(lambda: draft.set({place: self.editor.value()}))
         draft.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
-    def set_width(self, width: int) -> "Field":
-        """Give the input a width in px."""
-        self.editor.setFixedWidth(width)
-        self.setMinimumWidth(LABEL + width + _UNIT + 3 * theme.GRID)
-        return self
-
-    def hide_label(self, width: int) -> "Field":
-        """Show only the input, of a width in px, as a cell of a table."""
-        self.editor.setFixedWidth(width)
+    def as_cell(self, words: Words) -> "Field":
+        """Hide the label, whose words are beside or above a table of fields; `words` name it for a screen reader."""
         self.label.hide()
-        self.setFixedWidth(width + _UNIT)
+        self.setFixedWidth(self.editor.maximumWidth() + _UNIT)
+        bind(self.editor.setAccessibleName, words)
         return self
 
     def lock(self, reason: str) -> None:
         """Disable the input with the reason as its tooltip; "" enables it."""
         enable(self.editor, reason)
 
-    def advise(self, advice: Words) -> None:
-        """Show a warning about an allowed but unlikely value; `advice` gives "" if there is none."""
-        self._advice = advice
-        self.refresh()
-
     def refresh(self) -> None:
         """Show value and message of the draft."""
-        value = self.draft.value(self.place)
+        value = self._draft.value(self._place)
         self.editor.show_value(self._default if value is None else value)
-        problem = next((p for p in self.draft.problems if self._is_mine(p.place)), None)
-        advice = self._advice()
-        kind, text = "muted", self._hint()
+        problem = next((p for p in self._draft.problems if self._is_mine(p.place)), None)
+        advice = self.advice()
         if problem is not None:
             kind, text = "error", problem_text(problem)
-        elif advice:
-            kind, text = "caution", advice
-        self.message.setText(text)
-        self.message.setVisible(bool(text))
-        if self.message.property("kind") != kind:
-            theme.set_kind(self.message, kind)
+        else:
+            kind, text = ("caution", advice) if advice else ("muted", self._hint())
+        self._message.setText(text)
+        self._message.setVisible(bool(text))
+        if self._message.property("kind") != kind:
+            theme.set_kind(self._message, kind)
         wrong = problem is not None
         if self.editor.property("wrong") != wrong:
             self.editor.setProperty("wrong", wrong)
@@ -121,50 +115,50 @@ class Field(QWidget):
 
     def _is_mine(self, place: KeyPath) -> bool:
         """Whether a problem of this place is shown here; a list shows those of its elements."""
-        return place in self.places or (place[:-1] == self.place and isinstance(place[-1], int))
-
-
-class Form(QWidget):
-    """Fields and rows one below the other."""
-
-    def __init__(self, *widgets: QWidget) -> None:
-        super().__init__()
-        self.fields = [widget for widget in widgets if isinstance(widget, Field)]
-        column(*widgets, None, on=self)
-
-    def lock(self, reason: str) -> None:
-        """Disable all fields with the reason as their tooltip; "" enables them."""
-        for field in self.fields:
-            field.lock(reason)
+        return place in self.places or (place[:-1] == self._place and isinstance(place[-1], int))
 
 
 class Row(QWidget):
-    """A label and an input that belongs to no single value."""
+    """A label, named as in the catalogue family ``setting`` or "", and an input that belongs to no single value."""
 
-    def __init__(self, widget: QWidget, words: Words = str) -> None:
+    def __init__(self, widget: QWidget, name: str = "") -> None:
         super().__init__()
-        caption = label(words, wrap=True)
+        self._widget = widget
+        caption = label(partial(term, "setting", name) if name else str, wrap=True)
         caption.setBuddy(widget)
         caption.setFixedWidth(LABEL)
         widget.setFixedWidth(EDITOR)
         row(caption, widget, None, on=self, spacing=2 * theme.GRID)
 
+    def lock(self, reason: str) -> None:
+        """Disable the input with the reason as its tooltip; "" enables it."""
+        enable(self._widget, reason)
+
+
+class Form(QWidget):
+    """Fields, rows and other widgets one below the other."""
+
+    def __init__(self, *widgets: QWidget) -> None:
+        super().__init__()
+        self._widgets = widgets
+        column(*widgets, None, on=self)
+
+    def lock(self, reason: str) -> None:
+        """Disable all fields and rows with the reason as their tooltip; "" enables them."""
+        for widget in self._widgets:
+            if isinstance(widget, Field | Row):
+                widget.lock(reason)
+
 
 def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
-    """Make a framed panel of these items, at the top of its place."""
+    """Make a framed panel of these items, as high as they need."""
     frame = QFrame()
     frame.setProperty("kind", "panel")
     wide = 2 * theme.GRID
     column(*items, None, on=frame, spacing=spacing, margins=(wide, wide, wide, wide))
-    place = QWidget()
-    column(frame, None, on=place)
-    return place
-
-
-def set_tab_order(widgets: Sequence[QWidget]) -> None:
-    """Let Tab follow the order in which the widgets are read."""
-    for before, after in pairwise(widgets):
-        QWidget.setTabOrder(before, after)
+    made = QWidget()
+    column(frame, None, on=made)
+    return made
 
 
 def problem_text(problem: Problem) -> str:
@@ -178,3 +172,36 @@ def problem_text_with_name(problem: Problem) -> str:
     if known(f"field.{problem.kind}") and problem.place:
         return f"{field_name(problem.place)}: {problem_text(problem)}"
     return show(problem.as_text)
+
+
+def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
+    """The values of a choice with their names in the catalogue family ``setting``; numbers as they are."""
+    return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else term("setting", f"{name}_{v}")) for v in values]
+
+
+def _schema(kind: str, place: KeyPath) -> FieldInfo | None:
+    """The schema's field at a place, None for a place below a table without a schema."""
+    model: type[BaseModel] | None = editing.MODELS[kind]
+    info = None
+    for key in place:
+        if model is None:
+            return None
+        info = model.model_fields[str(key)]
+        types = (info.annotation, *get_args(info.annotation))
+        model = next((t for t in types if isinstance(t, type) and issubclass(t, BaseModel)), None)
+    return info
+
+
+def _make_editor(info: FieldInfo | None, name: str) -> Editor:
+    """An input for the type of a field; numbers without a schema."""
+    kind = info.annotation if info is not None else float
+    if get_origin(kind) is Literal:
+        return ChoiceBox(choices_of(name, *get_args(kind)))
+    if get_origin(kind) is list:
+        return VectorEdit()
+    return WordEdit() if kind is str else NumberEdit()
+
+
+def _hint(key: str) -> str:
+    code = f"setting.about_{key}"
+    return say(code) if known(code) else ""

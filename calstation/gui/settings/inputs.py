@@ -12,26 +12,6 @@ from calstation.gui.text import bind, on_language_change
 from calstation.gui.widgets import row, theme
 
 
-class NumberEdit(QLineEdit):
-    """A number, right aligned; empty means none."""
-
-    typed = Signal()
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self.textEdited.connect(self.typed)
-
-    def value(self) -> Any:
-        """The number typed."""
-        return _number(self.text())
-
-    def show_value(self, value: Any) -> None:
-        """Show a value; a focused text of the same value stays as typed, such as 1.50."""
-        if not self.hasFocus() or _number(self.text()) != value:
-            self.setText(_shown(value))
-
-
 class WordEdit(QLineEdit):
     """A text; empty means none."""
 
@@ -46,9 +26,21 @@ class WordEdit(QLineEdit):
         return self.text() or None
 
     def show_value(self, value: Any) -> None:
-        """Show a value."""
-        if self.text() != _shown(value):
+        """Show a value; a focused text of the same value stays as typed, such as 1.50."""
+        if not self.hasFocus() or self.value() != value:
             self.setText(_shown(value))
+
+
+class NumberEdit(WordEdit):
+    """A number, right aligned; empty means none."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.setAlignment(Qt.AlignmentFlag.AlignRight)
+
+    def value(self) -> Any:
+        """The number typed."""
+        return _number(self.text())
 
 
 class VectorEdit(QWidget):
@@ -84,21 +76,21 @@ class AddressEdit(QWidget):
     def __init__(self, scheme: str, default_port: int) -> None:
         super().__init__()
         self._scheme, self._default_port = scheme, default_port
-        self.host, self.number = QLineEdit(), QLineEdit()
-        self.number.setFixedWidth(9 * theme.GRID)
-        self.number.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self.number.setPlaceholderText(str(default_port))
-        row((self.host, 1), QLabel(":"), self.number, on=self, spacing=theme.GRID // 2)
-        self.setFocusProxy(self.host)
-        for edit in (self.host, self.number):
+        self._host, self._number = QLineEdit(), QLineEdit()
+        self._number.setFixedWidth(9 * theme.GRID)
+        self._number.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self._number.setPlaceholderText(str(default_port))
+        row((self._host, 1), QLabel(":"), self._number, on=self, spacing=theme.GRID // 2)
+        self.setFocusProxy(self._host)
+        for edit in (self._host, self._number):
             edit.textEdited.connect(self.typed)
-        bind(self.host.setPlaceholderText, lambda: self.tr("name or IP address"))
-        bind(self.host.setAccessibleName, lambda: self.tr("host"))
-        bind(self.number.setAccessibleName, lambda: self.tr("port number"))
+        bind(self._host.setPlaceholderText, lambda: self.tr("name or IP address"))
+        bind(self._host.setAccessibleName, lambda: self.tr("host"))
+        bind(self._number.setAccessibleName, lambda: self.tr("port number"))
 
     def value(self) -> Any:
         """The address typed, with the default port number if none is."""
-        host, number = self.host.text().strip(), self.number.text().strip()
+        host, number = self._host.text().strip(), self._number.text().strip()
         return f"{self._scheme}://{host}:{number or self._default_port}" if host or number else None
 
     def show_value(self, value: Any) -> None:
@@ -106,19 +98,21 @@ class AddressEdit(QWidget):
         if value == self.value():
             return
         host, _, number = str(value or "").partition("://")[2].rpartition(":")
-        self.host.setText(host)
-        self.number.setText(number)
+        self._host.setText(host)
+        self._number.setText(number)
 
 
-class StillBox(QComboBox):
+class _Box(QComboBox):
     """A combo box that ignores the mouse wheel, so that scrolling the page changes no setting."""
+
+    typed = Signal()
 
     def wheelEvent(self, event: QWheelEvent) -> None:
         """Leave the wheel to the page."""
         event.ignore()
 
 
-class ChoiceBox(StillBox):
+class ChoiceBox(_Box):
     """One of several values, each with a text.
 
     Parameters
@@ -126,8 +120,6 @@ class ChoiceBox(StillBox):
     choices : gives the values and their texts in the current language
     name : object name
     """
-
-    typed = Signal()
 
     def __init__(self, choices: Callable[[], Sequence[tuple[Any, str]]], name: str = "") -> None:
         super().__init__()
@@ -164,55 +156,52 @@ class ChoiceBox(StillBox):
         self.setCurrentIndex(index)
 
 
-class NumberBox(StillBox):
-    """A number, typed or chosen among common ones."""
+class _EditableBox(_Box):
+    """A value typed or chosen."""
 
-    typed = Signal()
-
-    def __init__(self, common: Sequence[int]) -> None:
+    def __init__(self) -> None:
         super().__init__()
         self.setEditable(True)
         self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
-        for number in common:
-            self.addItem(str(number), number)
-        _line_edit(self).textEdited.connect(self.typed)
+        line = self.lineEdit()
+        assert line is not None
+        self.line: QLineEdit = line
+        self.line.textEdited.connect(self.typed)
+
+    def value(self) -> Any:
+        """The text typed or chosen."""
+        return self.currentText().strip() or None
+
+    def show_value(self, value: Any) -> None:
+        """Show a value, unless the text has it."""
+        if self.value() != value:
+            self.setEditText(_shown(value))
+
+
+class NumberBox(_EditableBox):
+    """A number, typed or chosen among common ones."""
+
+    def __init__(self, common: Sequence[int]) -> None:
+        super().__init__()
+        self.addItems([str(number) for number in common])
         self.activated.connect(self.typed)
 
     def value(self) -> Any:
         """The number typed or chosen."""
         return _number(self.currentText())
 
-    def show_value(self, value: Any) -> None:
-        """Show a number, unless the text has this value."""
-        if self.value() != value:
-            self.setEditText(_shown(value))
 
-
-class PortBox(StillBox):
+class PortBox(_EditableBox):
     """A serial port, typed or chosen; a USB adapter is chosen by its serial number, whatever socket it is in."""
-
-    typed = Signal()
 
     def __init__(self) -> None:
         super().__init__()
-        self.setEditable(True)
-        self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
         self.setCompleter(None)  # type: ignore[arg-type]  # completion would choose a port that was not meant
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self._ports: Sequence[FoundPort] = ()
-        _line_edit(self).textEdited.connect(self.typed)
         self.activated.connect(self._chosen)
         self.view().setMinimumWidth(56 * theme.GRID)
-        bind(_line_edit(self).setPlaceholderText, lambda: self.tr("choose or type a port"))
-
-    def value(self) -> Any:
-        """The port typed or chosen."""
-        return self.currentText().strip() or None
-
-    def show_value(self, value: Any) -> None:
-        """Show a port."""
-        if value != self.value():
-            self.setEditText(str(value or ""))
+        bind(self.line.setPlaceholderText, lambda: self.tr("choose or type a port"))
 
     def offer(self, ports: Sequence[FoundPort]) -> None:
         """Offer the ports found."""
@@ -230,8 +219,7 @@ class PortBox(StillBox):
     def description(self) -> str:
         """The adapter at the port shown, "" if it was not found."""
         value = self.value()
-        found = next((port for port in self._ports if value in (port.device, port.usb)), None)
-        return _describe(found) if found is not None else ""
+        return next((_describe(port) for port in self._ports if value in (port.device, port.usb)), "")
 
     def _chosen(self, index: int) -> None:
         self.setEditText(str(self.itemData(index)))
@@ -239,33 +227,24 @@ class PortBox(StillBox):
 
 
 #: Every input that a field may have.
-Editor = NumberEdit | WordEdit | VectorEdit | AddressEdit | ChoiceBox | NumberBox | PortBox
+Editor = WordEdit | VectorEdit | AddressEdit | ChoiceBox | NumberBox | PortBox
 
 
 def _number(text: str) -> int | float | str | None:
     """The number typed, None for nothing, or the text itself, which the check refuses."""
     text = text.strip()
-    if not text:
-        return None
     for kind in (int, float):
         try:
             return kind(text)
         except ValueError:
             continue
-    return text
+    return text or None
 
 
 def _shown(value: Any) -> str:
     if value is None:
         return ""
     return format(value, ".12g") if isinstance(value, float) else str(value)
-
-
-def _line_edit(box: QComboBox) -> QLineEdit:
-    """The line edit of an editable box."""
-    line = box.lineEdit()
-    assert line is not None
-    return line
 
 
 def _describe(port: FoundPort) -> str:

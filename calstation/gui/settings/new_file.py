@@ -7,7 +7,7 @@ from calstation.config import editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.inputs import ChoiceBox
-from calstation.gui.text import error_text, on_language_change
+from calstation.gui.text import error_text, on_language_change, term
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
@@ -21,7 +21,7 @@ class NewFileBar(QFrame):
         self._drafts = drafts
         self._kind = "stations"
         self.setProperty("kind", "panel")
-        self._title, self._message = label(), label(wrap=True)
+        self._title, self._message = label(), label(kind="error", wrap=True)
         self._title.setFont(theme.font(bold=True))
         self._name = QLineEdit()
         self._name.setObjectName("new_name_edit")
@@ -40,14 +40,9 @@ class NewFileBar(QFrame):
             self._make_button,
             button("", lambda: self.tr("Cancel"), self.hide),
         )
-        column(
-            inputs,
-            self._message,
-            on=self,
-            spacing=theme.GRID // 2,
-            margins=(2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID),
-        )
-        on_language_change(self, self._show_texts)
+        margins = (2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID)
+        column(inputs, self._message, on=self, spacing=theme.GRID // 2, margins=margins)
+        on_language_change(self, self._check)
         self.hide()
 
     def ask(self, kind: str, source: str) -> None:
@@ -56,31 +51,21 @@ class NewFileBar(QFrame):
         self._source.fill()
         self._source.show_value(source)
         self._name.clear()
-        self._show_texts()
+        self._check()
         self.show()
         self._name.setFocus()
 
-    def _show_texts(self) -> None:
-        titles = {
-            "stations": self.tr("New station, file name"),
-            "products": self.tr("New product, file name"),
-            "imus": self.tr("New IMU profile, file name"),
-            "tables": self.tr("New table profile, file name"),
-        }
-        self._title.setText(titles[self._kind])
-        self._check()
-
     def _check(self) -> None:
         """Show what is wrong with the name once something is typed."""
+        self._title.setText(term("setting", f"new_{self._kind}"))
         name = self._name.text()
-        valid, taken = editing.is_name(name), name in library.names(self._kind)
         message = ""
-        if taken:
+        if name in library.names(self._kind):
             message = self.tr("This name is taken; choose another.")
-        elif name and not valid:
+        elif name and not editing.is_name(name):
             message = self.tr("Only letters a to z, digits, - and _; a letter or digit first.")
         self._show_message(message)
-        enable(self._make_button, "" if valid and not taken else message or self.tr("Type a name first."))
+        enable(self._make_button, message or ("" if name else self.tr("Type a name first.")))
 
     def _make(self) -> None:
         if not self._make_button.isEnabled():
@@ -97,4 +82,3 @@ class NewFileBar(QFrame):
     def _show_message(self, message: str) -> None:
         self._message.setText(message)
         self._message.setVisible(bool(message))
-        theme.set_kind(self._message, "error" if message else "muted")

@@ -18,7 +18,7 @@ from PySide6.QtWidgets import (
 from calstation.config import DEFAULT_STATION, editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
-from calstation.gui.settings.fields import problem_text_with_name, set_tab_order
+from calstation.gui.settings.fields import problem_text_with_name
 from calstation.gui.settings.link_section import LinkSection
 from calstation.gui.settings.new_file import NewFileBar
 from calstation.gui.settings.personal_section import PersonalSection
@@ -57,7 +57,6 @@ class StationPage(Page):
         self.header = self._make_header()
         self.table_link = LinkSection(app, "table", self.drafts.station)
         self.imu_link = LinkSection(app, "imu", self.drafts.station)
-        self.table = TableSection(self.drafts.table)
         self.profiles = ProfilesSection(app, self.drafts)
         self.personal = PersonalSection(app)
         self._sections = (
@@ -65,7 +64,7 @@ class StationPage(Page):
             self.table_link,
             self.imu_link,
             SiteSection(self.drafts.station),
-            self.table,
+            TableSection(self.drafts.table),
             self.profiles,
             self.personal,
         )
@@ -98,15 +97,8 @@ class StationPage(Page):
         self._unsaved_label = label(name="unsaved_label", wrap=True)
         self._unsaved_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         header = QWidget()
-        row(
-            caption,
-            self.station_box,
-            self._new_button,
-            (self._unsaved_label, 1),
-            self._discard_button,
-            self._save_button,
-            on=header,
-        )
+        files = (caption, self.station_box, self._new_button)
+        row(*files, (self._unsaved_label, 1), self._discard_button, self._save_button, on=header)
         return header
 
     def _lay_out(self) -> None:
@@ -119,13 +111,12 @@ class StationPage(Page):
         for section in self._sections:
             QListWidgetItem(self.nav).setSizeHint(QSize(_NAV, theme.BUTTON))
             self._stack.addWidget(section if section is self.profiles else _scrolled(section))
-        self.nav.currentRowChanged.connect(self._turn)
+        self.nav.currentRowChanged.connect(self._show_section)
         self._problems = label(kind="error", name="station_problem_label", wrap=True)
         right = column(self.notice, self._new_bar, self._problems, (self._stack, 1))
         wide = 2 * theme.GRID
         row(self.nav, (right, 1), on=self, spacing=wide, margins=(wide, theme.GRID, wide, wide))
         self.nav.setCurrentRow(0)
-        set_tab_order((self.station_box, self._new_button, self._discard_button, self._save_button))
 
     def showEvent(self, event: QShowEvent) -> None:
         """Read the files again, which may have changed outside the window, unless something is typed here."""
@@ -155,12 +146,8 @@ class StationPage(Page):
             Choice("discard_and_go_button", lambda: self.tr("Discard and go on"), discard, primary=wrong),
             Choice("stay_button", lambda: self.tr("Stay here"), lambda: None),
         ]
-        self.notice.ask(
-            "caution",
-            lambda: self.tr("Unsaved changes"),
-            self._unsaved_names,
-            choices[1:] if wrong else choices,
-        )
+        answers = choices[1:] if wrong else choices
+        self.notice.ask("caution", lambda: self.tr("Unsaved changes"), self._unsaved_names, answers)
         return False
 
     def save(self) -> bool:
@@ -208,9 +195,8 @@ class StationPage(Page):
 
     def _lock(self) -> None:
         """Enable what the role may change; tooltips say why not."""
-        reason = self._role_reason()
         for section in self._sections:
-            section.lock(reason)
+            section.lock(self._role_reason())
         held = self._why_not_save()
         for widget in (self.station_box, self._new_button):
             enable(widget, held)
@@ -249,7 +235,7 @@ class StationPage(Page):
         for number, (name, dot) in enumerate(zip(names, typed, strict=True)):
             self.nav.item(number).setText(f"{name} ●" if dot else name)
 
-    def _turn(self, number: int) -> None:
+    def _show_section(self, number: int) -> None:
         self._stack.setCurrentIndex(number)
         section = self._sections[number]
         if isinstance(section, LinkSection):
@@ -271,23 +257,22 @@ class StationPage(Page):
 
     def _fill(self) -> None:
         """Offer all stations and the current one, which may be elsewhere."""
+        current = self.drafts.station.path
+        paths = {str(entry.path.absolute()): entry.path for entry in editing.list_files("stations")}
+        if current is not None:
+            paths.setdefault(str(current.absolute()), current)
         with QSignalBlocker(self.station_box):
             self.station_box.clear()
-            paths = [entry.path for entry in editing.list_files("stations")]
-            current = self.drafts.station.path
-            if current is not None and _key(current) not in map(_key, paths):
-                paths.append(current)
-            for path in paths:
-                self.station_box.addItem(self._station_name(path), _key(path))
-            self.station_box.setCurrentIndex(-1 if current is None else self.station_box.findData(_key(current)))
-
-    def _station_name(self, path: Path) -> str:
-        return self.tr("{0} (virtual bench)").format(path.stem) if editing.is_bench(path) else path.stem
+            for key, path in paths.items():
+                bench = self.tr("{0} (virtual bench)").format(path.stem)
+                self.station_box.addItem(bench if editing.is_bench(path) else path.stem, key)
+            chosen = "" if current is None else str(current.absolute())
+            self.station_box.setCurrentIndex(self.station_box.findData(chosen))
 
     def _choose(self, index: int) -> None:
         """Use another station: at once if nothing is unsaved, else after asking."""
         path, now = Path(self.station_box.itemData(index)), self.drafts.station.path
-        if now is not None and _key(path) == _key(now):
+        if now is not None and path == now.absolute():
             return
         if self.may_leave(lambda: self._use(path)):
             self._use(path)
@@ -322,8 +307,3 @@ def _scrolled(section: QWidget) -> QScrollArea:
     area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
     area.setWidget(section)
     return area
-
-
-def _key(path: Path) -> str:
-    """A path as text, by which a box finds it."""
-    return str(path.absolute())

@@ -3,15 +3,15 @@
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Qt
-from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QWidget
+from PySide6.QtWidgets import QFileDialog, QLineEdit, QWidget
 
 from calstation.config import access
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import default_author
-from calstation.gui.settings.fields import Row, panel, set_tab_order
+from calstation.gui.settings.fields import Row, choices_of, panel
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.shell import AppContext
-from calstation.gui.text import error_text, language, on_language_change
+from calstation.gui.text import error_text, language, on_language_change, say
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
@@ -23,7 +23,7 @@ class PersonalSection(QWidget):
         self._app = app
         self._language = ChoiceBox(lambda: list(language.LANGUAGES), "station_language_combo")
         self._language.typed.connect(lambda: app.set_language(self._language.value()))
-        self._theme = ChoiceBox(lambda: [("light", self.tr("light")), ("dark", self.tr("dark"))], "theme_combo")
+        self._theme = ChoiceBox(choices_of("theme", "light", "dark"), "theme_combo")
         self._theme.typed.connect(lambda: app.set_theme(self._theme.value()))
         self._author = QLineEdit()
         self._author.setObjectName("author_edit")
@@ -31,50 +31,37 @@ class PersonalSection(QWidget):
         self._author.textEdited.connect(lambda text: app.settings.setValue("author", text.strip()))
         self._runs = label(name="runs_folder_label", wrap=True)
         self._runs.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
-        runs_button = button("runs_folder_button", lambda: self.tr("Choose a folder"), self._choose_runs)
-        runs_note = label(
-            lambda: self.tr("Logs and results of new runs go into this folder, and the history looks there."),
-            "muted",
-            wrap=True,
-        )
         left = column(
             label(lambda: self.tr("This computer"), "section"),
-            Row(self._language, lambda: self.tr("Language")),
-            Row(self._theme, lambda: self.tr("Colours")),
-            Row(self._author, lambda: self.tr("Engineer's name in versions")),
-            Row(self._runs, lambda: self.tr("Folder of the runs")),
-            Row(runs_note),
-            Row(runs_button),
+            Row(self._language, "language"),
+            Row(self._theme, "theme"),
+            Row(self._author, "author"),
+            Row(self._runs, "runs_folder"),
+            Row(label(lambda: say("setting.about_runs"), "muted", wrap=True)),
+            Row(button("runs_folder_button", lambda: self.tr("Choose a folder"), self._choose_runs)),
             None,
         )
-        row(left, (self._pin_panel(), 1), on=self, spacing=3 * theme.GRID)
-        set_tab_order((self._language, self._theme, self._author, runs_button, *self._pins))
+        row(left, (self._make_pin_panel(), 1), on=self, spacing=3 * theme.GRID)
         app.theme_changed.connect(self.refresh)
-        on_language_change(self, self._clear_message)
+        on_language_change(self, self.pin_message.clear)
         on_language_change(self, self.refresh)
 
-    def _pin_panel(self) -> QWidget:
-        self.pin_message = QLabel()
-        self.pin_message.setWordWrap(True)
+    def _make_pin_panel(self) -> QWidget:
+        self.pin_message = label(wrap=True)
         self._pins = self._old, self._new, self._again = QLineEdit(), QLineEdit(), QLineEdit()
         for edit, name in zip(self._pins, ("old_pin_edit", "new_pin_edit", "new_pin_again_edit"), strict=True):
             edit.setObjectName(name)
             edit.setEchoMode(QLineEdit.EchoMode.Password)
-            edit.textEdited.connect(self._clear_message)
+            edit.textEdited.connect(lambda _: self.pin_message.clear())
             edit.returnPressed.connect(self._change_pin)
         self._pin_button = button("change_pin_button", pressed=self._change_pin)
-        self._old_row = Row(self._old, lambda: self.tr("Current PIN"))
-        note = label(
-            lambda: self.tr("Required for everything that changes results. Stored only as a salted hash."),
-            "muted",
-            wrap=True,
-        )
+        self._old_row = Row(self._old, "old_pin")
         return panel(
             label(lambda: self.tr("The engineer's PIN"), "section"),
-            note,
+            label(lambda: say("setting.about_pin"), "muted", wrap=True),
             self._old_row,
-            Row(self._new, lambda: self.tr("New PIN")),
-            Row(self._again, lambda: self.tr("The same again")),
+            Row(self._new, "new_pin"),
+            Row(self._again, "pin_again"),
             Row(self._pin_button),
             self.pin_message,
         )
@@ -97,19 +84,18 @@ class PersonalSection(QWidget):
         self._pin_button.setText(self.tr("Change the PIN") if access.has_pin() else self.tr("Set the PIN"))
 
     def _choose_runs(self) -> None:
-        folder = QFileDialog.getExistingDirectory(
-            self, self.tr("Folder of the runs"), str(self._app.runs_folder.absolute())
-        )
+        present = str(self._app.runs_folder.absolute())
+        folder = QFileDialog.getExistingDirectory(self, self.tr("Folder of the runs"), present)
         if folder:
             self._app.set_runs_folder(Path(folder))
             self.refresh()
 
     def _change_pin(self) -> None:
         if self._new.text() != self._again.text():
-            self._complain(self.tr("The two are not the same."), self._again)
+            self._refuse(self.tr("The two are not the same."), self._again)
             return
         if len(self._new.text()) < access.SHORTEST:
-            self._complain(self.tr("Too short: at least {0} characters.").format(access.SHORTEST), self._new)
+            self._refuse(self.tr("Too short: at least {0} characters.").format(access.SHORTEST), self._new)
             return
         try:
             access.set_pin(self._old.text(), self._new.text())
@@ -118,7 +104,7 @@ class PersonalSection(QWidget):
             text = self.tr("The current PIN is wrong.")
             if wait > 0.0:
                 text += " " + self.tr("Wait {0:.0f} s.").format(max(1.0, wait))
-            self._complain(text if access.has_pin() else error_text(error).sentences, self._old)
+            self._refuse(text if access.has_pin() else error_text(error).sentences, self._old)
             self._old.selectAll()
             return
         for edit in self._pins:
@@ -127,10 +113,7 @@ class PersonalSection(QWidget):
         self.pin_message.setText(self.tr("The PIN has been changed."))
         theme.set_kind(self.pin_message, "muted")
 
-    def _complain(self, text: str, edit: QLineEdit) -> None:
+    def _refuse(self, text: str, edit: QLineEdit) -> None:
         self.pin_message.setText(text)
         theme.set_kind(self.pin_message, "error")
         edit.setFocus()
-
-    def _clear_message(self) -> None:
-        self.pin_message.clear()

@@ -12,14 +12,13 @@ from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.settings.new_file import NewFileBar
-from calstation.gui.settings.toml_editor import DiffView, TomlEditor
+from calstation.gui.settings.text_view import TextView
 from calstation.gui.settings.versions_panel import VersionsPanel
 from calstation.gui.shell import AppContext
-from calstation.gui.text import bind, error_text, on_language_change, show
+from calstation.gui.text import bind, error_text, on_language_change, say, show
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 _TEXT, _COMPARE = range(2)
-_SIDE = 36 * theme.GRID
 
 
 class ProfilesSection(QWidget):
@@ -30,6 +29,41 @@ class ProfilesSection(QWidget):
         self._app, self._drafts = app, drafts
         self._draft: Draft | None = None
         self._compared: Version | None = None
+        self._make_choice()
+        self.editor, self.diff = TextView("toml_edit"), TextView("diff_view")
+        self.editor.textChanged.connect(self._typed)
+        self.diff.setReadOnly(True)
+        self._problems = QListWidget()
+        self._problems.setObjectName("problems_list")
+        self._problems.setWordWrap(True)
+        self._problems.itemClicked.connect(lambda _: self._go_to_problem())
+        self._problems.itemActivated.connect(lambda _: self._go_to_problem())
+        text = QWidget()
+        column((self.editor, 1), self._problems, on=text)
+        self.views = QTabWidget()
+        self.views.setObjectName("profile_views")
+        self.views.setDocumentMode(True)
+        self.views.tabBar().setProperty("kind", "views")
+        self.views.tabBar().setDrawBase(False)
+        for view in (text, self.diff):
+            self.views.addTab(view, "")
+        self._versions = VersionsPanel()
+        self._versions.setFixedWidth(36 * theme.GRID)
+        self._versions.compared.connect(self._compare)
+        self._versions.restored.connect(self._restore)
+        column(
+            row(self.kind_box, self.file_box, self._new_button, (self._about, 1)),
+            self._new,
+            (row((self.views, 1), self._versions, spacing=3 * theme.GRID), 1),
+            on=self,
+        )
+        drafts.changed.connect(self.refresh)
+        drafts.saved.connect(lambda _: self._fill())
+        app.theme_changed.connect(self.refresh)
+        on_language_change(self, self.refresh)
+        self._fill()
+
+    def _make_choice(self) -> None:
         self.kind_box = ChoiceBox(self._kinds, "file_kind_combo")
         self.kind_box.show_value("products")
         self.kind_box.setMinimumWidth(18 * theme.GRID)
@@ -40,48 +74,10 @@ class ProfilesSection(QWidget):
         self.file_box.setMinimumWidth(30 * theme.GRID)
         self.file_box.activated.connect(lambda _: self._open())
         bind(self.file_box.setAccessibleName, lambda: self.tr("File"))
-        self._new = NewFileBar(drafts)
+        self._new = NewFileBar(self._drafts)
         self._new.made.connect(self._made)
-        self._new_button = button(
-            "new_file_button",
-            lambda: self.tr("New from copy"),
-            lambda: self._new.ask(self.kind_box.value(), self.file_box.currentText()),
-        )
+        self._new_button = button("new_file_button", lambda: self.tr("New from copy"), self._ask_new)
         self._about = label(kind="muted")
-        self.editor, self._diff = TomlEditor(), DiffView()
-        self.editor.textChanged.connect(self._typed)
-        self._problems = QListWidget()
-        self._problems.setObjectName("problems_list")
-        self._problems.setWordWrap(True)
-        self._problems.itemClicked.connect(lambda _: self._go_to_problem())
-        self._problems.itemActivated.connect(lambda _: self._go_to_problem())
-        self._versions = VersionsPanel()
-        self._versions.setFixedWidth(_SIDE)
-        self._versions.compared.connect(self._compare)
-        self._versions.restored.connect(self._restore)
-        self._lay_out()
-        drafts.changed.connect(self.refresh)
-        drafts.saved.connect(lambda _: self._fill())
-        app.theme_changed.connect(self._apply_theme)
-        on_language_change(self, self.refresh)
-        self._fill()
-
-    def _lay_out(self) -> None:
-        text = QWidget()
-        column((self.editor, 1), self._problems, on=text)
-        self.views = QTabWidget()
-        self.views.setObjectName("profile_views")
-        self.views.setDocumentMode(True)
-        self.views.tabBar().setProperty("kind", "views")
-        self.views.tabBar().setDrawBase(False)
-        for view in (text, self._diff):
-            self.views.addTab(view, "")
-        column(
-            row(self.kind_box, self.file_box, self._new_button, (self._about, 1)),
-            self._new,
-            (row((self.views, 1), self._versions, spacing=3 * theme.GRID), 1),
-            on=self,
-        )
 
     def lock(self, reason: str) -> None:
         """Disable changes with the reason as tooltip; "" enables them."""
@@ -109,15 +105,23 @@ class ProfilesSection(QWidget):
         if self.editor.toPlainText() != draft.text:
             with QSignalBlocker(self.editor):
                 self.editor.setPlainText(draft.text)
-        self.editor.mark(problem.line for problem in draft.problems)
-        count = len(draft.problems)
+        self.editor.shade((problem.line, theme.colours().bad) for problem in draft.problems)
         line = self.tr("Line {0}: {1}")
         self._problems.clear()
         self._problems.addItems([line.format(problem.line, show(problem.as_text)) for problem in draft.problems])
-        self._problems.setVisible(count > 0)
-        self._problems.setFixedHeight((min(count, 3) * 3 + 1) * theme.GRID)
-        self._show_origin(draft)
+        self._problems.setVisible(bool(draft.problems))
+        self._problems.setFixedHeight((min(len(draft.problems), 3) * 3 + 1) * theme.GRID)
+        shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
+        self._about.setText(say("setting.file_shipped" if shipped else "setting.file_own"))
+        self._about.setToolTip(str(draft.path))
         self._show_difference()
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Offer files that were added outside the window."""
+        super().showEvent(event)
+        offered = [self.file_box.itemText(i) for i in range(self.file_box.count())]
+        if offered != library.names(self.kind_box.value()):
+            self._fill()
 
     def _kinds(self) -> list[tuple[str, str]]:
         return [
@@ -139,13 +143,6 @@ class ProfilesSection(QWidget):
             present = chosen.stem
         self.file_box.setCurrentText(present if present in names else (names or [""])[0])
         self._open()
-
-    def showEvent(self, event: QShowEvent) -> None:
-        """Offer files that were added outside the window."""
-        super().showEvent(event)
-        offered = [self.file_box.itemText(i) for i in range(self.file_box.count())]
-        if offered != library.names(self.kind_box.value()):
-            self._fill()
 
     def _open(self) -> None:
         name = self.file_box.currentText()
@@ -171,48 +168,43 @@ class ProfilesSection(QWidget):
         self._show_difference()
         self.views.setCurrentIndex(_COMPARE)
 
+    def _restore(self, version: Version) -> None:
+        """Put the text of a version into the editor and show how it differs from the saved one."""
+        self.views.setCurrentIndex(_COMPARE)
+        text = self._text_of(version)
+        if self._draft is not None and text is not None:
+            self._compared = None
+            self._draft.rewrite(text)
+
     def _show_difference(self) -> None:
         draft = self._draft
         if draft is None:
             return
         other, name = draft.saved, self.tr("as saved")
         if self._compared is not None:
-            name = self.tr("version {0}").format(self._compared.number)
-            try:
-                other = versions.text(draft.kind, draft.name, self._compared.number)
-            except ConfigurationError as error:
-                self._diff.show_lines([error_text(error).sentences])
+            text, name = self._text_of(self._compared), self.tr("version {0}").format(self._compared.number)
+            if text is None:
                 return
+            other = text
         old, new = other.splitlines(), draft.text.splitlines()
         lines = list(difflib.unified_diff(old, new, name, self.tr("the present text"), lineterm="", n=4))
-        self._diff.show_lines(lines or [self.tr("The present text is the same as {0}.").format(name)])
+        self.diff.setPlainText("\n".join(lines) or self.tr("The present text is the same as {0}.").format(name))
+        colours = {"+": theme.colours().good, "-": theme.colours().bad}
+        self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, 1) if line[:1] in colours)
 
-    def _restore(self, version: Version) -> None:
-        """Put the text of a version into the editor and show how it differs from the saved one."""
-        draft = self._draft
-        if draft is None:
-            return
-        self.views.setCurrentIndex(_COMPARE)
+    def _text_of(self, version: Version) -> str | None:
+        """The text of a version; None if it cannot be read, which the view of the difference shows then."""
+        assert self._draft is not None
         try:
-            text = versions.text(draft.kind, draft.name, version.number)
+            return versions.text(self._draft.kind, self._draft.name, version.number)
         except ConfigurationError as error:
-            self._diff.show_lines([error_text(error).sentences])
-            return
-        self._compared = None
-        draft.rewrite(text)
-        self._show_difference()
+            self.diff.setPlainText(error_text(error).sentences)
+            self.diff.shade(())
+            return None
+
+    def _ask_new(self) -> None:
+        self._new.ask(self.kind_box.value(), self.file_box.currentText())
 
     def _made(self, kind: str, path: Path) -> None:
         self.open(kind, path.stem)
         self.views.setCurrentIndex(_TEXT)
-
-    def _show_origin(self, draft: Draft) -> None:
-        shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
-        self._about.setText(
-            self.tr("came with the program; saving makes this site's copy") if shipped else self.tr("this site's own")
-        )
-        self._about.setToolTip(str(draft.path))
-
-    def _apply_theme(self) -> None:
-        self._diff.apply_theme()
-        self.refresh()

@@ -5,7 +5,7 @@ from typing import Any
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
-from PySide6.QtWidgets import QSizePolicy, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import (
     StationConfig,
@@ -15,17 +15,17 @@ from calstation.config import (
     this_computer,
 )
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import Field, Form, Row, panel, set_tab_order
-from calstation.gui.settings.inputs import ChoiceBox, NumberEdit
-from calstation.gui.text import on_language_change
-from calstation.gui.widgets import Words, button, column, enable, label, row, theme
+from calstation.gui.settings.fields import Field, Form, Row, panel
+from calstation.gui.settings.inputs import ChoiceBox
+from calstation.gui.text import on_language_change, say, show
+from calstation.gui.widgets import button, column, enable, label, row, theme
 from calstation.schema import KeyPath
 
+_NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
 _CONFIRMED: KeyPath = ("site", "confirmed_on")
 #: Gravity in m/s² shown until the surveyed value is typed: it occurs nowhere, so no run starts with it.
 _NOWHERE = 9.7
-_NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 _COMPASS = 26 * theme.GRID
 
 
@@ -41,69 +41,33 @@ class SiteSection(QWidget):
         self._azimuth_box.typed.connect(lambda: self._choose(_AZIMUTH, self._azimuth_box.value()))
         self._gravity_box = ChoiceBox(self._gravity_ways, "gravity_way_combo")
         self._gravity_box.typed.connect(lambda: self._choose(_GRAVITY, self._gravity_box.value()))
-        latitude = self._field(
-            "latitude_deg",
-            lambda: self.tr("Latitude"),
-            "°",
-            lambda: self.tr("North positive. Wrong by 1°: up to 0.19 °/h of gyro bias, 92 ppm of gravity."),
-        )
-        longitude = self._field("longitude_deg", lambda: self.tr("Longitude"), "°", lambda: self.tr("East positive."))
-        height = self._field(
-            "height_m",
-            lambda: self.tr("Height above the ellipsoid"),
-            "m",
-            lambda: self.tr("Wrong by 10 m: 3 ppm of gravity."),
-        )
-        azimuth = self._field("azimuth_deg", str, "°", lambda: self.tr("Clockwise from true north."))
-        gravity = self._field("gravity_mps2", str, "m/s²", str)
+        latitude, longitude, height, azimuth, gravity = (Field(draft, ("site", name)) for name in _NAMES)
+        latitude.advice = lambda: self._advice("null_island", "azimuth_hopeless")
+        gravity.advice = lambda: self._advice("gravity_off")
         self._optional = {_AZIMUTH: (self._azimuth_box, azimuth), _GRAVITY: (self._gravity_box, gravity)}
-        gravity.advise(self._gravity_advice)
-        latitude.advise(self._position_advice)
         self._confirmation = _Confirmation(draft)
         self._form = Form(
             latitude,
             longitude,
             height,
-            Row(self._azimuth_box, lambda: self.tr("Azimuth of body +y at home")),
+            Row(self._azimuth_box, "azimuth_of_body"),
             azimuth,
-            Row(self._gravity_box, lambda: self.tr("Gravity")),
+            Row(self._gravity_box, "gravity"),
             gravity,
             self._confirmation,
         )
-        set_tab_order(
-            (
-                *(field.editor for field in (latitude, longitude, height)),
-                self._azimuth_box,
-                azimuth.editor,
-                self._gravity_box,
-                gravity.editor,
-                self._confirmation.button,
-            )
-        )
         left = column(label(lambda: self.tr("Site"), "section"), (self._form, 1))
-        row(left, (self._about(), 1), on=self, spacing=3 * theme.GRID)
+        row(left, (self._make_panel(), 1), on=self, spacing=3 * theme.GRID)
         draft.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
-    def _field(self, name: str, words: Words, unit: str, hint: Words) -> Field:
-        return Field(self._draft, ("site", name), NumberEdit(), words, unit=unit, hint=hint)
-
-    def _about(self) -> QWidget:
+    def _make_panel(self) -> QWidget:
         self._compass, self._compass_note = _Compass(), label(kind="muted", wrap=True)
         self._normal = label(kind="section", name="normal_gravity_label")
-        about_gravity = label(
-            lambda: self.tr(
-                "True gravity usually differs from it by about 50 ppm. An error of gravity enters all three "
-                "accelerometer scale factors one to one: give a surveyed value where ppm matter. Units whose gyros "
-                "cannot resolve earth rate are not calibrated without one: nothing else would reveal a wrong latitude."
-            ),
-            "muted",
-            wrap=True,
-        )
         return panel(
             label(lambda: self.tr("Normal gravity at this latitude and height (WGS-84)"), "muted", wrap=True),
             self._normal,
-            about_gravity,
+            label(lambda: say("setting.about_normal_gravity"), "muted", wrap=True),
             2 * theme.GRID,
             (self._compass, 0, Qt.AlignmentFlag.AlignHCenter),
             self._compass_note,
@@ -112,8 +76,7 @@ class SiteSection(QWidget):
     def lock(self, reason: str) -> None:
         """Disable changes with the reason as tooltip; "" enables them."""
         self._form.lock(reason)
-        for widget in (self._azimuth_box, self._gravity_box, self._confirmation.button):
-            enable(widget, reason)
+        enable(self._confirmation.button, reason)
 
     def refresh(self) -> None:
         """Show the draft and what follows from it."""
@@ -125,42 +88,27 @@ class SiteSection(QWidget):
             given = value is not None or field.editor.hasFocus()
             box.show_value(given)
             field.setVisible(given)
-        azimuth = self._draft.value(_AZIMUTH)
+        latitude, _, height, azimuth, _ = self._values()
         self._compass.show_azimuth(float(azimuth) if isinstance(azimuth, float | int) else None)
         self._compass_note.setText(
             self.tr("Body +y at home, seen from above.")
             if azimuth is not None
             else self.tr("The azimuth is found from the data: levelling and gyrocompassing at the first rest.")
         )
-        latitude, height = (self._draft.value(("site", name)) for name in ("latitude_deg", "height_m"))
         normal = normal_gravity_at(latitude, height)
         self._normal.setText(f"{normal:.5f} m/s²" if normal is not None else "–")
+
+    def _values(self) -> list[Any]:
+        return [self._draft.value(("site", name)) for name in _NAMES]
 
     def _choose(self, place: tuple[str, str], given: bool) -> None:
         """Give a value, starting from the last one, or none."""
         self._optional[place][1].editor.clearFocus()
         self._draft.set({place: self._last[place] if given else None})
 
-    def _advice(self) -> dict[str, Any]:
-        values = (self._draft.value(("site", name)) for name in _NAMES)
-        return {found.id: found.values for found in site_advice(*values)}
-
-    def _gravity_advice(self) -> str:
-        off = self._advice().get("gravity_off")
-        if off is None:
-            return ""
-        return self.tr(
-            "{percent:+.2f} % from normal gravity: no run starts with it. All three accelerometer scale factors "
-            "would be off by {ppm:+.0f} ppm."
-        ).format(**off)
-
-    def _position_advice(self) -> str:
-        advice = self._advice()
-        if "null_island" in advice:
-            return self.tr("Latitude and longitude are both 0: probably a mistake.")
-        if "azimuth_hopeless" in advice:
-            return self.tr("So near a pole no azimuth can be found from the data; give it below.")
-        return ""
+    def _advice(self, *ids: str) -> str:
+        """The first of these findings about the values typed, "" if none applies."""
+        return next((show(found.message) for found in site_advice(*self._values()) if found.id in ids), "")
 
     def _azimuth_ways(self) -> list[tuple[Any, str]]:
         return [(True, self.tr("given here")), (False, self.tr("found from the data"))]
@@ -179,36 +127,17 @@ class _Confirmation(QWidget):
         self.button = button(
             "confirm_place_button", lambda: self.tr("Confirm: the station is at this site"), self._confirm
         )
-        column(
-            self._text,
-            (self.button, 0, Qt.AlignmentFlag.AlignLeft),
-            on=self,
-            margins=(0, theme.GRID, 0, 0),
-        )
+        column(self._text, (self.button, 0, Qt.AlignmentFlag.AlignLeft), on=self, margins=(0, theme.GRID, 0, 0))
         draft.changed.connect(self._show)
         on_language_change(self, self._show)
 
     def _show(self) -> None:
         self.setVisible(self._draft.value(("bench",)) is None)
-        confirmed, here, key = self._confirmed(), this_computer(), self._key()
+        confirmed, key = self._confirmed(), self._key()
         self.button.setVisible(bool(key) and key not in confirmed)
-        kind = "muted"
-        if key in confirmed:
-            text = self.tr("✓ This site was confirmed on this computer ({0}).").format(here)
-        elif confirmed:
-            kind = "caution"
-            text = self.tr(
-                "The confirmed site is “{0}”, not this one on this computer ({1}): no run starts. Check latitude, "
-                "height and gravity, then confirm the site."
-            ).format("; ".join(confirmed), here)
-        else:
-            text = self.tr(
-                "This site has not been confirmed on this computer ({0}). Units whose gyros cannot resolve earth "
-                "rate are calibrated only at a confirmed site, and a confirmed file is refused on another computer."
-            ).format(here)
-        self._text.setText(text)
-        if self._text.property("kind") != kind:
-            theme.set_kind(self._text, kind)
+        state = "confirmed" if key in confirmed else "differs" if confirmed else "unconfirmed"
+        self._text.setText(say(f"setting.site_{state}", here=this_computer(), confirmed="; ".join(confirmed)))
+        theme.set_kind(self._text, "caution" if state == "differs" else "muted")
 
     def _confirmed(self) -> list[str]:
         value = self._draft.value(_CONFIRMED)
@@ -232,7 +161,6 @@ class _Compass(QWidget):
         super().__init__()
         self._azimuth: float | None = None
         self.setFixedSize(QSize(_COMPASS, _COMPASS))
-        self.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
 
     def show_azimuth(self, azimuth: float | None) -> None:
         """Show an azimuth in degrees, None for an unknown one."""

@@ -11,7 +11,7 @@ from calstation.connection import LinkTestRequest, check_imu_link, check_table_l
 from calstation.errors import CalstationError
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.shell import AppContext, ResetBar
-from calstation.gui.text import error_text, language, on_language_change, term
+from calstation.gui.text import error_text, language, on_language_change, say, term
 from calstation.gui.widgets import (
     JobRow,
     JobWatch,
@@ -26,7 +26,8 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Finding, Report, render
 
-_KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad"}
+#: Shapes of the states of a finding, and of the whole test.
+_KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad", "failed": "bad"}
 #: Findings after which a reset of the table is offered.
 _LATCHED = ("fault", "fault_untold")
 
@@ -36,6 +37,8 @@ class TestPanel(QFrame):
 
     Parameters
     ----------
+    app : shared state of the window
+    device : ``table`` or ``imu``
     station : gives the station to test, None while the typed values are wrong
     """
 
@@ -51,8 +54,6 @@ class TestPanel(QFrame):
         self.setProperty("kind", "panel")
         self.product_box = ChoiceBox(lambda: [(name, name) for name in library.names("products")], "imu_test_product")
         self.product_box.typed.connect(self.refresh)
-        self._product_label = label(lambda: self.tr("Expected: the IMU of product"))
-        self._product_label.setBuddy(self.product_box)
         self.button = button(
             f"test_{device}_button",
             lambda: self.tr("Test the table") if device == "table" else self.tr("Test the IMU"),
@@ -65,18 +66,14 @@ class TestPanel(QFrame):
         self.watch.done.connect(self._done)
         self.watch.failed.connect(self._failed)
         self.watch.cancelled.connect(lambda: self._show_running(False))
-        self._row, self._note = JobRow(self.watch), label(kind="muted")
+        self._progress, self._note = JobRow(self.watch), label(kind="muted")
         self.badge = StateBadge(theme.SECTION)
         self.badge.setObjectName(f"{device}_test_badge")
-        self.reset = ResetBar(app, self._order, f"{device}_reset_button")
+        self.reset = ResetBar(app, self._request, f"{device}_reset_button")
         self.reset.changed.connect(self.refresh)
         self.reset.ended.connect(lambda _: self._test())
         self._why = label(wrap=True)
-        self._nothing = label(
-            lambda: self.tr("Not tested with these settings. The findings of a test are shown here."),
-            "muted",
-            wrap=True,
-        )
+        self._nothing = label(lambda: say("setting.not_tested"), "muted", wrap=True)
         self._lay_out()
         app.engine_link.running_changed.connect(lambda _: self.refresh())
         app.product_changed.connect(self._follow_product)
@@ -94,22 +91,16 @@ class TestPanel(QFrame):
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         scroll.setProperty("kind", "clear")
         scroll.setWidget(self._lines)
-        for widget in (self._product_label, self.product_box):
+        caption = label(lambda: self.tr("Expected: the IMU of product"))
+        caption.setBuddy(self.product_box)
+        for widget in (caption, self.product_box):
             widget.setVisible(self._device == "imu")
-        about = label(
-            lambda: self.tr(
-                "Opens the link as typed, saved or not, identifies the device and checks its data. "
-                "Nothing moves and no calibration is written."
-            ),
-            "muted",
-            wrap=True,
-        )
         column(
             label(lambda: self.tr("Connection test"), "section"),
-            about,
-            row(self._product_label, (self.product_box, 1)),
+            label(lambda: say("setting.about_test"), "muted", wrap=True),
+            row(caption, (self.product_box, 1)),
             self.button,
-            self._row,
+            self._progress,
             self._note,
             self.badge,
             self._why,
@@ -119,11 +110,6 @@ class TestPanel(QFrame):
             on=self,
             margins=(2 * theme.GRID, 2 * theme.GRID, theme.GRID, theme.GRID),
         )
-
-    @property
-    def product(self) -> Path:
-        """The product whose IMU is expected."""
-        return library.find("products", self.product_box.value())
 
     def start(self) -> None:
         """Test the settings as typed, saved or not."""
@@ -150,30 +136,33 @@ class TestPanel(QFrame):
 
     def _test(self) -> None:
         """Run the test; the result of an earlier reset stays."""
-        station = self._station()
-        if station is None or self._app.engine_link.running or self.watch.busy or self.reset.watch.busy:
+        request = self._request()
+        if request is None or self._app.engine_link.running or self.watch.busy or self.reset.watch.busy:
             return
         self._clear()
+        self._tested = self._settings(request.station)
         work = check_table_link if self._device == "table" else check_imu_link
-        self._tested = self._settings(station)
-        self.watch.watch(self._app.job_queue.submit(work, LinkTestRequest(station, self.product)))
+        self.watch.watch(self._app.job_queue.submit(work, request))
         self._show_running(True)
 
-    def _order(self) -> LinkTestRequest | None:
-        """The table to reset: the one tested."""
+    def _request(self) -> LinkTestRequest | None:
+        """The station with the product whose IMU is expected; None while the typed values are wrong."""
         station = self._station()
-        return None if station is None else LinkTestRequest(station, self.product)
+        return None if station is None else LinkTestRequest(station, self._product())
+
+    def _product(self) -> Path:
+        return library.find("products", self.product_box.value())
 
     def _settings(self, station: StationConfig) -> tuple[object, ...]:
         """The settings that a test depends on."""
-        link = station.table if self._device == "table" else (station.imu, station.site, self.product)
+        link = station.table if self._device == "table" else (station.imu, station.site, self._product())
         return (link, station.bench)
 
     def _follow_product(self) -> None:
         chosen = self._app.product_path
         self.product_box.show_value(chosen.stem if chosen is not None else DEFAULT_PRODUCT)
 
-    def _show_note(self, fraction: float, remaining: object) -> None:
+    def _show_note(self) -> None:
         job = self.watch.job
         self._note.setText(term("note", job.note) if job is not None and job.note else "")
 
@@ -190,22 +179,16 @@ class TestPanel(QFrame):
         self._show_running(False)
 
     def _show_running(self, running: bool) -> None:
-        self._row.setVisible(running)
+        self._progress.setVisible(running)
         self._note.setVisible(running)
         self._show_verdict()
         self.refresh()
 
     def _show_verdict(self) -> None:
         state = "failed" if self._error else self.report.state if self.report is not None else ""
-        words = {
-            "ok": ("good", self.tr("The link works")),
-            "look": ("caution", self.tr("The link works, but a run would not start like this")),
-            "wrong": ("bad", self.tr("Not ready: correct what is marked")),
-            "failed": ("bad", self.tr("The test could not be made")),
-        }
-        self.badge.setVisible(state in words and not self.watch.busy)
-        if state in words:
-            self.badge.show_state(*words[state])
+        self.badge.setVisible(bool(state) and not self.watch.busy)
+        if state:
+            self.badge.show_state(_KINDS[state], term("setting", f"test_{state}"))
         self._why.setText(error_text(self._error).sentences if self._error else "")
         self._why.setVisible(self._error is not None)
         self._nothing.setVisible(not state and not self.watch.busy)
@@ -224,7 +207,7 @@ class _Line(QWidget):
 
     def __init__(self, finding: Finding) -> None:
         super().__init__()
-        self._finding = finding
+        self._message = finding.message
         icon = StateIcon(18)
         icon.set_kind(_KINDS[finding.state])
         self._text, self._remedy = label(wrap=True), label(kind="muted", wrap=True)
@@ -235,8 +218,7 @@ class _Line(QWidget):
         on_language_change(self, self._show)
 
     def _show(self) -> None:
-        message = self._finding.message
-        shown = render(message.code, message.values, language.current(), window=True)
+        shown = render(self._message.code, self._message.values, language.current(), window=True)
         self._text.setText(shown.text)
         self._remedy.setText(shown.remedy)
         self._remedy.setVisible(bool(shown.remedy))

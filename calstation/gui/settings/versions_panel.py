@@ -3,11 +3,11 @@
 from datetime import datetime
 
 from PySide6.QtCore import Signal, SignalInstance
-from PySide6.QtWidgets import QListWidget, QListWidgetItem, QWidget
+from PySide6.QtWidgets import QListWidget, QWidget
 
 from calstation.config import Version, versions
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.text import on_language_change
+from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
@@ -24,11 +24,7 @@ class VersionsPanel(QWidget):
         self._reason = ""
         title = label(lambda: self.tr("Versions"))
         title.setFont(theme.font(bold=True))
-        self._empty = label(
-            lambda: self.tr("None yet. Every change saved here is kept with its time, author and hash."),
-            "muted",
-            wrap=True,
-        )
+        self._empty = label(lambda: say("setting.no_versions"), "muted", wrap=True)
         self._list = QListWidget()
         self._list.setObjectName("versions_list")
         self._list.setWordWrap(True)
@@ -61,8 +57,7 @@ class VersionsPanel(QWidget):
         self._list.clear()
         digest = versions.sha256(self._draft.saved) if self._draft is not None else ""
         stored = next((v.number for v in self._versions if v.sha256 == digest), None)
-        for version in self._versions:
-            self._list.addItem(QListWidgetItem(self._line(version, version.number == stored)))
+        self._list.addItems([self._line(version, version.number == stored) for version in self._versions])
         self._list.setCurrentRow(min(chosen, len(self._versions) - 1))
         self._empty.setVisible(not self._versions)
         for widget in (self._list, self._compare, self._restore):

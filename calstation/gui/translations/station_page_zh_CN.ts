@@ -19,42 +19,6 @@
 <context>
     <name>LinkSection</name>
     <message>
-        <source>Port</source>
-        <translation>端口</translation>
-    </message>
-    <message>
-        <source>Address and port number</source>
-        <translation>地址和端口号</translation>
-    </message>
-    <message>
-        <source>Modbus unit number</source>
-        <translation>Modbus 从站号</translation>
-    </message>
-    <message>
-        <source>Baud</source>
-        <translation>波特率</translation>
-    </message>
-    <message>
-        <source>Data bits</source>
-        <translation>数据位</translation>
-    </message>
-    <message>
-        <source>Parity</source>
-        <translation>校验位</translation>
-    </message>
-    <message>
-        <source>Stop bits</source>
-        <translation>停止位</translation>
-    </message>
-    <message>
-        <source>Connected by</source>
-        <translation>连接方式</translation>
-    </message>
-    <message>
-        <source>Serial settings</source>
-        <translation>串口设置</translation>
-    </message>
-    <message>
         <source>Link to the table</source>
         <translation>转台连接</translation>
     </message>
@@ -64,60 +28,12 @@
     </message>
     <message>
         <source>Look for ports again</source>
-        <extracomment>Common port numbers of Modbus TCP and of a serial server. The last address typed for each kind of connection.</extracomment>
+        <extracomment>Kinds of connection over a network, as schemes of addresses, and the common port number of each. The last address typed for each kind of connection.</extracomment>
         <translation>重新查找端口</translation>
-    </message>
-    <message>
-        <source>network (TCP)</source>
-        <translation>网络（TCP）</translation>
-    </message>
-    <message>
-        <source>network: Modbus TCP</source>
-        <translation>网络：Modbus TCP</translation>
-    </message>
-    <message>
-        <source>serial line: Modbus RTU</source>
-        <translation>串口：Modbus RTU</translation>
-    </message>
-    <message>
-        <source>serial server: Modbus RTU</source>
-        <translation>串口服务器：Modbus RTU</translation>
-    </message>
-    <message>
-        <source>serial line</source>
-        <translation>串口</translation>
-    </message>
-    <message>
-        <source>Response timeout</source>
-        <translation>应答超时</translation>
-    </message>
-    <message>
-        <source>As in the profile.</source>
-        <translation>按配置文件。</translation>
-    </message>
-    <message>
-        <source>As in the table profile.</source>
-        <translation>按转台配置文件。</translation>
-    </message>
-    <message>
-        <source>The rig is turned by hand: it needs no link and there is nothing to set here.</source>
-        <translation>工装由手转动：不需要连接，这里没有要设置的内容。</translation>
-    </message>
-    <message>
-        <source>This station is the virtual bench: a table and a unit in software that speak the protocols of the hardware. It opens its own ports, so there is nothing to set here.
-
-To connect hardware, press “New from copy” above and copy the station “example_hardware”.</source>
-        <translation>本工位是虚拟台：转台和产品都由软件模拟，通信协议与真实设备相同。端口由虚拟台自行打开，这里无需设置。
-
-要连接真实设备，请点上方的“复制新建”，复制工位“example_hardware”。</translation>
     </message>
     <message>
         <source>This port is not present now.</source>
         <translation>当前未找到此端口。</translation>
-    </message>
-    <message>
-        <source>serial server (TCP)</source>
-        <translation>串口服务器（TCP）</translation>
     </message>
     <message>
         <source>this station&apos;s own</source>
@@ -127,45 +43,9 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <source>the profile&apos;s</source>
         <translation>按配置文件</translation>
     </message>
-    <message>
-        <source>none</source>
-        <translation>无</translation>
-    </message>
-    <message>
-        <source>even</source>
-        <translation>偶校验</translation>
-    </message>
-    <message>
-        <source>odd</source>
-        <translation>奇校验</translation>
-    </message>
-    <message>
-        <source>mark</source>
-        <translation>标记（1）</translation>
-    </message>
-    <message>
-        <source>space</source>
-        <translation>空格（0）</translation>
-    </message>
 </context>
 <context>
     <name>NewFileBar</name>
-    <message>
-        <source>New station, file name</source>
-        <translation>新建工位，文件名</translation>
-    </message>
-    <message>
-        <source>New product, file name</source>
-        <translation>新建产品，文件名</translation>
-    </message>
-    <message>
-        <source>New IMU profile, file name</source>
-        <translation>新建 IMU 配置，文件名</translation>
-    </message>
-    <message>
-        <source>New table profile, file name</source>
-        <translation>新建转台配置，文件名</translation>
-    </message>
     <message>
         <source>copied from</source>
         <translation>复制自</translation>
@@ -194,40 +74,8 @@ To connect hardware, press “New from copy” above and copy the station “exa
 <context>
     <name>PersonalSection</name>
     <message>
-        <source>light</source>
-        <translation>浅色</translation>
-    </message>
-    <message>
-        <source>dark</source>
-        <translation>深色</translation>
-    </message>
-    <message>
-        <source>Language</source>
-        <translation>语言</translation>
-    </message>
-    <message>
-        <source>Colours</source>
-        <translation>界面颜色</translation>
-    </message>
-    <message>
-        <source>Engineer&apos;s name in versions</source>
-        <translation>版本记录中的工程师姓名</translation>
-    </message>
-    <message>
         <source>Folder of the runs</source>
         <translation>标定记录文件夹</translation>
-    </message>
-    <message>
-        <source>Required for everything that changes results. Stored only as a salted hash.</source>
-        <translation>凡影响标定结果的设置都要此密码。仅保存加盐散列值。</translation>
-    </message>
-    <message>
-        <source>New PIN</source>
-        <translation>新密码</translation>
-    </message>
-    <message>
-        <source>The same again</source>
-        <translation>再次输入</translation>
     </message>
     <message>
         <source>Set the PIN</source>
@@ -252,14 +100,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
     <message>
         <source>Change the PIN</source>
         <translation>修改密码</translation>
-    </message>
-    <message>
-        <source>Current PIN</source>
-        <translation>当前密码</translation>
-    </message>
-    <message>
-        <source>Logs and results of new runs go into this folder, and the history looks there.</source>
-        <translation>新的记录和结果存入此文件夹，历史页也从这里读取。</translation>
     </message>
     <message>
         <source>The two are not the same.</source>
@@ -343,54 +183,9 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <source>The present text is the same as {0}.</source>
         <translation>当前文本与{0}相同。</translation>
     </message>
-    <message>
-        <source>came with the program; saving makes this site&apos;s copy</source>
-        <translation>随软件提供；保存后成为本站自己的副本</translation>
-    </message>
-    <message>
-        <source>this site&apos;s own</source>
-        <translation>本站自己的文件</translation>
-    </message>
 </context>
 <context>
     <name>SiteSection</name>
-    <message>
-        <source>Azimuth of body +y at home</source>
-        <translation>零位时载体 +y 轴的方位角</translation>
-    </message>
-    <message>
-        <source>Gravity</source>
-        <translation>重力</translation>
-    </message>
-    <message>
-        <source>Latitude</source>
-        <extracomment>Gravity in m/s² shown until the surveyed value is typed: it occurs nowhere, so no run starts with it. The last azimuth and gravity given.</extracomment>
-        <translation>纬度</translation>
-    </message>
-    <message>
-        <source>North positive. Wrong by 1°: up to 0.19 °/h of gyro bias, 92 ppm of gravity.</source>
-        <translation>北纬为正。每差 1°：陀螺零偏最多差 0.19 °/h，重力差 92 ppm。</translation>
-    </message>
-    <message>
-        <source>Longitude</source>
-        <translation>经度</translation>
-    </message>
-    <message>
-        <source>East positive.</source>
-        <translation>东经为正。</translation>
-    </message>
-    <message>
-        <source>Height above the ellipsoid</source>
-        <translation>椭球高</translation>
-    </message>
-    <message>
-        <source>Wrong by 10 m: 3 ppm of gravity.</source>
-        <translation>每差 10 m：重力差 3 ppm。</translation>
-    </message>
-    <message>
-        <source>True gravity usually differs from it by about 50 ppm. An error of gravity enters all three accelerometer scale factors one to one: give a surveyed value where ppm matter. Units whose gyros cannot resolve earth rate are not calibrated without one: nothing else would reveal a wrong latitude.</source>
-        <translation>实际重力与之通常相差约 50 ppm。重力的误差会一比一地进入三个加表刻度系数：要求到 ppm 时请填写实测值。陀螺分辨不出地球自转的产品没有实测值就不能标定：否则纬度填错无从发现。</translation>
-    </message>
     <message>
         <source>Body +y at home, seen from above.</source>
         <translation>零位时载体 +y 轴的指向（俯视）。</translation>
@@ -400,28 +195,13 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>方位角由数据求出：在首次静止时调平并陀螺寻北。</translation>
     </message>
     <message>
-        <source>Latitude and longitude are both 0: probably a mistake.</source>
-        <translation>纬度和经度都是 0，多半是误填。</translation>
-    </message>
-    <message>
         <source>Site</source>
+        <extracomment>Gravity in m/s² shown until the surveyed value is typed: it occurs nowhere, so no run starts with it. The last azimuth and gravity given.</extracomment>
         <translation>站址</translation>
     </message>
     <message>
         <source>Normal gravity at this latitude and height (WGS-84)</source>
         <translation>此纬度和高度的正常重力（WGS-84）</translation>
-    </message>
-    <message>
-        <source>{percent:+.2f} % from normal gravity: no run starts with it. All three accelerometer scale factors would be off by {ppm:+.0f} ppm.</source>
-        <translation>与正常重力相差 {percent:+.2f} %：用此值不能开始标定。三个加表刻度系数都会偏 {ppm:+.0f} ppm。</translation>
-    </message>
-    <message>
-        <source>So near a pole no azimuth can be found from the data; give it below.</source>
-        <translation>离极点太近，无法由数据求方位角，请在下面填写。</translation>
-    </message>
-    <message>
-        <source>Clockwise from true north.</source>
-        <translation>自真北顺时针。</translation>
     </message>
     <message>
         <source>given here</source>
@@ -535,26 +315,6 @@ To connect hardware, press “New from copy” above and copy the station “exa
 <context>
     <name>StationSection</name>
     <message>
-        <source>Seed of the unit and table</source>
-        <translation>产品与转台的随机种子</translation>
-    </message>
-    <message>
-        <source>Speed</source>
-        <translation>速度</translation>
-    </message>
-    <message>
-        <source>Multiple of real time; 0 is as fast as this computer can.</source>
-        <translation>实时的倍数；0 表示尽本机所能。</translation>
-    </message>
-    <message>
-        <source>Name, as in every result</source>
-        <translation>名称（写入每份结果）</translation>
-    </message>
-    <message>
-        <source>Table profile</source>
-        <translation>转台配置文件</translation>
-    </message>
-    <message>
         <source>Hand-over folder</source>
         <translation>结果交付文件夹</translation>
     </message>
@@ -567,40 +327,12 @@ To connect hardware, press “New from copy” above and copy the station “exa
         <translation>真实设备</translation>
     </message>
     <message>
-        <source>Nothing moves by itself: the operator is guided. Test the IMU before the first run.</source>
-        <translation>没有会自己动的部件：操作员按提示转动。首次运行前请测试IMU。</translation>
-    </message>
-    <message>
-        <source>A run moves the table. Test both links before the first one.</source>
-        <translation>标定时转台会运动。首次标定前请先测试两路连接。</translation>
-    </message>
-    <message>
         <source>Station</source>
         <translation>工位</translation>
     </message>
     <message>
-        <source>Its limits are on the page “Table”.</source>
-        <translation>其限值见“转台”。</translation>
-    </message>
-    <message>
-        <source>The factory&apos;s system collects results here; empty: a folder beside the runs.</source>
-        <translation>工厂系统从这里取结果；留空则放在标定记录旁边。</translation>
-    </message>
-    <message>
-        <source>Another seed gives a unit with other errors.</source>
-        <translation>换一个种子就是另一台误差不同的产品。</translation>
-    </message>
-    <message>
         <source>Choose a folder</source>
         <translation>选择文件夹</translation>
-    </message>
-    <message>
-        <source>Table and unit are software that speaks the protocols of the hardware: a whole calibration runs without either. Nothing moves.
-
-For hardware, press “New from copy” above and copy “example_hardware”.</source>
-        <translation>转台和产品都由软件模拟，通信协议与真实设备相同：没有设备也能完成全部标定，设备不会实际运动。
-
-要连接真实设备，请点上方的“复制新建”，复制“example_hardware”。</translation>
     </message>
     <message>
         <source>opened by the bench</source>
@@ -658,38 +390,6 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
 <context>
     <name>TableSection</name>
     <message>
-        <source>Outer axis in the body, at home</source>
-        <translation>外框方向（零位，载体系）</translation>
-    </message>
-    <message>
-        <source>Inner axis in the body, at home</source>
-        <translation>内框方向（零位，载体系）</translation>
-    </message>
-    <message>
-        <source>Encoder, sigma</source>
-        <translation>编码器，1σ</translation>
-    </message>
-    <message>
-        <source>Mounting of the unit, sigma</source>
-        <translation>产品安装，1σ</translation>
-    </message>
-    <message>
-        <source>Azimuth of the site, sigma</source>
-        <translation>站址方位角，1σ</translation>
-    </message>
-    <message>
-        <source>Tilt of the base, sigma</source>
-        <translation>基座倾斜，1σ</translation>
-    </message>
-    <message>
-        <source>Velocity, sigma</source>
-        <translation>速度，1σ</translation>
-    </message>
-    <message>
-        <source>Lever arm from the centre</source>
-        <translation>相对回转中心的杆臂</translation>
-    </message>
-    <message>
         <source>Outer</source>
         <translation>外框</translation>
     </message>
@@ -703,7 +403,6 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     </message>
     <message>
         <source>Table</source>
-        <extracomment>Heights of a joint&apos;s row and of its bar, and the width of its name, px. Distances that the scale&apos;s marks may have, degrees.</extracomment>
         <translation>转台</translation>
     </message>
     <message>
@@ -718,61 +417,9 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <source>Inner axis</source>
         <translation>内框</translation>
     </message>
-    <message>
-        <source>Lowest angle</source>
-        <translation>最小角度</translation>
-    </message>
-    <message>
-        <source>Highest angle</source>
-        <translation>最大角度</translation>
-    </message>
-    <message>
-        <source>Largest rate</source>
-        <translation>最大角速度</translation>
-    </message>
-    <message>
-        <source>Largest acceleration</source>
-        <translation>最大角加速度</translation>
-    </message>
-    <message>
-        <source>Of the velocity at rest and in known motion; larger on a vibrating floor.</source>
-        <translation>静止和已知运动时的速度误差；地面振动大则取大。</translation>
-    </message>
-    <message>
-        <source>Interval of velocity observations</source>
-        <translation>速度观测间隔</translation>
-    </message>
-    <message>
-        <source>Latency of a polled angle</source>
-        <translation>角度读数的延迟</translation>
-    </message>
-    <message>
-        <source>From the middle between request and answer.</source>
-        <translation>自请求与应答的中点算起。</translation>
-    </message>
-    <message>
-        <source>Jitter of the latency, sigma</source>
-        <translation>延迟抖动，1σ</translation>
-    </message>
-    <message>
-        <source>found by the calibration</source>
-        <translation>由标定求出</translation>
-    </message>
-    <message>
-        <source>none: the unit turns about its centre</source>
-        <translation>无：产品绕自身中心转动</translation>
-    </message>
 </context>
 <context>
     <name>TestPanel</name>
-    <message>
-        <source>Not tested with these settings. The findings of a test are shown here.</source>
-        <translation>当前设置尚未测试。测试结果将显示在这里。</translation>
-    </message>
-    <message>
-        <source>Opens the link as typed, saved or not, identifies the device and checks its data. Nothing moves and no calibration is written.</source>
-        <translation>按当前填写的设置（无论是否已保存）打开连接，识别设备并检查其数据。设备不会运动，也不写入标定数据。</translation>
-    </message>
     <message>
         <source>A run is going on; test when it has ended.</source>
         <translation>正在标定，结束后再测试。</translation>
@@ -790,52 +437,21 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
         <translation>请先改正标出的项。</translation>
     </message>
     <message>
-        <source>Not ready: correct what is marked</source>
-        <translation>不可用：请处理标出的项</translation>
-    </message>
-    <message>
         <source>Connection test</source>
         <translation>连接测试</translation>
     </message>
     <message>
         <source>Expected: the IMU of product</source>
-        <extracomment>Findings after which a reset of the table is offered. The settings that were tested.</extracomment>
         <translation>按此产品的 IMU 核对</translation>
     </message>
     <message>
         <source>Test the table</source>
+        <extracomment>Shapes of the states of a finding, and of the whole test. Findings after which a reset of the table is offered. The settings that were tested.</extracomment>
         <translation>测试转台</translation>
     </message>
     <message>
         <source>Test the IMU</source>
         <translation>测试 IMU</translation>
-    </message>
-    <message>
-        <source>The link works</source>
-        <translation>连接正常</translation>
-    </message>
-    <message>
-        <source>The link works, but a run would not start like this</source>
-        <translation>连接正常，但此状态下不能开始标定</translation>
-    </message>
-    <message>
-        <source>The test could not be made</source>
-        <translation>测试未能进行</translation>
-    </message>
-</context>
-<context>
-    <name>TravelPicture</name>
-    <message>
-        <source>no travel: the lowest angle must lie below the highest</source>
-        <translation>无行程：最小角度须小于最大角度</translation>
-    </message>
-    <message>
-        <source>{0:g} turns in all</source>
-        <translation>共 {0:g} 圈</translation>
-    </message>
-    <message>
-        <source>{0:g}° in all</source>
-        <translation>共 {0:g}°</translation>
     </message>
 </context>
 <context>
@@ -843,10 +459,6 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Versions</source>
         <translation>版本</translation>
-    </message>
-    <message>
-        <source>None yet. Every change saved here is kept with its time, author and hash.</source>
-        <translation>暂无。在此保存的每次修改都会留存，并记录时间、作者和散列值。</translation>
     </message>
     <message>
         <source>Compare</source>
@@ -878,18 +490,6 @@ For hardware, press “New from copy” above and copy “example_hardware”.</
     <message>
         <source>Confirm: the station is at this site</source>
         <translation>确认：工位就在此处</translation>
-    </message>
-    <message>
-        <source>✓ This site was confirmed on this computer ({0}).</source>
-        <translation>✓ 已在本机（{0}）确认站址。</translation>
-    </message>
-    <message>
-        <source>The confirmed site is “{0}”, not this one on this computer ({1}): no run starts. Check latitude, height and gravity, then confirm the site.</source>
-        <translation>已确认的是“{0}”，而不是本机（{1}）上的这一站址：标定无法开始。请核实纬度、高度和重力，再确认。</translation>
-    </message>
-    <message>
-        <source>This site has not been confirmed on this computer ({0}). Units whose gyros cannot resolve earth rate are calibrated only at a confirmed site, and a confirmed file is refused on another computer.</source>
-        <translation>本机（{0}）上尚未确认站址。陀螺分辨不出地球自转的产品，须先确认站址才能标定；确认过的文件换到别的计算机上会被拒绝。</translation>
     </message>
 </context>
 </TS>
