@@ -226,11 +226,7 @@ def _details(secondary: Secondary, calibrated: PairResult | None, check: Any, st
         "number": secondary.number,
         "serial": secondary.imu.serial,
         "check": check,
-        "stored": {
-            "values": dict(kept.values),
-            "gyro_static": kept.gyro_static,
-            "accel_static": kept.accel_static,
-        },
+        "stored": {"values": dict(kept.values), "gyro_static": kept.gyro_static, "accel_static": kept.accel_static},
     }
     if calibrated is not None:
         fit = calibrated.fit

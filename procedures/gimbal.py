@@ -16,14 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import BatchStage, Method, Solution
-from calstation.estimation.common import (
-    Belief,
-    SolveContext,
-    StageData,
-    filter_noise,
-    nis_consistency,
-    restricted,
-)
+from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise, nis_consistency, restricted
 from calstation.estimation.gimbal import (
     AXES,
     AxisTurns,
@@ -85,18 +78,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
-    """Replay the turns and fit them.
-
-    Parameters
-    ----------
-    data, context, prior : samples of the recording, site and devices, and prior of the parameters
-    schedule : the iteration and the gimbal
-
-    Raises
-    ------
-    InputError
-        The recording is unusable.
-    """
+    """Replay the turns and fit them. Raises InputError if the recording is unusable."""
     _require_channels(data)
     motions = find_motions(data, context.imu)
     _require_joints(data, motions)
@@ -116,17 +98,11 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
         details={
             "axes": [_axis(course, schedule) for course in iteration.courses],
             "least_squares": {
-                name: {
-                    "value": float(fit.belief.mean[INDEX[name]]),
-                    "sigma": float(fit.belief.sigma[INDEX[name]]),
-                }
+                name: {"value": float(fit.belief.mean[INDEX[name]]), "sigma": float(fit.belief.sigma[INDEX[name]])}
                 for name in ESTIMATED
             },
             "motions": [
-                {
-                    **data.seq_range(m.start, m.stop),
-                    "residual": r.tolist(),
-                }
+                {**data.seq_range(m.start, m.stop), "residual": r.tolist()}
                 for m, r in zip(motions, fit.residual, strict=True)
             ],
         },

@@ -33,18 +33,7 @@ from calstation.estimation.positions import (
     positions,
     valid_links,
 )
-from calstation.physics import (
-    INNER,
-    JOINTS,
-    NAMES,
-    OUTER,
-    PARAMETERS,
-    Carry,
-    Dwell,
-    Move,
-    Step,
-    TableGeometry,
-)
+from calstation.physics import INNER, JOINTS, NAMES, OUTER, PARAMETERS, Carry, Dwell, Move, Step, TableGeometry
 
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)

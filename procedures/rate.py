@@ -186,12 +186,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     # nuisances: mount (3), azimuth (1), directions of outer and inner axis (3 + 3), encoders at each rest (2)
     azimuth_sigma = table.azimuth_sigma if site.azimuth is not None and not assumed else FREE_AZIMUTH_SIGMA
     sigma = np.concatenate(
-        [
-            [table.mount_sigma] * 3,
-            [azimuth_sigma],
-            [AXIS_SIGMA] * 6,
-            [table.encoder_sigma] * (2 * len(places)),
-        ]
+        [[table.mount_sigma] * 3, [azimuth_sigma], [AXIS_SIGMA] * 6, [table.encoder_sigma] * (2 * len(places))]
     )
 
     def model(parameters: FloatArray, nuisance: FloatArray) -> FloatArray:

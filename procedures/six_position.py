@@ -160,11 +160,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), result.normalised.reshape(-1, 3)),
         details={
             "positions": [
-                {
-                    **data.seq_range(p.start, p.stop),
-                    "force": p.force.tolist(),
-                    "residual": r.tolist(),
-                }
+                {**data.seq_range(p.start, p.stop), "force": p.force.tolist(), "residual": r.tolist()}
                 for p, r in zip(positions, residual, strict=True)
             ]
         },

@@ -8,19 +8,10 @@ from calstation.physics import FloatArray
 
 
 class BatchStage:
-    """A `StageSolver` around one function of the whole stage's data.
-
-    Parameters
-    ----------
-    context, prior : site and devices, and prior of the parameters
-    solve : (data, context, prior) -> solution; may raise InsufficientDataError
-    """
+    """A `StageSolver` around one function of the whole stage's data, which may raise InsufficientDataError."""
 
     def __init__(
-        self,
-        context: SolveContext,
-        prior: Belief,
-        solve: Callable[[StageData, SolveContext, Belief], Solution],
+        self, context: SolveContext, prior: Belief, solve: Callable[[StageData, SolveContext, Belief], Solution]
     ) -> None:
         self.context, self.prior = context, prior
         self._solve = solve

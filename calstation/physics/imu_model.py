@@ -38,18 +38,9 @@ def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
 
 
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Invert the error model for raw mean rates.
+    """Angular rate, rad/s, and specific force, m/s², at the reference point from raw mean rates, shape (n, 3).
 
     The second-order term takes three steps of fixed-point iteration, whose error is (2 K2 f)³ of the term itself.
-
-    Parameters
-    ----------
-    c : constants of the parameters
-    gyro, accel : raw output, rad/s and m/s², shape (n, 3)
-
-    Returns
-    -------
-    omega, force : angular rate, rad/s, and specific force, m/s², at the reference point, shape (n, 3)
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
     linear = accel - c.accel_bias

@@ -150,8 +150,7 @@ def propagate(
     Parameters
     ----------
     c : constants of the assumed parameters
-    earth : earth rate in n, rad/s, shape (3,)
-    gravity : normal or surveyed gravity, m/s²
+    earth, gravity : earth rate in n, rad/s, shape (3,), and gravity, m/s²
     dt : sample period, s
     gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
     start, stop : samples of this interval; the samples before and after it serve coning and the end rate
@@ -281,14 +280,9 @@ def propagate(
 def write_navigation_block(
     F: FloatArray, earth: FloatArray, force_sum: FloatArray, force_moment: FloatArray, T: float
 ) -> None:
-    """Write the φ and δv columns of a transition, to first order in Ω T.
+    """Write the φ and δv columns of a transition over T s, to first order in Ω T.
 
-    Parameters
-    ----------
-    F : transition, shape (≥9, ≥6)
-    earth : earth rate in n, rad/s, shape (3,)
-    force_sum, force_moment : ∫f dt and ∬f dt² in n, m/s and m, shape (3,)
-    T : length of the interval, s
+    `force_sum` and `force_moment` are ∫f dt and ∬f dt² in n, m/s and m, shape (3,).
     """
     for r, scale in ((0, 1.0), (3, 2.0)):
         F[r, r + 1] = scale * earth[2] * T
@@ -308,19 +302,7 @@ def write_navigation_block(
 
 @nb.njit(cache=True)
 def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop: int) -> FloatArray:
-    """Rotation of the body between two samples relative to inertial space.
-
-    Parameters
-    ----------
-    c : constants of the assumed parameters
-    dt : sample period, s
-    gyro : raw mean rates of all samples, rad/s, shape (n, 3)
-    start, stop : first sample and the one after the last
-
-    Returns
-    -------
-    C_b(start)←b(stop), shape (3, 3)
-    """
+    """Rotation of the body from one sample to another relative to inertial space, C_b(start)←b(stop), shape (3, 3)."""
     B, K, turned = np.eye(3), np.zeros((3, 3)), np.empty((3, 3))
     omega, last, cross, rotvec = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     before = start - 1 if start > 0 else start
@@ -344,17 +326,7 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
 
 @nb.njit(cache=True)
 def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Derivatives of rate and specific force by the 27 parameters before the outer lever.
-
-    Parameters
-    ----------
-    c : constants of the assumed parameters
-    omega, force : angular rate, rad/s, and specific force, m/s², shape (3,)
-
-    Returns
-    -------
-    rate_jacobian, force_jacobian : ∂ω/∂p and ∂f/∂p, SI, shape (3, 27)
-    """
+    """∂ω/∂p and ∂f/∂p for the 27 parameters before the outer lever, SI, shape (3, 27), at one rate and force."""
     rate_jacobian, force_jacobian = np.zeros((3, 27)), np.zeros((3, 27))
     _rate_jacobian(c, omega, rate_jacobian)
     _force_jacobian(c, omega, force, rate_jacobian, force_jacobian)

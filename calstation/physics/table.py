@@ -68,17 +68,9 @@ class TableGeometry:
         return np.asarray(axis_rotation(self.inner_axis, -inner) @ np.array(self.outer_axis))
 
     def nearest(self, joint: int, angle: float, near: float) -> float:
-        """`angle` plus the whole turns that bring it closest to `near` within the joint's travel.
+        """`angle` plus the whole turns that bring it closest to `near` within the joint's travel, rad.
 
-        Parameters
-        ----------
-        joint : 0 outer, 1 inner
-        angle, near : rad
-
-        Raises
-        ------
-        ConfigurationError
-            The travel contains no such angle.
+        Raises ConfigurationError if the travel contains no such angle.
         """
         turn = 2.0 * np.pi
         reachable = np.clip(near, self.limits.low[joint], self.limits.high[joint])

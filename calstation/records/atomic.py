@@ -8,14 +8,7 @@ from pathlib import Path
 
 
 def write_atomic(path: Path, content: str | bytes, mode: int = 0o644) -> None:
-    """Replace the content of a file. Raises OSError; the old file is then untouched.
-
-    Parameters
-    ----------
-    path : file to replace or create
-    content : bytes, or text, which is written as UTF-8
-    mode : permissions of the file from its creation on
-    """
+    """Replace a file by bytes, or by text as UTF-8. Raises OSError; the old file is then untouched."""
     data = content.encode() if isinstance(content, str) else content
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)

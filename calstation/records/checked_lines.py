@@ -23,13 +23,7 @@ _CHECKED = re.compile(rb'(\{.*), "chain": "([0-9a-f]{8})"\}', re.DOTALL)
 
 
 class DamagedLineError(Exception):
-    """A damaged line.
-
-    Attributes
-    ----------
-    number : of the line, from 1
-    why : what is wrong with it
-    """
+    """Line `number`, from 1, is damaged; `why` says in what way."""
 
     def __init__(self, number: int, why: Text) -> None:
         super().__init__(number, why)
@@ -130,10 +124,7 @@ def _extend(path: Path, content: Mapping[str, Any]) -> None:
         last = pieces[-1] if pieces else b""
         begin = b""
         if rest and (not pieces or _CHECKED.search(rest) or _parsed(rest, _check(last)) is not None):
-            begin, last = (
-                b"\n",
-                rest,
-            )  # only its newline is missing, or it is damaged and must stay to be found
+            begin, last = (b"\n", rest)  # only its newline is missing, or it is damaged and must stay to be found
         elif rest:
             os.ftruncate(handle, os.fstat(handle).st_size - len(rest))
         _write(handle, begin + _line(content, _check(last)))

@@ -17,13 +17,7 @@ from pydantic import Field, field_validator
 
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief, SolveContext
-from calstation.estimation.positions import (
-    Evidence,
-    MotionEvidence,
-    RestEvidence,
-    gravity_misses,
-    turned_angle,
-)
+from calstation.estimation.positions import Evidence, MotionEvidence, RestEvidence, gravity_misses, turned_angle
 from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray, TableGeometry, normal_gravity
 from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
 from calstation.schema import EntryError, StrictModel, near_miss
@@ -124,10 +118,8 @@ def acceptance(
 
     Parameters
     ----------
-    section : the product's checks
-    context : of the solvers
-    prior : before the first stage
-    solutions : of the stages, in order
+    section, context : the product's checks, and the context of the solvers
+    prior, solutions : before the first stage, and of the stages in order
     previous : values of the last calibration of the same unit by parameter, SI
     """
     if not solutions:
@@ -136,13 +128,7 @@ def acceptance(
 
 
 def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: Mapping[str, Any]) -> list[Check]:
-    """Compare the parameters of a log solved again with those its run found.
-
-    Parameters
-    ----------
-    section : the product's checks
-    offline, online : parameters as the result JSON holds them
-    """
+    """Compare the parameters of a log solved again with those its run found, both as the result JSON holds them."""
     rule = section.offline_online
     shared = [n for n, row in offline.items() if n in online and online[n]["stage"] == row["stage"]]
     if rule is None or not shared:

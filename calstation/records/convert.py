@@ -16,16 +16,7 @@ from calstation.records.raw_log import SUFFIX, RawLogWriter
 def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> LogFacts:
     """Write the raw log `target` from a CSV; no part of it remains if the CSV is not usable.
 
-    Parameters
-    ----------
-    source : CSV
-    target : raw log to write
-    meta_file : configuration; by default the TOML beside the CSV
-
-    Raises
-    ------
-    InputError, ConfigurationError
-        The CSV cannot be used, or the target cannot be written.
+    The configuration is the TOML beside the CSV or `meta_file`. Raises InputError or ConfigurationError.
     """
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)
@@ -56,24 +47,17 @@ def export_csv(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> LogFacts:
-    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it.
+    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it; returns the facts of the whole log.
 
     Parameters
     ----------
-    source : any log
-    target : CSV to write
+    source, target : any log, and the CSV to write
     progress : called with the number of samples written so far
     first_seq, last_seq : range to write, both included; the log's own ends if None
 
-    Returns
-    -------
-    LogFacts
-        Of the whole log.
-
     Raises
     ------
-    InputError
-        The log cannot be read, or the target cannot be written.
+    InputError : the log cannot be read, or the target cannot be written
     """
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError("csv.export_name", file=target)

@@ -162,16 +162,7 @@ def _check_rate(path: Path, seq: IntArray, time: FloatArray, rate: float) -> Non
 
 
 class _Table:
-    """One chunk's cells by column.
-
-    Parameters
-    ----------
-    path : of the file
-    header : names of the columns
-    text : whole lines
-    first : number of the first line in the file
-    further : number of further IMUs
-    """
+    """One chunk's cells by column; `first` is the number of its first line in the file."""
 
     def __init__(self, path: Path, header: list[str], text: str, first: int, further: int) -> None:
         self._path = path

@@ -96,9 +96,5 @@ class FactsBuilder:
             whole.update(self._further.digest())
         temperature = None
         if self._temperature_count:
-            temperature = (
-                round(self._temperature_sum / self._temperature_count, 3),
-                self._lowest,
-                self._highest,
-            )
+            temperature = (round(self._temperature_sum / self._temperature_count, 3), self._lowest, self._highest)
         return LogFacts(self._first, self._last, self._samples, self._gaps, temperature, whole.hexdigest())

@@ -151,15 +151,7 @@ class Check:
         near: float = NEAR,
         where: Where | None = None,
     ) -> "Check":
-        """Compare a value with its limit.
-
-        Parameters
-        ----------
-        kind, subject, unit, where : see the class
-        value : what was found
-        limit : largest value, or (lowest, highest)
-        near : share of the limit beyond which a value inside is a near-miss
-        """
+        """Compare a value with its limit; a value inside, but beyond the share `near` of the limit, is a near-miss."""
         low, high = limit if isinstance(limit, tuple) else (-math.inf, limit)
         passed = bool(low <= value <= high)
         room = 0.5 * (high - low) if isinstance(limit, tuple) else abs(limit)
@@ -256,14 +248,7 @@ def check_limits(
 
     A parameter's own limit takes precedence over its group's. Only parameters that a stage estimated are compared.
     The innovations of every stage and the absence of unobservable parameters are checked as well; they are never
-    near-misses.
-
-    Parameters
-    ----------
-    limits : by parameter or group
-    prior : before the first stage
-    solutions : of the stages, in order
-    near : share of its limit beyond which a value is a near-miss
+    near-misses. `near` is the share of a limit beyond which a value is a near-miss.
     """
     if not solutions:
         return []

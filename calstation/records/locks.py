@@ -61,18 +61,9 @@ def locked(path: Path, within: float) -> Iterator[None]:
 
 
 def take(handle: int, within: float, *, shared: bool = False) -> bool:
-    """Take the lock on an open file until it is closed. Raises OSError if the file system has no locks.
+    """Take the lock on an open file until it is closed; False if another process held it for `within` s.
 
-    Parameters
-    ----------
-    handle : of the open file
-    within : seconds to try
-    shared : whether others may share it, on systems with shared locks
-
-    Returns
-    -------
-    bool
-        False if another process held it all the time.
+    `shared` lets others share it, on systems with shared locks. Raises OSError if the file system has no locks.
     """
     deadline = time.monotonic() + within
     while True:

@@ -14,15 +14,7 @@ import tomli_w
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation.common import (
-    Belief,
-    ImuModel,
-    Secondary,
-    Site,
-    SolveContext,
-    StoredPair,
-    TableModel,
-)
+from calstation.estimation.common import Belief, ImuModel, Secondary, Site, SolveContext, StoredPair, TableModel
 from calstation.messages import os_reason
 from calstation.physics import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, group_indices
 from calstation.records.atomic import write_atomic
@@ -156,16 +148,7 @@ class RunSection(StrictModel):
 
 
 class LogMeta(StrictModel):
-    """All sections of a log's configuration.
-
-    Attributes
-    ----------
-    schedule : parameters of each stage's method
-    profiles : texts of the station, table, IMU and product files of the run, by kind
-    registers : the unit's registers by parameter, SI, if its stream follows them
-    previous : result of the unit's last calibration by parameter, SI, if the product compares with it
-    imu2 to imu9 : further IMUs on the same body, numbered without a gap
-    """
+    """All sections of a log's configuration; `imu2` to `imu9` are numbered without a gap."""
 
     site: SiteSection
     imu: ImuSection

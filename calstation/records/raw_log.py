@@ -109,33 +109,14 @@ _abandoned: list["RawLogWriter"] = []
 
 
 class RawLogWriter:
-    """Appends a run's samples, events and results to a new file.
+    """Appends a run's samples, events and results to a new file; `joints` says whether the blocks have gimbal joints.
 
     While the writer lives it holds a lock on the file (`raw_read.being_written`). It buffers between flushes;
-    `service`, which every append calls, flushes and syncs when due.
-
-    Parameters
-    ----------
-    path : file to create
-    meta : configuration
-    joints : whether the blocks have the joints of a gimbal
-
-    Attributes
-    ----------
-    free_space : gives the bytes left on the disk of a file
-
-    Raises
-    ------
-    ConfigurationError
-        The file cannot be created.
+    `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
+    created.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        meta: LogMeta,
-        joints: bool = False,
-    ) -> None:
+    def __init__(self, path: Path, meta: LogMeta, joints: bool = False) -> None:
         self.path = path
         self.meta = meta
         self.free_space = free_space

@@ -94,11 +94,7 @@ def read_contents(path: Path) -> RawLogContents:
         closing = _json_lines(file, "closing")
         last = closing[-1] if closing else {}
         return RawLogContents(
-            meta,
-            _json_lines(file, "events"),
-            _json_lines(file, "results"),
-            last.get("outcome"),
-            last.get("sha256"),
+            meta, _json_lines(file, "events"), _json_lines(file, "results"), last.get("outcome"), last.get("sha256")
         )
 
 
@@ -161,13 +157,9 @@ def row_count(path: Path) -> int:
 
 
 def raw_rows(path: Path, start: int, stop: int, holes: NDArray[np.int64] = _NO_HOLES) -> np.ndarray:
-    """Sound rows of a raw log as they are stored, structured as `raw_log.row_dtype`. Raises InputError.
+    """Sound rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.row_dtype`.
 
-    Parameters
-    ----------
-    path : raw log
-    start, stop : numbers among the sound rows
-    holes : first row and number of rows of each hole, shape (n, 2)
+    `damaged` holds the first row and the number of rows of each damaged part, shape (n, 2). Raises InputError.
     """
     with _Opened(path) as file:
         samples = file["samples"]

@@ -4,19 +4,16 @@ import json
 import sqlite3
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+from pydantic import TypeAdapter
 from sqlalchemy import (
-    Boolean,
     Column,
     Connection,
     Engine,
-    Float,
-    Integer,
     MetaData,
-    Row,
     Select,
     String,
     Table,
@@ -32,10 +29,8 @@ from sqlalchemy import (
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
-from calstation.records.raw_log import SUFFIX
-
 #: Version of the tables; an index of another version is rebuilt.
-_VERSION = 4
+_VERSION = 5
 
 #: Name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -78,42 +73,27 @@ class IndexedRun:
     written: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
+_RUN = TypeAdapter(IndexedRun)
+#: Columns for searching; `content` is the whole `IndexedRun` as JSON.
+_SEARCHED = ("serial", "started_utc", "outcome", "product", "station", "operator", "resumed_from")
 _metadata = MetaData()
 _runs = Table(
     "runs",
     _metadata,
     Column("name", String, primary_key=True),
     Column("stamp", String, nullable=False),
-    Column("serial", String, nullable=False, index=True),
-    Column("started_utc", String, nullable=False, index=True),
-    Column("outcome", String, nullable=False),
-    Column("attempt", Integer, nullable=False),
-    Column("product", String),
-    Column("station", String),
-    Column("operator", String),
-    Column("stages", String, nullable=False),
-    Column("has_result", Boolean, nullable=False),
-    Column("duration", Float, nullable=False),
-    Column("error", String),
-    Column("resumed_from", String),
-    Column("closed", Boolean, nullable=False),
-    Column("solved", String, nullable=False),
-    Column("written", String, nullable=False),
+    *(Column(name, String, index=name in ("serial", "started_utc")) for name in _SEARCHED),
+    Column("content", String, nullable=False),
 )
 
 
 class RunIndex:
-    """The index in a folder of runs; it moves to memory if its file cannot be used, so that it never stops a run.
-
-    Attributes
-    ----------
-    lost : whether the index was damaged or could not be written, and is empty again
-    """
+    """The index in a folder of runs; it moves to memory if its file cannot be used, so that it never stops a run."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._path = folder / FILE
-        self.lost = False
+        self.lost = False  #: The index was damaged or could not be written, and is empty again.
         self._engine = _file_engine(self._path)
         self._try(_create)
 
@@ -137,75 +117,38 @@ class RunIndex:
         self._try(change)
 
     def find(self, search: str, outcome: str | None, limit: int) -> list[RunRecord]:
-        """Find runs, latest first.
-
-        Parameters
-        ----------
-        search : part of a serial number, name, product, station, operator or date
-        outcome : only runs with this outcome; any if None
-        limit : largest number of runs
-        """
+        """Find runs, latest first, by outcome and by part of serial number, name, product, station, operator, date."""
         query = select(_runs).order_by(_runs.c.started_utc.desc(), _runs.c.name.desc()).limit(limit)
         if search.strip():
             columns = ("serial", "started_utc", "product", "station", "operator", "name")
             query = query.where(or_(*(_runs.c[name].icontains(search.strip(), autoescape=True) for name in columns)))
         if outcome is not None:
             query = query.where(_runs.c.outcome == outcome)
-        return self._records(query)
+        return [run.record for run in self._found(query)]
 
     def of(self, serial: str, outcomes: tuple[str, ...] | None = None, before: str | None = None) -> list[IndexedRun]:
-        """A unit's runs, latest first.
-
-        Parameters
-        ----------
-        serial : of the unit
-        outcomes : only runs with these outcomes; any if None
-        before : only runs that started before this time, ISO 8601
-        """
+        """A unit's runs, latest first, with one of these outcomes and begun before a time, ISO 8601; any if None."""
         query = select(_runs).where(_runs.c.serial == serial)
         if outcomes is not None:
             query = query.where(_runs.c.outcome.in_(outcomes))
         if before is not None:
             query = query.where(_runs.c.started_utc < before)
         query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())
-        return self._try(
-            lambda connection: [
-                IndexedRun(
-                    row.name,
-                    row.stamp,
-                    self._record(row),
-                    json.loads(row.solved),
-                    {name: (value, sigma) for name, (value, sigma) in json.loads(row.written).items()},
-                )
-                for row in connection.execute(query)
-            ]
-        )
+        return self._found(query)
 
     def count(self, serial: str) -> int:
         """Number of runs begun for a unit; a resumed run counts once."""
         query = select(func.count()).select_from(_runs).where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
-    def _record(self, row: Row[Any]) -> RunRecord:
-        return RunRecord(
-            serial=row.serial,
-            started_utc=row.started_utc,
-            outcome=row.outcome,
-            attempt=row.attempt,
-            product=row.product,
-            station=row.station,
-            operator=row.operator,
-            stages=tuple(json.loads(row.stages)),
-            log=self._folder / f"{row.name}{SUFFIX}",
-            result=self._folder / f"{row.name}.json" if row.has_result else None,
-            duration=row.duration,
-            error=row.error,
-            resumed_from=row.resumed_from,
-            closed=row.closed,
-        )
+    def _found(self, query: Select[Any]) -> list[IndexedRun]:
+        return self._try(lambda connection: [self._run(row.content) for row in connection.execute(query)])
 
-    def _records(self, query: Select[Any]) -> list[RunRecord]:
-        return self._try(lambda connection: [self._record(row) for row in connection.execute(query)])
+    def _run(self, content: str) -> IndexedRun:
+        """A stored run, with its files in the folder of the index."""
+        run = _RUN.validate_python(json.loads(content))
+        result = run.record.result and self._folder / run.record.result.name
+        return replace(run, record=replace(run.record, log=self._folder / run.record.log.name, result=result))
 
     def _try(self, action: Callable[[Connection], T]) -> T:
         """Run `action`; if the file is damaged or not writable, retry with a new file, then in memory."""
@@ -260,23 +203,5 @@ def _create(connection: Connection) -> None:
 
 
 def _row(run: IndexedRun) -> dict[str, Any]:
-    record = run.record
-    return {
-        "name": run.name,
-        "stamp": run.stamp,
-        "serial": record.serial,
-        "started_utc": record.started_utc,
-        "outcome": record.outcome,
-        "attempt": record.attempt,
-        "product": record.product,
-        "station": record.station,
-        "operator": record.operator,
-        "stages": json.dumps(record.stages),
-        "has_result": record.result is not None,
-        "duration": record.duration,
-        "error": record.error,
-        "resumed_from": record.resumed_from,
-        "closed": record.closed,
-        "solved": json.dumps(dict(run.values)),
-        "written": json.dumps(dict(run.written)),
-    }
+    columns = {name: getattr(run.record, name) for name in _SEARCHED}
+    return {"name": run.name, "stamp": run.stamp, **columns, "content": json.dumps(asdict(run), default=str)}

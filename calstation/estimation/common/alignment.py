@@ -50,12 +50,6 @@ def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start
 
     The rate at an observation is the mean of the samples before and after it. One sample is therefore left out on
     either side of a gap, so that a turn beyond it does not count as motion at rest.
-
-    Parameters
-    ----------
-    data : samples of the stage
-    context : site, IMU and table
-    belief : prior of the parameters
     """
     bias = group_indices("gyro_bias")
     found = []
@@ -106,20 +100,9 @@ def _heading_offset(rate_level: FloatArray) -> float:
 
 
 def gyrocompass(rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief) -> tuple[FloatArray, float]:
-    """Level by the accelerometers and find north by the gyros.
+    """C_bn, levelled by the mean specific force and turned north by the mean rate, and the azimuth's sigma, rad.
 
-    The azimuth's sigma is that of the gyro bias over Ω cos φ (IEEE Std 1780).
-
-    Parameters
-    ----------
-    rate_b, up_b : mean rate, rad/s, and specific force, m/s², at rest, shape (3,)
-    latitude : rad
-    belief : of the parameters
-
-    Returns
-    -------
-    attitude : C_bn, shape (3, 3)
-    azimuth_sigma : rad
+    That sigma is the one of the gyro bias over Ω cos φ (IEEE Std 1780).
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level

@@ -60,6 +60,10 @@ def gauss_newton(
 ) -> MapResult:
     """Maximise p(parameters, nuisances | observed), relinearising until `estimated` and nuisances converge.
 
+    Covariance form (Bell and Cathey, *The iterated Kalman filter update as a Gauss-Newton method*, IEEE TAC
+    38(2), 1993), so a prior sigma of zero is allowed. The Jacobian is taken by central differences in steps
+    proportional to the prior sigma.
+
     Parameters
     ----------
     stage : name of the stage, for messages
@@ -68,12 +72,6 @@ def gauss_newton(
     prior : of the parameters
     nuisance, nuisance_sigma : prior mean and sigma, shape (k,)
     estimated : parameters that are relinearised; the others only enter the gain, shape (30,)
-
-    Notes
-    -----
-    Covariance form (Bell and Cathey, *The iterated Kalman filter update as a Gauss-Newton method*, IEEE TAC
-    38(2), 1993), so a prior sigma of zero is allowed. The Jacobian is taken by central differences in steps
-    proportional to the prior sigma.
     """
     mean = np.concatenate([prior.mean, nuisance])
     P = np.zeros((len(mean), len(mean)))
@@ -107,10 +105,7 @@ def gauss_newton(
 
 
 def _jacobian(
-    model: Callable[[FloatArray, FloatArray], FloatArray],
-    point: FloatArray,
-    scale: FloatArray,
-    predicted: FloatArray,
+    model: Callable[[FloatArray, FloatArray], FloatArray], point: FloatArray, scale: FloatArray, predicted: FloatArray
 ) -> FloatArray:
     columns = []
     for i, h in enumerate(scale):
@@ -129,11 +124,6 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
 
     The others keep mean and covariance; cross-covariances follow. For data processed in one batch the estimated part
     equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
-
-    Parameters
-    ----------
-    prior, posterior : before the data and of the full estimator
-    estimated : shape (30,)
     """
     mean = np.where(estimated, posterior.mean, prior.mean)
     considered = np.ix_(~estimated, ~estimated)
@@ -143,13 +133,7 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
 
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
-    """Mean NIS and the 99.9 % band of that mean (Bar-Shalom et al. 2001, section 5.4).
-
-    Parameters
-    ----------
-    total : sum of the NIS
-    count, dimension : of the observations
-    """
+    """Mean of `count` values of NIS that sum to `total`, and its 99.9 % band (Bar-Shalom et al. 2001, 5.4)."""
     low, high = (chi_square_quantile(p, count * dimension) / max(count, 1) for p in (0.0005, 0.9995))
     return Consistency(total / max(count, 1), float(low), float(high), count)
 

@@ -31,20 +31,11 @@ LONGEST_BLOCK = 20_000
 class PlannedSamples:
     """Drives an ideal table and unit through steps; time, joints, counter and step number continue.
 
-    Parameters
-    ----------
-    context : site, IMU and table; an unknown azimuth is taken as north
-    parameters : of the unit, SI, shape (30,)
-    geometry : of the table
-    mount : rotation vector of the unit relative to the inner axis' platform, rad, shape (3,)
+    An unknown azimuth is taken as north. `mount` is the rotation vector of the unit on the inner axis' platform, rad.
     """
 
     def __init__(
-        self,
-        context: SolveContext,
-        parameters: FloatArray,
-        geometry: TableGeometry,
-        mount: FloatArray,
+        self, context: SolveContext, parameters: FloatArray, geometry: TableGeometry, mount: FloatArray
     ) -> None:
         site, imu = context.site, context.imu
         self._geometry = geometry
@@ -77,14 +68,7 @@ class PlannedSamples:
         return self._joints
 
     def run(self, step: Step, seconds: float, stage: str) -> Iterator[SampleBlock]:
-        """Generate the samples of a step.
-
-        Parameters
-        ----------
-        step : only moves and dwells have samples
-        seconds : duration of the step
-        stage : name in the blocks
-        """
+        """Generate the samples of a step that takes `seconds`; only moves and dwells have any."""
         last = round((self.time + seconds) / self._dt)
         begin, start, target = self.time, self._joints, self._joints
         if isinstance(step, Move):
@@ -111,10 +95,7 @@ class PlannedSamples:
         force = self._gravity * level[:, 2, :] + self._lever_force(rate, turning)
         gyro, accel = self._matrices
         counts = np.hstack(
-            [
-                omega @ gyro.T + self._biases[0],
-                force @ accel.T + self._quadratic * force**2 + self._biases[1],
-            ]
+            [omega @ gyro.T + self._biases[0], force @ accel.T + self._quadratic * force**2 + self._biases[1]]
         )
         n = len(counts)
         seq = np.arange(first, first + n)
@@ -166,14 +147,7 @@ class PlannedSamples:
 
 
 def profile(time: FloatArray, start: float, end: float, rate: float, acceleration: float) -> FloatArray:
-    """Joint angle of a move with a trapezoidal (or triangular) rate profile, rad.
-
-    Parameters
-    ----------
-    time : since the start of the move, s, any shape
-    start, end : joint angles, rad
-    rate, acceleration : largest rate, rad/s, and acceleration, rad/s²
-    """
+    """Joint angle, rad, at times since the start of a move, s, with a trapezoidal or triangular rate profile."""
     distance = abs(end - start)
     ramp = min(rate / acceleration, float(np.sqrt(distance / acceleration)))
     cruise = max(distance - acceleration * ramp**2, 0.0) / rate

@@ -39,14 +39,7 @@ class RestResiduals:
 
 
 def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> RestResiduals:
-    """Residuals of every rest of a stage.
-
-    Parameters
-    ----------
-    data : samples of the stage
-    context : site, IMU and table
-    found : parameters to compensate with
-    """
+    """Residuals of every rest of a stage, compensated with the parameters `found`."""
     constants = compensation(found.mean)
     bias = group_indices("gyro_bias")
     earth = rotation_rate(context.site.latitude)
@@ -104,16 +97,7 @@ class BeforeAfter:
 def before_after(
     block: SampleBlock, imu: ImuModel, before: FloatArray, found: FloatArray, gravity: float, stride: int = 1
 ) -> BeforeAfter:
-    """Compensate a block with two sets of parameters.
-
-    Parameters
-    ----------
-    block : samples
-    imu : their stream
-    before, found : parameters, SI, shape (30,)
-    gravity : m/s²
-    stride : samples averaged first
-    """
+    """Compensate a block with two sets of parameters, SI, shape (30,), after averaging `stride` samples at a time."""
     count = len(block) // stride
     raw = (block.counts[: count * stride] * imu.count_size).reshape(count, stride, 6).mean(axis=1)
     rates, forces, lengths = [], [], []

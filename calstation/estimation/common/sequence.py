@@ -26,10 +26,6 @@ class SequenceUnwrapper:
     A drop to near 0 from 2^8, 2^16 or 2^32 with continuous time is a wrap; with a jump in time it is a reset, after
     which the count continues with the number of samples of the jump (at least one lost). If the unit's clock restarted
     with its counter, time continues likewise. Anything else that does not rise is an error.
-
-    Parameters
-    ----------
-    sample_period : s
     """
 
     def __init__(self, sample_period: float) -> None:
@@ -41,23 +37,10 @@ class SequenceUnwrapper:
         self._time_offset = 0.0
 
     def feed(self, seq: IntArray, time: FloatArray) -> tuple[IntArray, FloatArray, list[int]]:
-        """Unwrap the next chunk.
+        """Unwrap the next chunk of counter and clock, s: rising counter and clock, shape (n,), and indices of restarts.
 
-        Parameters
-        ----------
-        seq : counter as logged, shape (n,)
-        time : IMU clock as logged, s, shape (n,)
-
-        Returns
-        -------
-        seq : continuous counter, shape (n,)
-        time : rising clock, s, shape (n,)
-        restarts : indices in this chunk at which the unit's counter and clock restarted together
-
-        Raises
-        ------
-        SequenceError
-            with the index of the first row that repeats, is out of order or runs back in time.
+        At a restart, counter and clock of the unit began anew together. Raises SequenceError with the index of the
+        first row that repeats, is out of order or runs back in time.
         """
         if len(seq) == 0:
             return seq.astype(np.int64), time.astype(np.float64), []
@@ -104,20 +87,10 @@ class SequenceUnwrapper:
 
 
 def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None) -> IntArray:
-    """Continue a live counter of known width.
+    """Continue a live counter of `bits` bits after the continuous count `last`, received as `last_raw`.
 
-    Parameters
-    ----------
-    raw : counter as received, modulo 2^bits, shape (n,)
-    last : continuous count of the last sample before; None at the start
-    bits : width of the counter
-    last_raw : that sample's counter as received; None for `last` modulo 2^bits
-
-    Returns
-    -------
-    count : continuous counter, shape (n,). Forward steps are taken modulo 2^bits; a fall to the first
-        eighth of the range that would mean more than half of it lost is a reset, counted as one lost sample.
-        The same value twice is a whole cycle of the counter.
+    Forward steps are taken modulo 2^bits. A fall to the first eighth of the range that would mean more than half of it
+    lost is a reset, counted as one lost sample. The same value twice is a whole cycle of the counter.
     """
     received = np.asarray(raw, dtype=np.int64)
     if len(received) == 0:

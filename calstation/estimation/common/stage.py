@@ -84,24 +84,12 @@ def window_mean(values: FloatArray, width: int) -> FloatArray:
 def find_rests(
     data: StageData, segment: tuple[int, int], imu: ImuModel, gyro_bias: FloatArray, bias_sigma: float
 ) -> list[tuple[int, int]]:
-    """Find the rests of a segment from its data.
+    """Find the rests (start, stop) of a segment from its data.
 
     Rates are averaged over `REST_WINDOW`. The median of the windows in which they are small (`BIAS_SIGMAS`, 5 sigma of
     noise, `SLOWEST`) and constant is the rate at rest, bias and earth rate together. A rest is a stretch in which no
     window differs from it by more than noise and 0.03 °/s (earth rate is 0.004 °/s), so that a creeping table does not
     count. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
-
-    Parameters
-    ----------
-    data : samples of the stage
-    segment : first sample and the one after the last
-    imu : noise of the stream
-    gyro_bias : rad/s, shape (3,)
-    bias_sigma : its standard deviation, rad/s
-
-    Returns
-    -------
-    (start, stop) of each rest
     """
     start, stop = segment
     width = max(round(REST_WINDOW / data.dt), 2)

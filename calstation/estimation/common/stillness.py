@@ -53,14 +53,7 @@ class Stillness:
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:
-    """Find rests and motions in all segments.
-
-    Parameters
-    ----------
-    data : samples of the recording
-    imu : noise of the stream, a lower bound
-    shortest : shortest rest, s
-    """
+    """Find rests of at least `shortest` s and motions in all segments; the noise of `imu` is a lower bound."""
     windows = _windows(data)
     gyro_std, accel_std, rate = windows[:, 0], windows[:, 1], windows[:, 2:]
     limit = min(ALIKE * float(np.quantile(gyro_std, QUIETEST)), LOUDEST) if len(windows) else 0.0
@@ -87,14 +80,7 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
 
 
 def _find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray) -> tuple[int, ...]:
-    """Samples at which the force jumps between two stretches of rest without a turn.
-
-    Parameters
-    ----------
-    data : samples of the recording
-    gyro_noise, accel_noise : white noise at rest, rad/√s and m/s/√s
-    resting : mean raw rate at rest, rad/s, shape (3,)
-    """
+    """Samples at which the force jumps between two stretches of rest without a turn."""
     width = max(round(CUT_WINDOW / data.dt), 4)
     slow = np.deg2rad(2.0) + 5.0 * gyro_noise / np.sqrt(width * data.dt)
     loud = 0.1 + 3.0 * accel_noise / np.sqrt(data.dt)

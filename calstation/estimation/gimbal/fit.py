@@ -42,23 +42,9 @@ class GimbalFit:
 
 
 def fit_gimbal(
-    data: StageData,
-    motions: list[Motion],
-    order: str,
-    context: SolveContext,
-    prior: Belief,
-    joint_sigma: float,
+    data: StageData, motions: list[Motion], order: str, context: SolveContext, prior: Belief, joint_sigma: float
 ) -> GimbalFit:
-    """Fit all motions.
-
-    Parameters
-    ----------
-    data : samples of the recording
-    motions : its motions
-    order : joints from the base to the unit
-    context, prior : site and devices, and prior of the parameters
-    joint_sigma : of an attitude from the joints at a rest, per axis, rad
-    """
+    """Fit all motions; `joint_sigma` is that of an attitude from the joints at a rest, per axis, rad."""
     noise = filter_noise(context)
     sigma = np.sqrt(np.repeat([noise.rate * m.duration for m in motions], 3))
     root = square_root(prior.covariance)

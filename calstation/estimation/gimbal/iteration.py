@@ -48,18 +48,7 @@ def others(axis: int) -> list[int]:
 
 
 def drift_matrix(order: str, axis: int, angle: float) -> FloatArray:
-    """J: drift of the other joints per rad of tilt of the turn's axis.
-
-    Parameters
-    ----------
-    order : joints from the base to the unit
-    axis : body axis turned about
-    angle : of the turn, rad
-
-    Returns
-    -------
-    shape (2, 2)
-    """
+    """J: drift of the other joints per rad of tilt of the axis of a turn by `angle`, shape (2, 2)."""
     rest = others(axis)
     J = np.empty((2, 2))
     for column, lean in enumerate(rest):
@@ -77,14 +66,7 @@ def sign_of(angle: float) -> float:
 
 
 def largest_gain(order: str, axis: int, angle: float) -> float:
-    """The gain below which turns by ± `angle` converge: 2 Re λ/|λ|² of J's worst eigenvalue; 0 if none does.
-
-    Parameters
-    ----------
-    order : joints from the base to the unit
-    axis : body axis turned about
-    angle : of the turns, rad
-    """
+    """The gain below which turns by ± `angle` converge: 2 Re λ/|λ|² of J's worst eigenvalue; 0 if none does."""
     limits = []
     for way in (angle, -angle):
         for value in np.linalg.eigvals(-sign_of(way) * drift_matrix(order, axis, way)):
@@ -93,15 +75,7 @@ def largest_gain(order: str, axis: int, angle: float) -> float:
 
 
 def contraction(order: str, axis: int, angle: float, gain: float) -> float:
-    """Factor per turn by which a turn there and a turn back reduce an error.
-
-    Parameters
-    ----------
-    order : joints from the base to the unit
-    axis : body axis turned about
-    angle : of the turns, rad
-    gain : α, rad/rad
-    """
+    """Factor per turn by which a turn by `angle` and one back reduce an error."""
     both = np.eye(2)
     for way in (angle, -angle):
         both = (np.eye(2) + sign_of(way) * gain * drift_matrix(order, axis, way)) @ both
@@ -137,10 +111,6 @@ class GimbalIteration:
     count : largest number of turns per axis
     threshold : |D| below which an axis is done, rad
     alternate : whether every second turn goes the other way
-
-    Attributes
-    ----------
-    correction : K, shape (3, 3); courses : of the axes so far, x, y, z
     """
 
     def __init__(self, gain: float, angle: float, count: int, threshold: float, alternate: bool = True) -> None:

@@ -39,17 +39,15 @@ def run_loop(
 
     Parameters
     ----------
-    gimbal : the gimbal
+    gimbal, order : the gimbal, and its joints from the base to the unit
     iteration : state of the method
     imu : stream of the unit
-    order : joints from the base to the unit
     dwell, rate : stabilised rest, s, and rate of the turns, rad/s
     keep : receives every block
 
     Raises
     ------
-    InputError
-        A turn does not show in the joints.
+    InputError : a turn does not show in the joints
     """
     blocks: list[SampleBlock] = []
 

@@ -74,13 +74,8 @@ _FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
 class NavigationFilter:
     """One pass over a stage: takes groups of observations in order; gives `belief`, `history` and `attitude`.
 
-    Parameters
-    ----------
-    context, prior : site and devices, and prior of the parameters
-    point : parameters of the linearisation, SI, shape (30,)
+    `point` holds the parameters of the linearisation, SI, shape (30,).
 
-    Notes
-    -----
     The first pass and the live display close the loop: corrections of attitude and velocity are fed back at once. A
     later pass follows a smoothed `Reference` instead. Transitions along a reference that jumps with every observation
     disagree, by the size of the jumps, about the unobservable direction, so that a bias and a tilt of which only the
@@ -138,14 +133,8 @@ class NavigationFilter:
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
         """Start (again) at rest: reset the navigation states, keep the parameters.
 
-        The velocity starts unknown and is observed at once. Assuming it zero would ignore that the rate, and so the
-        lever's velocity, is only known as well as the gyro bias.
-
-        Parameters
-        ----------
-        data : samples of the stage
-        start : of the segment
-        attitude : C_bn of the linearisation, shape (3, 3)
+        `attitude` is the C_bn of the linearisation. The velocity starts unknown and is observed at once. Assuming it
+        zero would ignore that the rate, and so the lever's velocity, is only known as well as the gyro bias.
         """
         kf = self.kf
         kf.x[:PARAMETER_START] = 0.0
@@ -174,10 +163,8 @@ class NavigationFilter:
 
         Parameters
         ----------
-        data : samples of the stage
-        start : first sample
-        count : observations in the group
-        follow : attitudes and velocities of the reference at the observations, m/s, shapes (count, 3, 3) and
+        data, start, count : samples of the stage, first sample, and observations in the group
+        follow : attitudes and velocities (m/s) of the reference at the observations, shapes (count, 3, 3) and
             (count, 3); None to close the loop
         """
         kf, work = self.kf, self.work
@@ -243,8 +230,7 @@ class NavigationFilter:
 
         Parameters
         ----------
-        data : samples of the stage
-        start : of the segment
+        data, start : samples of the stage, and start of the segment
         attitude : C_bn of the linearisation at its start, shape (3, 3)
         smooth : follow a smoothed reference instead of closing the loop
         watch : called after the start and after every group of observations

@@ -17,16 +17,7 @@ import numpy as np
 
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
 from calstation.estimation.navigation.filter import POSITION_SIGMA, History
-from calstation.physics import (
-    NAMES,
-    STATES,
-    FloatArray,
-    IntArray,
-    compensation,
-    dynamics,
-    rotation_rate,
-    skew,
-)
+from calstation.physics import NAMES, STATES, FloatArray, IntArray, compensation, dynamics, rotation_rate, skew
 
 STATE_NAMES = (
     *(f"{s}_{a}" for s in ("attitude_error", "velocity_error", "position_error") for a in ("east", "north", "up")),
@@ -61,18 +52,10 @@ def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
 def observability_analysis(
     data: StageData, history: History, context: SolveContext, prior: Belief, point: FloatArray
 ) -> dict[str, Any]:
-    """Observability of the states, step by step.
+    """Observability of the states, step by step; `point` holds the parameters of the linearisation, SI, shape (30,).
 
-    Parameters
-    ----------
-    data, history : samples of the stage and the pass over them
-    context, prior : site and devices, and prior of the parameters
-    point : parameters of the linearisation, SI, shape (30,)
-
-    Returns
-    -------
-    dict, JSON-ready. ``segments``: per step its number, first and last sequence number, number of pieces, and rank
-    (singular values above 1) and singular values of the stripped matrix so far. ``states``: per state the step in
+    Returns a JSON-ready dict. ``segments``: per step its number, first and last sequence number, number of pieces, and
+    rank (singular values above 1) and singular values of the stripped matrix so far. ``states``: per state the step in
     which it became observable (None if never), ``strength`` = prior sigma over the sigma that the total matrix leaves
     (without process noise), and ``by_step``, that strength after each step.
     """

@@ -12,14 +12,7 @@ import numba as nb
 import numpy as np
 
 from calstation.estimation.common import FilterNoise, StageData
-from calstation.physics import (
-    Compensation,
-    FloatArray,
-    IntervalWork,
-    interval_work,
-    propagate,
-    rotation_matrix,
-)
+from calstation.physics import Compensation, FloatArray, IntervalWork, interval_work, propagate, rotation_matrix
 
 #: Prior sigma of the start heading, rad: small, because the parameters may be too poor for gyrocompassing.
 HEADING_SIGMA = 1e-4
@@ -42,16 +35,12 @@ def smoothed_reference(
     attitude: FloatArray,
     tilt_sigma: float,
 ) -> Reference:
-    """Smoothed trajectory of a segment.
+    """Smoothed trajectory of a segment with fixed parameters.
 
     Parameters
     ----------
-    c : constants of the fixed parameters
-    earth : earth rate in n, rad/s, shape (3,)
-    gravity : m/s²
-    noise : process and observation noise
-    data : samples of the stage
-    span : first sample, the one after the last, and samples per interval
+    c, earth, gravity, noise : constants of the parameters, earth rate in n (rad/s), gravity (m/s²) and noise
+    data, span : samples of the stage; first sample, the one after the last, and samples per interval
     attitude : start C_bn, shape (3, 3), whose heading is kept
     tilt_sigma : prior sigma of its tilt, rad
     """

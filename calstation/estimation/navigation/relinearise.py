@@ -66,19 +66,9 @@ def solve_navigation(
     estimated: BoolArray,
     progress: Progress | None = None,
 ) -> NavigationResult:
-    """Iterate passes until they converge.
+    """Iterate passes until they converge, relinearising the `estimated` parameters.
 
-    Parameters
-    ----------
-    stage : name of the stage
-    data, context, prior : its samples, site and devices, and prior of the parameters
-    estimated : parameters that are relinearised, shape (30,)
-    progress : called with the progress
-
-    Raises
-    ------
-    InsufficientDataError
-        No segment contains a rest to align on.
+    Raises InsufficientDataError if no segment contains a rest to align on.
     """
     found = starts(data, context, prior)
     if not found:
@@ -173,14 +163,7 @@ class _Relinearisation:
             attitudes = self._carry_back(run, target, found, ends)
             point = target
         return NavigationResult(
-            belief,
-            run.history,
-            tuple(found),
-            tuple(attitudes),
-            point,
-            self.passes,
-            converged,
-            azimuth_free=False,
+            belief, run.history, tuple(found), tuple(attitudes), point, self.passes, converged, azimuth_free=False
         )
 
     def _pass(

@@ -175,17 +175,9 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
 
 @nb.njit(cache=True)
 def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray) -> FloatArray:
-    """Write the velocity observation z = u − v and its Jacobian, and return the arm velocity u = C(ω_nb × r).
+    """Write the velocity observation z = u − v and its Jacobian, and return the arm velocity u = C(ω_nb × r), m/s.
 
     H of φ: [u×], δv: I, gyro parameters: C [r×] ∂ω, outer lever: −C [ω_nb×].
-
-    Parameters
-    ----------
-    work : state at the observation
-    earth : earth rate in n, rad/s, shape (3,)
-    c : constants of the assumed parameters
-    z : observation, m/s, shape (3,)
-    H : Jacobian, shape (3, ≥39)
     """
     C, r = work.attitude, c.outer_lever
     w = np.empty(3)
@@ -202,11 +194,7 @@ def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: Float
         H[i, 37] = -(C[i, 2] * w[0] - C[i, 0] * w[2])
         H[i, 38] = -(C[i, 0] * w[1] - C[i, 1] * w[0])
         lever = np.array(
-            [
-                C[i, 1] * r[2] - C[i, 2] * r[1],
-                C[i, 2] * r[0] - C[i, 0] * r[2],
-                C[i, 0] * r[1] - C[i, 1] * r[0],
-            ]
+            [C[i, 1] * r[2] - C[i, 2] * r[1], C[i, 2] * r[0] - C[i, 0] * r[2], C[i, 0] * r[1] - C[i, 1] * r[0]]
         )
         for p in range(12):
             s = 0.0
@@ -273,8 +261,7 @@ def observe(
 
     Parameters
     ----------
-    c : constants of the assumed parameters
-    s : constants of the pass
+    c, s : constants of the assumed parameters and of the pass
     gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
     start : first sample
     follow_attitude, follow_velocity : the reference at the intervals' ends, m/s; empty to run free

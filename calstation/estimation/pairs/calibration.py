@@ -6,14 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.estimation.common import (
-    Belief,
-    Secondary,
-    SolveContext,
-    StageData,
-    StoredPair,
-    find_stillness,
-)
+from calstation.estimation.common import Belief, Secondary, SolveContext, StageData, StoredPair, find_stillness
 from calstation.estimation.pairs.faults import require_pairs, require_sense
 from calstation.estimation.pairs.filtering import pair_data
 from calstation.estimation.pairs.fit import PairChoice, PairFit, fit_pair
@@ -74,20 +67,7 @@ class PairCalibration:
     def check(
         self, data: StageData, rest: tuple[int, int], place: int, secondary: Secondary, stored: StoredPair
     ) -> StaticCheck | None:
-        """Check both units at a rest.
-
-        Parameters
-        ----------
-        data : samples of the recording
-        rest : (start, stop) of the rest
-        place : index of the secondary in the samples
-        secondary : stream of the secondary
-        stored : what it is compensated with
-
-        Returns
-        -------
-        None if the secondary has no samples in the rest
-        """
+        """Check both units at a rest; None if the secondary, number `place` in the samples, has none there."""
         a, b = rest
         pair = pair_data(data, place, secondary.imu)
         gyro2, accel2 = _mean(pair.gyro2[a:b]), _mean(pair.accel2[a:b])
@@ -105,21 +85,7 @@ class PairCalibration:
     def calibrate(
         self, data: StageData, place: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
     ) -> PairResult:
-        """Fit from all of the data; stored values of terms that are not chosen stay.
-
-        Parameters
-        ----------
-        data : samples of the recording
-        place : index of the secondary in the samples
-        secondary : stream of the secondary
-        choice : what is fitted
-        stored : last calibration
-
-        Raises
-        ------
-        InputError
-            The data are unusable.
-        """
+        """Fit from all of the data; stored values of terms that are not chosen stay. Raises InputError."""
         pair = pair_data(data, place, secondary.imu)
         require_pairs(pair, secondary.number, choice)
         try:

@@ -21,19 +21,7 @@ TOGETHER = np.deg2rad(10.0)
 
 
 def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
-    """Check that the samples can determine what is to be fitted.
-
-    Parameters
-    ----------
-    data : samples of both IMUs
-    number : of the secondary
-    choice : what is fitted
-
-    Raises
-    ------
-    InputError, InsufficientDataError
-        The recording is unusable.
-    """
+    """Check that the samples can determine what is to be fitted. Raises InputError or InsufficientDataError."""
     paired = sum(stop - start for start, stop in data.segments) * data.dt
     if paired < LEAST_PAIRS:
         raise InsufficientDataError("recording.too_few_pairs", number=number, seconds=paired, least=LEAST_PAIRS)
@@ -73,19 +61,7 @@ def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting:
 
 
 def require_sense(fit: PairFit, number: int, choice: PairChoice) -> None:
-    """Check that the matrices are errors of a unit and not mistakes of its columns.
-
-    Parameters
-    ----------
-    fit : solution
-    number : of the secondary
-    choice : what was fitted
-
-    Raises
-    ------
-    InputError
-        Units or columns are wrong.
-    """
+    """Check that the matrices are errors of a unit and not mistakes of its columns. Raises InputError."""
     turns = []
     for sensor, model, place in (("gyro", choice.gyro, GYRO_MATRIX), ("accel", choice.accel, ACCEL_MATRIX)):
         if model not in ("scale", "full"):

@@ -76,14 +76,7 @@ class Signals:
 
 
 def signals(data: PairData, offset: float, c: Compensation) -> Signals:
-    """Filter all segments that are long enough.
-
-    Parameters
-    ----------
-    data : samples of both IMUs
-    offset : clock offset by which the primary is read later, s
-    c : constants of the primary, for the lever term
-    """
+    """Filter all long segments; the primary is read `offset` s later, `c` are its constants for the lever term."""
     shift = round(offset / data.dt)
     reading, slope = _kernels(offset / data.dt - shift)
     slope, matrix = slope / data.dt, np.linalg.inv(c.accel_inverse)

@@ -52,10 +52,7 @@ class PairChoice:
     def fitted(self) -> BoolArray:
         """Which pair parameters are fitted, shape (28,)."""
         chosen = np.zeros(COUNT, np.bool_)
-        for model, bias, matrix in (
-            (self.gyro, GYRO_BIAS, GYRO_MATRIX),
-            (self.accel, ACCEL_BIAS, ACCEL_MATRIX),
-        ):
+        for model, bias, matrix in ((self.gyro, GYRO_BIAS, GYRO_MATRIX), (self.accel, ACCEL_BIAS, ACCEL_MATRIX)):
             if model is not None:
                 chosen[bias] = True
                 chosen[matrix] = {"bias": np.zeros(9), "scale": np.eye(3).ravel(), "full": np.ones(9)}[model] > 0
@@ -81,27 +78,12 @@ class PairFit:
 
 
 def fit_pair(
-    data: PairData,
-    primary: ImuModel,
-    secondary: ImuModel,
-    c: Compensation,
-    choice: PairChoice,
-    start: FloatArray,
+    data: PairData, primary: ImuModel, secondary: ImuModel, c: Compensation, choice: PairChoice, start: FloatArray
 ) -> PairFit:
     """Fit the chosen pair parameters.
 
-    Parameters
-    ----------
-    data : samples of both IMUs
-    primary, secondary : their streams and noise
-    c : constants of the primary
-    choice : what is fitted
-    start : first values, which the other parameters keep, SI, shape (28,)
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        The motion does not determine the parameters.
+    `start` holds first values, which the other parameters keep, SI, shape (28,). Raises numpy.linalg.LinAlgError if
+    the motion does not determine the parameters.
     """
     value, fitted = start.copy(), choice.fitted
     if choice.offset:
@@ -123,36 +105,19 @@ def fit_pair(
     for place, imu_sigma in _bias_drift_sigmas(data, primary, secondary):
         covariance[place, place] += imu_sigma**2 if fitted[place] else 0.0
     return PairFit(
-        value,
-        covariance,
-        fitted,
-        system.rms,
-        system.expected,
-        len(system.gradient),
-        system.halves(),
-        converged,
+        value, covariance, fitted, system.rms, system.expected, len(system.gradient), system.halves(), converged
     )
 
 
 class _System:
-    """Normal equations of k fitted parameters at one point, block by block.
-
-    Attributes
-    ----------
-    normal : sum over the blocks, shape (k, k)
-    gradient : of each block, shape (blocks, k)
-    rms, expected : see `PairFit`
-    """
+    """Normal equations of k fitted parameters at one point, block by block."""
 
     def __init__(self, rows: Signals, value: FloatArray, noise: FloatArray, data: PairData, fitted: BoolArray) -> None:
         self._fitted = fitted
         C, A = value[GYRO_MATRIX].reshape(3, 3), value[ACCEL_MATRIX].reshape(3, 3)
         base = rows.accel + rows.lever @ value[LEVER]
         left = np.hstack(
-            [
-                rows.gyro2 - rows.gyro @ C.T - value[GYRO_BIAS],
-                rows.accel2 - base @ A.T - value[ACCEL_BIAS],
-            ]
+            [rows.gyro2 - rows.gyro @ C.T - value[GYRO_BIAS], rows.accel2 - base @ A.T - value[ACCEL_BIAS]]
         )
         self.rms = (_size(left[:, :3]), _size(left[:, 3:]))
         band = float(np.sum(low_pass() ** 2))
@@ -267,7 +232,4 @@ def _bias_drift_sigmas(data: PairData, primary: ImuModel, secondary: ImuModel) -
     share = np.sqrt(2.0 / T * (1.0 - (1.0 - np.exp(-T)) / T)) * BIAS_DRIFT_PER_INSTABILITY
     gyro = share * np.hypot(primary.gyro_bias_instability, secondary.gyro_bias_instability)
     accel = share * np.hypot(primary.accel_bias_instability, secondary.accel_bias_instability)
-    return [
-        *((GYRO_BIAS.start + i, gyro) for i in range(3)),
-        *((ACCEL_BIAS.start + i, accel) for i in range(3)),
-    ]
+    return [*((GYRO_BIAS.start + i, gyro) for i in range(3)), *((ACCEL_BIAS.start + i, accel) for i in range(3))]

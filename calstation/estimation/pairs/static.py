@@ -87,24 +87,10 @@ def _as_primary(pair: FloatArray, gyro2: FloatArray, accel2: FloatArray) -> tupl
 def compensate_secondary(
     pair: FloatArray, c: Compensation, gyro2: FloatArray, accel2: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Compensate a secondary: stored error first, then the primary's own errors.
-
-    Parameters
-    ----------
-    pair : stored error, SI, shape (28,)
-    c : constants of the primary
-    gyro2, accel2 : raw rates of the secondary, rad/s and m/s², shape (n, 3)
-
-    Returns
-    -------
-    omega, force : angular rate, rad/s, and specific force, m/s², shape (n, 3)
-    """
+    """Rate, rad/s, and specific force, m/s², of a secondary: its stored error removed first, then the primary's own."""
     return compensate(c, *_as_primary(pair, gyro2, accel2))
 
 
 def static_figures(omega: FloatArray, force: FloatArray, gravity: float) -> dict[str, float]:
     """Deviation of gyro (rad/s) and accelerometer (m/s²) at rest, from means of shape (3,) and gravity in m/s²."""
-    return {
-        "gyro": float(np.linalg.norm(omega)),
-        "accel": abs(float(np.linalg.norm(force)) - gravity),
-    }
+    return {"gyro": float(np.linalg.norm(omega)), "accel": abs(float(np.linalg.norm(force)) - gravity)}

@@ -46,22 +46,7 @@ class WatchEvent:
 
 
 class PairWatch:
-    """Follows a stream of blocks.
-
-    Parameters
-    ----------
-    imu : stream of the primary
-    secondaries : the IMUs to watch
-    calibration : static check and fit
-    triggers : when to check
-    keep : called with number and new values of a calibrated secondary, to store them
-
-    Attributes
-    ----------
-    state : waiting, checking or calibrating
-    stored : current compensation of each secondary, by number
-    checks, calibrated : last check and last fit of each secondary, by number
-    """
+    """Follows a stream of blocks; `keep` receives number and new values of a calibrated secondary, to store them."""
 
     def __init__(
         self,

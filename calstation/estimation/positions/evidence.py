@@ -75,14 +75,7 @@ class Evidence:
 
 
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray) -> Evidence:
-    """Evidence of a stage.
-
-    Parameters
-    ----------
-    stage, data : its name and samples
-    context : site, IMU and table
-    before, found : parameters before the calibration and of the stage's solution, SI, shape (30,)
-    """
+    """Evidence of a stage for the parameters before the calibration and those found, SI, shape (30,)."""
     still = find_stillness(data, context.imu, SHORTEST_REST)
     rests = tuple(
         RestEvidence(
@@ -139,12 +132,7 @@ def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path:
 def gravity_misses(evidence: Evidence, motion: MotionEvidence, found: FloatArray) -> tuple[float, float]:
     """Angles between gravity after a motion and where the gyros carry it, before and after compensation, rad.
 
-    Gravity itself is measured by the accelerometers with `found` both times.
-
-    Parameters
-    ----------
-    evidence, motion : the motion and its stage
-    found : all 30 parameters, SI, shape (30,)
+    Gravity itself is measured by the accelerometers with the parameters `found` both times.
     """
     earth, up = evidence.rests[motion.before].compensated(found)
     seen = evidence.rests[motion.after].compensated(found)[1]

@@ -75,12 +75,7 @@ def fit_positions(
 ) -> PositionFit:
     """The joint maximum a posteriori, repeated with larger noise while the profile's does not explain the residuals.
 
-    Parameters
-    ----------
-    data : samples of the recording
-    rests, links : its rests and motions
-    context, prior : site and devices, and prior of the parameters
-    estimated : parameters that are relinearised; the others are consider parameters, shape (30,)
+    Parameters that are not `estimated` are consider parameters.
     """
     scatter = Scatter()
     problem = PositionRows(data, rests, links, context, prior, scatter)
@@ -134,11 +129,7 @@ def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
 
 
 def _iterate(
-    problem: PositionRows,
-    point: FloatArray,
-    attitudes: FloatArray,
-    north: FloatArray,
-    estimated: BoolArray,
+    problem: PositionRows, point: FloatArray, attitudes: FloatArray, north: FloatArray, estimated: BoolArray
 ) -> _Converged:
     n, m, prior, root = len(problem.rests), len(problem.chains), problem.prior, problem.root
     converged = False

@@ -60,13 +60,7 @@ class _Position:
 
 
 class PositionGuide:
-    """Follows the stream of one unit.
-
-    Parameters
-    ----------
-    imu : its stream
-    wanted : rest at each position, s
-    """
+    """Follows the stream of one unit; `wanted` is the rest at each position, s."""
 
     def __init__(self, imu: ImuModel, wanted: float) -> None:
         self._scale = imu.count_size

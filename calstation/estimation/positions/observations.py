@@ -77,14 +77,7 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
 def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> float:
     """Standard deviation that, added to the noise, brings the squared residuals to their degrees of freedom.
 
-    Parameters
-    ----------
-    residual, variance : residuals and their known variances, SI, same shape
-    redundancy : degrees of freedom
-
-    Returns
-    -------
-    0 if the known noise explains the residuals or there are no degrees of freedom
+    It is 0 if the known variances explain the residuals or `redundancy`, the degrees of freedom, is below 1.
     """
     total = float(np.sum(residual**2 / variance))
     if redundancy < 1.0 or total <= chi_square_quantile(SIGNIFICANT, redundancy):

@@ -68,19 +68,7 @@ def valid_links(
 ) -> tuple[Link, ...]:
     """The motions that agree with gravity; a few others are left out.
 
-    Parameters
-    ----------
-    data : samples of the recording
-    still : its rests and motions
-    imu : noise of the stream
-    gravity : m/s²
-    prior : of the parameters
-    shortest : shortest rest, s
-
-    Raises
-    ------
-    InputError, InsufficientDataError
-        The recording is unusable.
+    Raises InputError or InsufficientDataError if the recording is unusable.
     """
     for name, first, last in frozen_columns(CHANNELS, np.column_stack([data.gyro, data.accel]), data.dt):
         raise InputError(
@@ -114,19 +102,9 @@ def _no_rest(data: StageData, imu: ImuModel, gravity: float, prior: Belief, shor
 
 
 def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Iterator[tuple[str, int, int]]:
-    """Columns that repeat one value far longer than their noise makes likely.
+    """Columns, shape (n, k), that repeat one value far longer than noise makes likely: name, first and last sample.
 
     If all columns repeat together and repeat elsewhere too, the recording has no noise to judge by.
-
-    Parameters
-    ----------
-    names : of the columns
-    values : shape (n, k)
-    dt : sample period, s
-
-    Yields
-    ------
-    name, first and last sample
     """
     for channel, name in enumerate(names):
         same = np.concatenate([[False], np.diff(values[:, channel]) == 0.0, [False]])

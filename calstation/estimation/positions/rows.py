@@ -41,17 +41,7 @@ _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
 
 
 class PositionRows:
-    """Rows of one recording.
-
-    Attributes
-    ----------
-    columns, phi, north, drift : number of columns, and first columns of φ, earth rates and bias drift
-    observations : rows of observations, 6 of each rest, then 3 of each motion; the prior's rows follow
-    force_noise, rate_noise, turn_noise : variances without scatter
-    force_variance, rate_variance, turn_variance : variances with scatter
-    chains : rests that begin a chain
-    chain : index of each rest's chain, shape (n,)
-    """
+    """Rows of one recording: 6 of each rest, 3 of each motion, then those of the prior."""
 
     def __init__(
         self,
@@ -92,11 +82,7 @@ class PositionRows:
     def rows(self, point: FloatArray, attitudes: FloatArray, north: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point.
 
-        Parameters
-        ----------
-        point : parameters, SI, shape (30,)
-        attitudes : C_bn of the rests, shape (n, 3, 3)
-        north : horizontal earth rate in each chain's level frame, rad/s, shape (m, 2)
+        `north` is the horizontal earth rate in each chain's level frame, rad/s, shape (m, 2).
         """
         c = compensation(point)
         earth = np.column_stack([north, np.full(len(north), self.up_rate)])[self.chain]
@@ -201,14 +187,6 @@ def integrate_rotation(
     gyro_inverse: FloatArray, bias: FloatArray, dt: float, gyro: FloatArray, start: int, stop: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Rotation of the body between two samples, and the integrals of its derivative by the gyro parameters.
-
-    Parameters
-    ----------
-    gyro_inverse : (I + M_g)⁻¹, shape (3, 3)
-    bias : rad/s, shape (3,)
-    dt : sample period, s
-    gyro : raw mean rates, rad/s, shape (n, 3)
-    start, stop : first sample and the one after the last
 
     Returns
     -------
