@@ -47,11 +47,11 @@ from .raw_log import RawLogWriter as RawLogWriter
 from .raw_log import free_space as free_space
 from .raw_read import RawLogContents as RawLogContents
 from .raw_read import being_written as being_written
+from .raw_read import damage_summary as damage_summary
 from .raw_read import raw_rows as raw_rows
 from .raw_read import read_contents as read_contents
 from .raw_read import row_count as row_count
 from .raw_read import solved_stages as solved_stages
-from .raw_read import summary as summary
 from .run_index import IndexedRun as IndexedRun
 from .run_index import RunIndex as RunIndex
 from .run_index import RunRecord as RunRecord

@@ -28,7 +28,7 @@ class Log:
     outcome: str | None = None  #: How the run ended; None for a run that did not reach its end, and for a CSV.
     stored_sha256: str | None = None  #: Digest that the run recorded at its end.
     #: Damaged rows of a raw log, which are left out as gaps; known once all samples were read.
-    holes: tuple[DamagedRows, ...] = ()
+    damaged_rows: tuple[DamagedRows, ...] = ()
     _found: list[DamagedRows] = field(default_factory=list)
     _facts: LogFacts | None = None
 
@@ -80,17 +80,17 @@ class Log:
         return self.facts().sha256
 
     def _all_blocks(self) -> Iterator[SampleBlock]:
-        """All samples; at the end holes and facts are known. Raises InputError."""
+        """All samples; at the end damaged rows and facts are known. Raises InputError."""
         builder = FactsBuilder(self.meta)
         self._found.clear()
         for block in self._scan():
             builder.add(block)
             yield block
         facts = builder.facts()
-        self.holes = tuple(self._found)
-        if self.stored_sha256 is not None and not self.holes and facts.sha256 != self.stored_sha256:
+        self.damaged_rows = tuple(self._found)
+        if self.stored_sha256 is not None and not self.damaged_rows and facts.sha256 != self.stored_sha256:
             raise InputError("log.altered", file=self.path)
-        self._facts = replace(facts, damaged=sum(hole.count for hole in self.holes))
+        self._facts = replace(facts, damaged=sum(part.count for part in self.damaged_rows))
 
 
 def _between(block: SampleBlock, first: int | None, last: int | None) -> SampleBlock:

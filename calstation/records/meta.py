@@ -6,6 +6,7 @@ It is the TOML beside a CSV, is stored in a raw log, and holds the last cross-ca
 import hashlib
 import json
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
 
@@ -156,10 +157,10 @@ class LogMeta(StrictModel):
     prior: dict[str, PriorSection] = Field(default_factory=dict)
     product: ProductSection | None = None
     run: RunSection | None = None
-    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
-    profiles: dict[str, str] = Field(default_factory=dict)
-    registers: dict[str, float] = Field(default_factory=dict)
-    previous: dict[str, float] = Field(default_factory=dict)
+    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Of each stage's method.
+    profiles: dict[str, str] = Field(default_factory=dict)  #: Texts of the run's station and product files, by kind.
+    registers: dict[str, float] = Field(default_factory=dict)  #: Of the unit, SI, if its stream follows them.
+    previous: dict[str, float] = Field(default_factory=dict)  #: Last calibration, SI, if the product compares with it.
     imu2: FurtherImuSection | None = None
     imu3: FurtherImuSection | None = None
     imu4: FurtherImuSection | None = None
@@ -232,52 +233,41 @@ def meta_from_json(text: str, source: str | Path) -> LogMeta:
 
 def context_from_meta(meta: LogMeta) -> SolveContext:
     """Site, IMUs and table as the solvers use them, SI; the same for a run and for its log."""
-    site, imu, table = meta.site, meta.imu, meta.table
+    site = meta.site
+    azimuth = None if site.azimuth_deg is None else float(np.deg2rad(site.azimuth_deg))
+    latitude, longitude = float(np.deg2rad(site.latitude_deg)), float(np.deg2rad(site.longitude_deg))
+    secondaries = (Secondary(n, _imu_model(s), _stored_pair(s.stored)) for n, s in meta.secondaries.items())
     return SolveContext(
-        site=Site(
-            latitude=float(np.deg2rad(site.latitude_deg)),
-            longitude=float(np.deg2rad(site.longitude_deg)),
-            height=site.height_m,
-            azimuth=None if site.azimuth_deg is None else float(np.deg2rad(site.azimuth_deg)),
-            gravity=site.gravity_mps2,
-        ),
-        imu=_imu_model(imu),
-        table=TableModel(
-            outer_axis=_normalised(table.outer_axis),
-            inner_axis=_normalised(table.inner_axis),
-            outer_lever=table.outer_lever,
-            encoder_sigma=float(np.deg2rad(table.encoder_sigma_deg)),
-            mount_sigma=float(np.deg2rad(table.mount_sigma_deg)),
-            azimuth_sigma=float(np.deg2rad(table.azimuth_sigma_deg)),
-            base_tilt_sigma=float(np.deg2rad(table.base_tilt_sigma_deg)),
-            velocity_sigma=table.velocity_sigma,
-            velocity_interval=table.velocity_interval_s,
-        ),
-        secondaries=tuple(
-            Secondary(number, _imu_model(section), _stored_pair(section.stored))
-            for number, section in meta.secondaries.items()
-        ),
+        Site(latitude, longitude, site.height_m, azimuth, site.gravity_mps2),
+        _imu_model(meta.imu),
+        _table_model(meta.table),
+        tuple(secondaries),
     )
 
 
 def _imu_model(imu: ImuSection) -> ImuModel:
-    return ImuModel(
-        serial=imu.serial,
-        sample_rate=imu.sample_rate_hz,
-        output=imu.output,
-        gyro_lsb=imu.gyro_lsb,
-        accel_lsb=imu.accel_lsb,
-        gyro_arw=imu.gyro_arw,
-        accel_vrw=imu.accel_vrw,
-        gyro_bias_instability=imu.gyro_bias_instability,
-        accel_bias_instability=imu.accel_bias_instability,
+    same = imu.model_dump(exclude={"sample_rate_hz", "stored"})
+    return ImuModel(sample_rate=imu.sample_rate_hz, **same)
+
+
+def _table_model(table: TableSection) -> TableModel:
+    degrees = (table.encoder_sigma_deg, table.mount_sigma_deg, table.azimuth_sigma_deg, table.base_tilt_sigma_deg)
+    encoder, mount, azimuth, base_tilt = (float(np.deg2rad(angle)) for angle in degrees)
+    return TableModel(
+        _normalised(table.outer_axis),
+        _normalised(table.inner_axis),
+        table.outer_lever,
+        encoder,
+        mount,
+        azimuth,
+        base_tilt,
+        table.velocity_sigma,
+        table.velocity_interval_s,
     )
 
 
 def _stored_pair(stored: StoredPairSection | None) -> StoredPair:
-    if stored is None:
-        return StoredPair()
-    return StoredPair(stored.values, stored.gyro_static, stored.accel_static)
+    return StoredPair() if stored is None else StoredPair(**stored.model_dump())
 
 
 def _normalised(axis: list[float]) -> tuple[float, float, float]:
@@ -317,8 +307,7 @@ def load_pair(folder: Path, primary: str, secondary: str) -> StoredPair:
 def store_pair(folder: Path, primary: str, secondary: str, stored: StoredPair) -> Path:
     """Replace the stored cross-calibration of a pair. Raises ConfigurationError if it cannot be written."""
     path = pair_path(folder, primary, secondary)
-    static = {"gyro_static": stored.gyro_static, "accel_static": stored.accel_static}
-    content = {**_without_none(static), "values": dict(stored.values)}
+    content = _without_none({**asdict(stored), "values": dict(stored.values)})
     try:
         folder.mkdir(parents=True, exist_ok=True)
         write_atomic(path, tomli_w.dumps(content))

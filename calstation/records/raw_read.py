@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calstation.errors import InputError
-from calstation.estimation.common import SampleBlock
+from calstation.estimation.common import SampleBlock, runs
 from calstation.messages import os_reason
 from calstation.records.locks import held
 from calstation.records.meta import LogMeta, meta_from_json
@@ -24,10 +24,10 @@ from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound
 _READ_ROWS = 16 * CHUNK_ROWS
 #: Raised by h5py for a damaged file.
 _BROKEN = (OSError, RuntimeError, KeyError)
-_NO_HOLES = np.empty((0, 2), np.int64)
+_NO_DAMAGE = np.empty((0, 2), np.int64)
 #: Attempts to open a file that a run may be writing, and seconds between them.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
-#: Number of holes whose places a message lists.
+#: Number of damaged parts that a message lists.
 _LISTED = 6
 
 
@@ -48,29 +48,18 @@ class DamagedRows:
         return f"{first}…{last}"
 
 
-def summary(holes: Sequence[DamagedRows]) -> dict[str, int | str]:
+def damage_summary(damaged: Sequence[DamagedRows]) -> dict[str, int | str]:
     """Values for a message on damaged rows: their number, and where the first of them are."""
-    places = [hole.missing for hole in holes[:_LISTED]] + ["…"] * (len(holes) > _LISTED)
-    return {"rows": sum(hole.count for hole in holes), "where": ", ".join(places)}
+    where = [part.missing for part in damaged[:_LISTED]] + ["…"] * (len(damaged) > _LISTED)
+    return {"rows": sum(part.count for part in damaged), "where": ", ".join(where)}
 
 
-def without(holes: NDArray[np.int64], start: int, stop: int) -> Iterator[tuple[int, int]]:
-    """Ranges of stored rows that hold the sound rows `start` to `stop`.
-
-    Parameters
-    ----------
-    holes : first row and number of rows of each hole, rising, shape (n, 2)
-    start, stop : numbers among the sound rows
-    """
-    row = good = 0
-    for first, count in [*holes.tolist(), (None, 0)]:
-        length = stop - good if first is None else first - row
-        a, b = max(start, good), min(stop, good + length)
-        if a < b:
-            yield row + a - good, row + b - good
-        if first is None or good + length >= stop:
-            return
-        good, row = good + length, first + count
+def sound_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.int64]:
+    """Stored numbers of the sound rows `start` to `stop`; `damaged` as in `raw_rows`."""
+    left_out = np.cumsum(damaged[:, 1])
+    number = np.arange(start, stop)
+    parts_before = np.searchsorted(damaged[:, 0] - left_out + damaged[:, 1], number, side="right")
+    return np.asarray(number + np.concatenate([[0], left_out])[parts_before], np.int64)
 
 
 @dataclass(frozen=True)
@@ -114,11 +103,12 @@ def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
-def raw_blocks(path: Path, holes: list[DamagedRows] | None = None) -> Iterator[SampleBlock]:
+def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator[SampleBlock]:
     """Read a raw log's samples in order in blocks of one stage.
 
-    Damaged rows are left out and added to `holes`. At the end of a log that was not closed they were never written
-    and are no hole. In a log of an early version, whose rows have no check values, a damaged row ends the samples.
+    Damaged rows are left out and added to `damaged`. At the end of a log that was not closed they were never written
+    and do not count as damaged. In a log of an early version, whose rows have no check values, a damaged row ends the
+    samples.
 
     Raises InputError if the file is damaged otherwise.
     """
@@ -139,15 +129,15 @@ def raw_blocks(path: Path, holes: list[DamagedRows] | None = None) -> Iterator[S
                     raise InputError("log.damaged_row", file=path, row=start + good)
                 yield from _blocks(rows[:good], names)
                 return
-            for a, b in _stretches(sound):
-                if holes is not None and start + a > good_end:
+            for a, b in runs(sound):
+                if damaged is not None and start + a > good_end:
                     after = None if last < 0 else last
-                    holes.append(DamagedRows(good_end, start + a - good_end, after, int(rows["seq"][a])))
+                    damaged.append(DamagedRows(good_end, start + a - good_end, after, int(rows["seq"][a])))
                 last, good_end = int(rows["seq"][b - 1]), start + b
                 yield from _blocks(rows[a:b], names)
         lost = int(samples.shape[0]) - good_end
-        if holes is not None and closed and lost > 0:
-            holes.append(DamagedRows(good_end, lost, None if last < 0 else last, None))
+        if damaged is not None and closed and lost > 0:
+            damaged.append(DamagedRows(good_end, lost, None if last < 0 else last, None))
 
 
 def row_count(path: Path) -> int:
@@ -156,16 +146,17 @@ def row_count(path: Path) -> int:
         return _row_count(path, file["samples"])
 
 
-def raw_rows(path: Path, start: int, stop: int, holes: NDArray[np.int64] = _NO_HOLES) -> np.ndarray:
+def raw_rows(path: Path, start: int, stop: int, damaged: NDArray[np.int64] = _NO_DAMAGE) -> np.ndarray:
     """Sound rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.row_dtype`.
 
     `damaged` holds the first row and the number of rows of each damaged part, shape (n, 2). Raises InputError.
     """
     with _Opened(path) as file:
         samples = file["samples"]
-        end = int(samples.shape[0]) - int(holes[:, 1].sum())
-        parts = [samples[a:b] for a, b in without(holes, start, min(stop, end))]
-        return np.concatenate([samples[:0], *parts])
+        end = int(samples.shape[0]) - int(damaged[:, 1].sum())
+        rows = sound_rows(damaged, start, max(start, min(stop, end)))
+        stretches = np.split(rows, np.flatnonzero(np.diff(rows) != 1) + 1) if len(rows) else []
+        return np.concatenate([samples[:0], *(samples[part[0] : part[-1] + 1] for part in stretches)])
 
 
 def _row_count(path: Path, samples: h5py.Dataset) -> int:
@@ -180,9 +171,9 @@ def _rows_and_sound(
     try:
         rows = samples[start:stop]
     except _BROKEN:
-        if not checked or stop - start <= CHUNK_ROWS:
-            if not checked:
-                raise
+        if not checked:
+            raise
+        if stop - start <= CHUNK_ROWS:
             return np.zeros(stop - start, samples.dtype), np.zeros(stop - start, np.bool_)
         cuts = [*range(start, stop, CHUNK_ROWS), stop]
         parts = [_rows_and_sound(samples, a, b, checked) for a, b in itertools.pairwise(cuts)]
@@ -194,11 +185,6 @@ def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDAr
     """Which sound rows have a sequence number above those of all sound rows before them."""
     kept = np.where(sound, seq, -1)
     return kept > np.maximum.accumulate(np.concatenate([[last], kept[:-1]]))
-
-
-def _stretches(sound: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], sound, [False]]).astype(np.int8)))
-    yield from zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
 
 
 def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:

@@ -7,7 +7,7 @@ from typing import Any
 from calstation.config import latitude_untold
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.messages import Text, sentence
-from calstation.records import Log, offline_online, open_log, solved_stages, summary
+from calstation.records import Log, damage_summary, offline_online, open_log, solved_stages
 from calstation.results.judgement import Ending, build_result, judge, solved_parameters
 from calstation.results.result import DamagedRange, Result
 from calstation.results.solver_chain import SolveProgress, solve
@@ -61,7 +61,7 @@ def resolve(
     log = open_log(path)
     chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
     facts = log.facts()
-    if log.holes and stages is None and first_seq is None and last_seq is None:
+    if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
         _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data])
     solutions = tuple(chain.solutions)
     ending = Ending(
@@ -84,10 +84,10 @@ def resolve(
     untold = latitude_untold(log.meta, solutions)
     if untold is not None:
         messages.append(("latitude_untold", untold))
-    if log.holes:
-        damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.holes]
+    if log.damaged_rows:
+        damaged = [DamagedRange(rows=part.count, seq=part.missing) for part in log.damaged_rows]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
-        messages.insert(0, ("log_damaged", {"file": path.name, **summary(log.holes)}))
+        messages.insert(0, ("log_damaged", {"file": path.name, **damage_summary(log.damaged_rows)}))
     if chain.missing_data:
         result = result.model_copy(
             update={"missing_data": {stage: sentence(why) for stage, why in chain.missing_data.items()}}

@@ -102,7 +102,7 @@ def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
             done += len(block)
             tell(min(done / total, 0.99))
         writer.close()
-        holes = np.array([(hole.row, hole.count) for hole in log.holes], np.int64).reshape(-1, 2)
+        holes = np.array([(part.row, part.count) for part in log.damaged_rows], np.int64).reshape(-1, 2)
         np.save(folder / _HOLES, holes)
     except OSError as exc:
         raise ConfigurationError("solution.index_not_written", folder=folder, reason=os_reason(exc)) from exc
