@@ -8,14 +8,13 @@ least-squares solution for comparison.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from calstation.errors import ConfigurationError, InputError
-from calstation.estimation import BatchStage, Method, Solution
+from calstation.estimation import Solution, batch_method
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise, nis_consistency, restricted
 from calstation.estimation.gimbal import (
     AXES,
@@ -262,11 +261,4 @@ def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str
     return tuple(messages)
 
 
-METHOD = Method(
-    "gimbal",
-    Schedule,
-    plan,
-    solver=lambda context, prior, schedule: BatchStage(context, prior, partial(solve, schedule=schedule)),
-    estimates=lambda context: ESTIMATED,
-    needs_no_table=True,
-)
+METHOD = batch_method("gimbal", Schedule, plan, solve, ESTIMATED, needs_no_table=True)

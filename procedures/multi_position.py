@@ -6,14 +6,13 @@ and gravity observes it. Rests and motions are found from the data alone; the ri
 """
 
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError
-from calstation.estimation import BatchStage, Method, Solution
+from calstation.estimation import Solution, batch_method
 from calstation.estimation.common import (
     Belief,
     Link,
@@ -110,8 +109,9 @@ def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]
     yield from (k * step for k in (*range(up + 1), *range(up - 1, -down - 1, -1), *range(-down + 1, 1)))
 
 
-def solve(data: StageData, context: SolveContext, prior: Belief, shortest: float = 1.0) -> Solution:
-    """Solve from rests of at least `shortest` s and motions. Raises InputError if the recording is unusable."""
+def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
+    """Solve from rests and motions. Raises InputError if the recording is unusable."""
+    shortest = schedule.shortest_rest_s
     still = find_stillness(data, context.imu, shortest)
     links = valid_links(data, still, context.imu, context.site.local_gravity, prior, shortest)
     rests = positions(data, still, context)
@@ -173,13 +173,4 @@ def _messages(still: Stillness, links: tuple[Link, ...], fit: PositionFit) -> tu
     return tuple(messages)
 
 
-METHOD = Method(
-    "multi_position",
-    Schedule,
-    plan,
-    solver=lambda context, prior, schedule: BatchStage(
-        context, prior, partial(solve, shortest=schedule.shortest_rest_s)
-    ),
-    estimates=lambda context: ESTIMATED,
-    needs_no_table=True,
-)
+METHOD = batch_method("multi_position", Schedule, plan, solve, ESTIMATED, needs_no_table=True)

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InsufficientDataError
-from calstation.estimation import BatchStage, Innovations, Method, Solution
+from calstation.estimation import Innovations, Solution, batch_method
 from calstation.estimation.common import (
     BIAS_DRIFT_TIME,
     FREE_AZIMUTH_SIGMA,
@@ -117,7 +117,7 @@ def _room(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int)
     return float(np.clip(at, low - min(way, 0.0), high - max(way, 0.0))), way
 
 
-def solve(data: StageData, context: SolveContext, prior: Belief) -> Solution:
+def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
     """Solve from the whole turns. Raises InsufficientDataError if some are missing."""
     turns, assumed = find_turns(data, context, prior)
     _require_turns(turns, data.gaps)
@@ -256,10 +256,4 @@ def _earth_integral(
     return vertical * weight, (north * weight, east * weight)
 
 
-METHOD = Method(
-    "rate",
-    Schedule,
-    plan,
-    solver=lambda context, prior, schedule: BatchStage(context, prior, solve),
-    estimates=lambda context: ESTIMATED,
-)
+METHOD = batch_method("rate", Schedule, plan, solve, ESTIMATED)

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation import BatchStage, Innovations, Method, Solution
+from calstation.estimation import Innovations, Solution, batch_method
 from calstation.estimation.common import (
     Belief,
     SolveContext,
@@ -83,7 +83,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
             yield Dwell(schedule.dwell_s)
 
 
-def solve(data: StageData, context: SolveContext, prior: Belief) -> Solution:
+def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
     """Solve from the rests. Raises InsufficientDataError if faces are missing."""
     positions = find_positions(data, context, prior)
     _require_faces(positions, prior)
@@ -177,10 +177,4 @@ def _tangents(direction: FloatArray) -> FloatArray:
     return np.vstack([first, np.cross(direction, first)])
 
 
-METHOD = Method(
-    "six_position",
-    Schedule,
-    plan,
-    solver=lambda context, prior, schedule: BatchStage(context, prior, solve),
-    estimates=lambda context: ESTIMATED,
-)
+METHOD = batch_method("six_position", Schedule, plan, solve, ESTIMATED)

@@ -6,7 +6,16 @@ from typing import Annotated, Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calstation.estimation.common import Belief, Consistency, LatitudeEstimate, SampleBlock, SolveContext
+from calstation.estimation.common import (
+    Belief,
+    Consistency,
+    LatitudeEstimate,
+    SampleBlock,
+    SolveContext,
+    Spool,
+    StageData,
+    stage_data,
+)
 from calstation.estimation.positions import Evidence
 from calstation.physics import FloatArray, IntArray, Step, TableGeometry
 
@@ -89,3 +98,45 @@ class Method:
     #: The solver finds the steps in the data, so a recording whose column 'stage' does not name the method can
     #: be solved as a whole.
     needs_no_table: bool = False
+
+
+class BatchStage:
+    """A `StageSolver` around one function of the whole stage's data, which may raise InsufficientDataError."""
+
+    def __init__(
+        self,
+        context: SolveContext,
+        prior: Belief,
+        solve: Callable[[StageData, SolveContext, Belief], Solution],
+    ) -> None:
+        self.context, self.prior = context, prior
+        self._solve = solve
+        self._spool = Spool()
+
+    def feed(self, block: SampleBlock) -> None:
+        """Take further samples of the stage."""
+        self._spool.append(block)
+
+    def sigma(self) -> FloatArray:
+        """The prior's standard deviations, SI, shape (30,)."""
+        return self.prior.sigma
+
+    def finish(self, progress: Progress | None = None) -> Solution:
+        """Solve the stored stage; too fast to report progress."""
+        return self._solve(stage_data(list(self._spool.blocks()), self.context.imu), self.context, self.prior)
+
+
+def batch_method(
+    name: str,
+    schedule: type[BaseModel],
+    plan: Callable[[TableGeometry, Any], Iterator[Step]],
+    solve: Callable[[StageData, SolveContext, Belief, Any], Solution],
+    estimated: tuple[str, ...],
+    needs_no_table: bool = False,
+) -> Method:
+    """A method that solves a whole stage at once: `solve` gets data, context, prior and schedule."""
+
+    def solver(context: SolveContext, prior: Belief, chosen: Any) -> BatchStage:
+        return BatchStage(context, prior, lambda data, context, prior: solve(data, context, prior, chosen))
+
+    return Method(name, schedule, plan, solver, lambda context: estimated, needs_no_table)

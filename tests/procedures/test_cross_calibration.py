@@ -23,8 +23,7 @@ from calstation.bench.truth.free_unit import Place, SecondaryTruth
 from calstation.bench.truth.table import rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.context import StoredPair
-from calstation.estimation.pairs.calibration import PairCalibration
-from calstation.estimation.pairs.static import Threshold, compensate_secondary, pair_vector
+from calstation.estimation.pairs.calibration import PairCalibration, Threshold, compensate_secondary, pair_vector
 from calstation.estimation.pairs.watch import PairWatch
 from calstation.physics.imu_model import compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, group_indices, pair_name, pair_parameter

@@ -1,6 +1,10 @@
+from .calibration import SENSORS as SENSORS
 from .calibration import PairCalibration as PairCalibration
 from .calibration import PairResult as PairResult
 from .calibration import PairRules as PairRules
+from .calibration import StaticCheck as StaticCheck
+from .calibration import Threshold as Threshold
+from .calibration import pair_vector as pair_vector
 from .filtering import PairData as PairData
 from .filtering import pair_data as pair_data
 from .filtering import signals as signals
@@ -12,10 +16,6 @@ from .fit import LEVER as LEVER
 from .fit import OFFSET as OFFSET
 from .fit import Model as Model
 from .fit import PairChoice as PairChoice
-from .static import SENSORS as SENSORS
-from .static import StaticCheck as StaticCheck
-from .static import Threshold as Threshold
-from .static import pair_vector as pair_vector
 from .watch import PairWatch as PairWatch
 from .watch import Triggers as Triggers
 from .watch import WatchEvent as WatchEvent

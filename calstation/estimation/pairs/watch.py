@@ -15,8 +15,7 @@ import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.common import ImuModel, SampleBlock, Secondary, StoredPair, joined, stage_data
-from calstation.estimation.pairs.calibration import PairCalibration, PairResult
-from calstation.estimation.pairs.static import StaticCheck
+from calstation.estimation.pairs.calibration import PairCalibration, PairResult, StaticCheck
 
 #: Time between evaluations while checking or calibrating, s.
 EVALUATION_INTERVAL = 1.0

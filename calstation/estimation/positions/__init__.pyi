@@ -9,11 +9,11 @@ from .fit import PositionFit as PositionFit
 from .fit import fit_positions as fit_positions
 from .guidance import Guidance as Guidance
 from .guidance import PositionGuide as PositionGuide
-from .observations import Position as Position
-from .observations import Scatter as Scatter
-from .observations import positions as positions
 from .recording_faults import CHANNELS as CHANNELS
 from .recording_faults import frozen_columns as frozen_columns
 from .recording_faults import valid_links as valid_links
+from .rows import Position as Position
+from .rows import Scatter as Scatter
 from .rows import integrate_rotation as integrate_rotation
+from .rows import positions as positions
 from .rows import square_root as square_root

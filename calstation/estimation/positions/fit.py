@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common import Belief, Link, SolveContext, StageData, levelled
-from calstation.estimation.positions.observations import Position, Scatter, excess
-from calstation.estimation.positions.rows import PositionRows, integrate_rotation
+from calstation.estimation.positions.rows import Position, PositionRows, Scatter, excess, integrate_rotation
 from calstation.physics import (
     COUNT,
     RATE,
