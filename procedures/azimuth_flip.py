@@ -1,8 +1,4 @@
-"""Azimuth flips: half turns about the vertical, +, −, −, +, with long rests; a 12-state filter estimates the biases.
-
-States: φ, δv, gyro and accelerometer bias. All other parameters are consider states with the covariance from earlier
-stages, so a bias that flips determine weakly (the gyro along the vertical) keeps its prior.
-"""
+"""Azimuth flips: half turns about the vertical, +, −, −, +, with long rests; a 12-state filter estimates the biases."""
 
 from collections.abc import Iterator
 

@@ -1,8 +1,6 @@
 """Cross-calibration: secondary IMUs on one body against a primary one, from any motion that they share.
 
-By command it fits everything that was recorded. With triggers it first checks at a rest, at start-up and periodically,
-and calibrates only a secondary that is out of tolerance while the primary is not; the newest solution replaces the
-previous one.
+By command it fits the whole recording; with triggers it fits only secondaries that a check finds out of tolerance.
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
-"""Excitation: rotations about y, x, z, then z, x, y, repeated; the 39-state filter estimates all parameters.
+"""Excitation: whole turns about y, x, z, then z, x, y, in quarters with rests; the 39-state filter estimates all.
 
-Each body axis makes one whole turn in quarter turns with a rest after each, always in the same direction; a joint
-unwinds by whole turns only if its travel requires it. The inner axis turns while horizontal, so that gravity observes
-its turns.
+The inner axis turns while horizontal, so that gravity observes its turns; joints unwind only if their travel requires.
 """
 
 from collections.abc import Iterator

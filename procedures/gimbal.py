@@ -1,9 +1,6 @@
 """Gimbal: gyro misalignment from the joints of a gimbal that stabilises on the corrected rates, turn by turn.
 
-The correction K starts at zero. With the joints at zero, one axis is turned by a preset angle; the drift of the other
-two joints corrects K, the joints return to zero, and this is repeated until the drift is small. Then follows the next
-axis. A recording is replayed: its joints give the same corrections as online, and the same samples also give a
-least-squares solution for comparison.
+A recording is replayed: its joints give the same corrections as online, and a least-squares solution for comparison.
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 """Multi-position: gyros and accelerometers together on a simple rig, or by hand, without accurate angles.
 
-From level the inner rail turns the unit around and back with a rest at each position. The outer rail does the same,
-first with the inner one at zero and then with it a quarter turn on, so that every body axis turns about the horizontal
-and gravity observes it. Rests and motions are found from the data alone; the rig's angles are not used.
+Rests and motions are found from the data alone. Every body axis turns about the horizontal, observed by gravity.
 """
 
 from collections.abc import Iterator

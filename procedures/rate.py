@@ -1,8 +1,6 @@
 """Rate: whole turns about each gyro axis in both directions against the table's angle; gyro scale factors.
 
-Over a whole turn the earth rate across the axis averages out; both directions together cancel the earth rate along it
-and the bias. The axis of rotation is not assumed to be the gyro's: mount, table axes, misalignments and every encoder
-reading at rest are unknowns with their prior.
+Mount, table axes, misalignments and every encoder reading at rest are unknowns with their prior.
 """
 
 import itertools

@@ -1,8 +1,6 @@
 """Six positions: each accelerometer axis up and down; the modulus of gravity gives scale factors and bias.
 
-No face is assumed level: the direction of gravity in the body is an unknown of every rest, and only its length is
-known. What six faces cannot separate (second-order term from bias, misalignment times tilt from scale) enters the
-sigmas through the prior covariance of the parameters that this stage does not estimate.
+No face is assumed level: the direction of gravity in the body is an unknown of every rest.
 """
 
 from collections.abc import Iterator

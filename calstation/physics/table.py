@@ -1,8 +1,7 @@
 """Two-axis table geometry for arbitrary axis directions: attitudes, and joint moves that turn about a body axis.
 
-`C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner)`; positive joint angles are
-right-handed. Which joint angles bring a body direction upward is Paden-Kahan subproblem 2
-(Murray, Li, Sastry, *A Mathematical Introduction to Robotic Manipulation*, 1994, section 3.3).
+`C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner)`. Joint angles that bring a body direction upward are
+Paden-Kahan subproblem 2 (Murray, Li, Sastry, *A Mathematical Introduction to Robotic Manipulation*, 1994, 3.3).
 """
 
 from dataclasses import dataclass, field

@@ -1,9 +1,7 @@
 """An append-only file of JSON lines, each with a checksum of its bytes and of all lines before it.
 
-A file is read whole or refused with the number of the damaged, missing or misplaced line. It appears with its first
-line on disk, and every line ends with its newline, so a power cut can leave only a torn last line. That line records
-nothing that happened; it is skipped, and the next line replaces it. Any other difference is damage. Files begun by an
-early version have lines without a checksum; none of these can follow a line that has one.
+A power cut can leave only a torn last line, which is skipped and replaced by the next; any other difference is damage.
+Files begun by an early version have lines without a checksum; none of these can follow a line that has one.
 """
 
 import json

@@ -1,13 +1,4 @@
-"""A product's acceptance checks and their evaluation on the evidence of a calibration.
-
-[checks.gravity_at_rest]      the compensated force at every rest equals gravity in magnitude: within 0.002 m/s²
-[checks.improvement_at_rest]  the remaining error there is below 0.5 times the uncompensated one
-[checks.level]                components at the level position: horizontal_within, vertical_within m/s²
-[checks.motion_angle]         motions turn by the reference angle: within 0.001 rad, below 0.5 times the error before
-[checks.offline_online]       solving the log again reproduces the run's result: within_sigmas 0.001
-[checks.previous]             no group has changed since the last calibration by more than change_within
-[checks.excitation]           every sigma is below 0.5 times its prior
-"""
+"""A product's acceptance checks and their evaluation on the evidence of a calibration."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any

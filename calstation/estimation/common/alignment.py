@@ -1,8 +1,4 @@
-"""Start attitude of a segment: a prior from encoders and site, a linearisation point from the data.
-
-The prior is used once. Levelling and gyrocompassing over the first rest give only the linearisation point, so their
-data are not counted twice.
-"""
+"""Start attitude of a segment: a prior from encoders and site, used once, and a linearisation point from the data."""
 
 from dataclasses import dataclass
 

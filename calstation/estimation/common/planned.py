@@ -1,8 +1,4 @@
-"""Noise-free samples of a plan, from which covariance analysis previews a run.
-
-The sigmas of a solution depend on the motion and on the noise model, hardly on the samples' values. The solver that
-processes noise-free samples of the planned motion therefore gives the sigmas that the run will report.
-"""
+"""Noise-free samples of a plan, from which covariance analysis previews the sigmas of a run."""
 
 from collections.abc import Iterator
 

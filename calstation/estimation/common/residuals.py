@@ -1,7 +1,7 @@
-"""A result applied to data: residuals at every rest, and output compensated before and after.
+"""A result applied to data: output compensated before and after, and residuals at every rest.
 
-The residuals of a rest need no attitude. In every orientation the specific force must be as long as gravity, the rate
-along it the earth's vertical rate and the rate across it the earth's horizontal rate.
+At rest the specific force is as long as gravity, the rate along it is the earth's vertical and that across it the
+earth's horizontal rate.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,4 @@
-"""`SampleBlock`, the form in which samples travel from driver to log and solver, and `Spool`, which stores them.
-
-A stage is solved by several passes over all of it and may last for hours at 2 kHz. Its samples wait on disk, so that a
-station's memory does not grow while it records.
-"""
+"""`SampleBlock`, the form in which samples travel from driver to log and solver, and `Spool`, which keeps them."""
 
 import tempfile
 import weakref

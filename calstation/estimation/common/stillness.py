@@ -1,10 +1,7 @@
 """Rests of a recording and the motions between them, found from the data alone.
 
-A recording made by hand states neither its rests nor the noise of its site. Noise and rate at rest are therefore those
-of its quietest windows; `stage_data.find_rests` then finds the rests as on a table.
-
-If the force jumps from one quiet stretch to another without a turn, samples were cut out. No motion connects the rests
-on either side of a cut.
+Noise and rate at rest are those of the quietest windows. If the force jumps between two quiet stretches without a turn,
+samples were cut out, and no motion connects the rests on either side.
 """
 
 import itertools

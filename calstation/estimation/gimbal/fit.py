@@ -1,9 +1,6 @@
 """Least squares over a gimbal's recording: every motion's rotation by the gyros against that of the joints.
 
-    Exp(−Ω T) C_before B(gyro parameters) = C_after,  C from the joints, B the body's rotation by the compensated gyros
-
-All twelve gyro parameters, earth rate in the base's frame and the joints' error at every rest are estimated together,
-from the same samples that the iteration uses one turn after another.
+Exp(−Ω T) C_before B(gyro parameters) = C_after,  C from the joints, B the body's rotation by the compensated gyros
 """
 
 from dataclasses import dataclass

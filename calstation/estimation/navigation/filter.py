@@ -1,14 +1,9 @@
 """The 39-state filter: one pass over a stage, linear in the parameters, closed loop in attitude and velocity.
 
-States: φ, δv, δp and the errors of the 30 parameters relative to the linearisation point; if the profile states bias
-instability, also the drift of the six biases about their constants. Observed: the velocity of the table's centre of
-rotation, `v − C (ω_nb × outer_lever)`, which is zero except for vibration of the base, at rest and through rotations.
-The Kalman algebra is filterpy's.
-
-References
-----------
-P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14.
-P. G. Savage, *Strapdown Analytics*, 2nd ed., ch. 15 (closed-loop error resets).
+States: φ, δv, δp and the errors of the 30 parameters; if the profile states bias instability, also the drift of the six
+biases about their constants. Observed: the velocity of the table's centre of rotation, `v − C (ω_nb × outer_lever)`,
+which is zero except for vibration of the base (Groves, *Principles of GNSS, Inertial and Multisensor Integrated
+Navigation Systems*, 2nd ed., ch. 3, 14; closed-loop resets: Savage, *Strapdown Analytics*, 2nd ed., ch. 15).
 """
 
 from collections.abc import Callable

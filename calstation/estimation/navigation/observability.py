@@ -1,13 +1,10 @@
 """Piece-wise constant observability of a navigation stage: stripped observability matrix and its SVD.
 
 Each piece with constant F contributes H, H F T, H (F T)²/2, ... (D. Goshen-Meskin and I. Y. Bar-Itzhack,
-*Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992). States are scaled by their
-prior sigma and observations by their noise, so a singular value of 1 is as informative as the prior. Rotations are cut
-into pieces of 5° or less; a rest is one piece.
-
-The stripped matrix treats every piece separately. It shows what each adds to the rank, but not the information in the
-length of a turn (a scale factor shows in the angle between two rests). The strength of a state is therefore taken from
-the total matrix, whose rows are carried back to the stage's start by the transitions between.
+*Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992), states scaled by their prior
+sigma and observations by their noise. Rotations are cut into pieces of 5° or less; a rest is one piece. The strength
+of a state comes from the total matrix, whose rows are carried back to the stage's start: unlike the stripped one it
+contains the information in the length of a turn.
 """
 
 from collections.abc import Iterator

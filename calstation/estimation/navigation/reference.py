@@ -1,9 +1,8 @@
 """Smoothed trajectory of attitude and velocity with fixed parameters, about which a later pass linearises.
 
-A six-state filter (φ, δv) runs closed loop over the segment and a Rauch-Tung-Striebel pass smooths its corrections. The
-reference so follows the effect of gyro noise (0.1° and more with MEMS) without the jumps of a filter. Linearising about
-a smoothed trajectory makes the passes Gauss-Newton steps (Bell, *The iterated Kalman smoother as a Gauss-Newton
-method*, SIAM J. Optim. 4(3), 1994).
+A six-state filter (φ, δv) and a Rauch-Tung-Striebel pass follow the effect of gyro noise without a filter's jumps, so
+that the passes are Gauss-Newton steps (Bell, *The iterated Kalman smoother as a Gauss-Newton method*, SIAM J. Optim.
+4(3), 1994).
 """
 
 from typing import NamedTuple

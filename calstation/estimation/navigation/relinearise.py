@@ -1,9 +1,7 @@
 """Maximum a posteriori by relinearisation: passes of the navigation filter over a stored stage until they converge.
 
-Every pass has the same prior; only the linearisation point moves: the parameters to the last pass's posterior, each
-start attitude to the one that, turned by the measured rotation, ends where the pass ended, and the trajectory from
-there to the smoothed one (see `reference`). An unknown azimuth is linear only near its solution. The likeliest of
-several headings all round is therefore refined with a narrow prior before it is estimated freely.
+Every pass has the same prior; only the linearisation point moves. An unknown azimuth is linear only near its solution:
+the likeliest of several headings is refined with a narrow prior before it is estimated freely.
 """
 
 from dataclasses import dataclass, field, replace

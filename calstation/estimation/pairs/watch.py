@@ -1,10 +1,8 @@
 """Live watch of secondaries against their primary; calibrates those that are out of tolerance.
 
-    waiting      a trigger (start-up, period, command) → checking
-    checking     static check of every secondary at the first rest → waiting, or calibrating those out of tolerance
-    calibrating  fit once there is enough motion, stored in place of the last → waiting
-
-A primary that is out of tolerance calibrates nothing, because the pair alone does not tell which of the two is wrong.
+It waits for a trigger (start-up, period, command), checks every secondary at the first rest, and fits those out of
+tolerance once there is enough motion. A primary that is out of tolerance calibrates nothing, because the pair alone
+does not tell which of the two is wrong.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,8 +1,4 @@
-"""Evidence of a stage's samples for the product's checks: rests, and motions between them by the gyros.
-
-It is small, so that checks can use the solution of the last stage after the samples are gone: a rotation is stored for
-the parameters before the calibration and for the stage's own solution, with its derivative there.
-"""
+"""Evidence of a stage's samples for the product's checks, kept after the samples: rests, and motions by the gyros."""
 
 from dataclasses import dataclass
 

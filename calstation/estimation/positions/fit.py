@@ -1,9 +1,8 @@
 """Joint solution of rests and motions: gravity at rest, rotation between, with the recording's own scatter.
 
-Nothing is assumed about the attitude of a rest. The modulus of gravity alone scales the accelerometers and the change
-of its direction alone scales the gyros. Gauss-Newton on the maximum a posteriori of parameters, attitudes and bias
-drift together (`positions.rows`). D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU
-calibration without external equipments*, ICRA 2014, fits the same two cues one after the other and without covariance.
+The modulus of gravity alone scales the accelerometers and the change of its direction alone scales the gyros.
+D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU calibration without external
+equipments*, ICRA 2014, fits the same two cues one after the other and without covariance.
 """
 
 from dataclasses import dataclass

@@ -1,9 +1,7 @@
 """Guidance of an operator who moves a unit from position to position: at rest, moving, done, or to be repeated.
 
-The stream is judged in windows of 0.25 s. The quietest windows so far define the noise at rest. A window that is much
-noisier, or whose mean rate differs from the rate at rest, is a motion. Every rest that the solver later finds has been
-long enough here. A rest counts as a new position only if the unit has turned since the last one, so that a knock does
-not count.
+Every rest that the solver later finds has been long enough here. A rest counts as a new position only if the unit has
+turned since the last one, so that a knock does not count.
 """
 
 from collections import deque

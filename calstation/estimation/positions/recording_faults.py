@@ -1,8 +1,6 @@
 """Checks of a recording of positions: frozen channels, no rest, no motion, wrong units, wrong axes.
 
-A fit of an unusable recording gives a confident result too, so the data are checked for each fault beforehand. Gravity
-shows the accelerometers' unit at any rest. The change of its direction between two rests shows the angle that the gyros
-should have measured, however the unit was held.
+Gravity shows the accelerometers' unit; the change of its direction shows the angle that the gyros should have measured.
 """
 
 import itertools
