@@ -26,7 +26,7 @@ from calstation.estimation.gimbal import (
     others,
     sign_of,
 )
-from calstation.estimation.positions import CHANNELS, frozen_columns
+from calstation.estimation.positions import CHANNELS, require_changing
 from calstation.physics import INDEX, NAMES, FloatArray, Step, TableGeometry
 from calstation.schema import EntryError
 
@@ -129,14 +129,7 @@ def _require_channels(data: StageData) -> None:
         for k, still in enumerate(np.ptp(joints, axis=0) == 0.0):
             if still:
                 raise InputError("recording.frozen_joint", channel=f"joint_{AXES[k]}")
-    for name, first, last in frozen_columns(CHANNELS[:3], data.gyro, data.dt):
-        raise InputError(
-            "recording.frozen",
-            channel=name,
-            first=int(data.seq[first]),
-            last=int(data.seq[last]),
-            seconds=(last - first) * data.dt,
-        )
+    require_changing(data, CHANNELS[:3], data.gyro)
 
 
 def _require_joints(data: StageData, motions: list[Motion]) -> None:

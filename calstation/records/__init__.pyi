@@ -11,7 +11,6 @@ from .checks import offline_online as offline_online
 from .convert import export_csv as export_csv
 from .convert import import_csv as import_csv
 from .convert import partial_path as partial_path
-from .csv_log import estimated_rows as estimated_rows
 from .facts import LogFacts as LogFacts
 from .limits import NEAR as NEAR
 from .limits import Check as Check
@@ -25,6 +24,7 @@ from .limits import unobservable as unobservable
 from .locks import locked as locked
 from .locks import take as take
 from .log import Log as Log
+from .log import estimated_rows as estimated_rows
 from .log import open_log as open_log
 from .log import read_truth as read_truth
 from .log import truth_path as truth_path
@@ -50,7 +50,6 @@ from .raw_read import being_written as being_written
 from .raw_read import damage_summary as damage_summary
 from .raw_read import raw_rows as raw_rows
 from .raw_read import read_contents as read_contents
-from .raw_read import row_count as row_count
 from .raw_read import solved_stages as solved_stages
 from .run_index import IndexedRun as IndexedRun
 from .run_index import RunIndex as RunIndex

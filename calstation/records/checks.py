@@ -9,7 +9,7 @@ from pydantic import Field, field_validator
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief, SolveContext
 from calstation.estimation.positions import Evidence, MotionEvidence, RestEvidence, gravity_misses, turned_angle
-from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray, TableGeometry, normal_gravity
+from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray
 from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
 from calstation.schema import EntryError, StrictModel, near_miss
 
@@ -144,10 +144,9 @@ class _Acceptance:
     def __init__(
         self, section: ChecksSection, context: SolveContext, prior: Belief, solutions: Sequence[Solution]
     ) -> None:
-        site = context.site
         self._section, self._context, self._solutions = section, context, solutions
         self._prior, self._found = prior, solutions[-1].belief
-        self._gravity = site.gravity or normal_gravity(site.latitude, site.height)
+        self._gravity = context.site.local_gravity
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
 
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
@@ -250,8 +249,7 @@ class _Acceptance:
         if first.angles is not None and second.angles is not None:
             moved = np.abs(second.angles - first.angles)
             if moved.min() > 3.0 * table.encoder_sigma:
-                geometry = TableGeometry(table.outer_axis, table.inner_axis)
-                before, after = (geometry.body_to_home(*rest.angles) for rest in (first, second))  # type: ignore[misc]
+                before, after = (table.geometry.body_to_home(*rest.angles) for rest in (first, second))  # type: ignore[misc]
                 reference = turned_angle(before.T @ after, np.zeros(3), 0.0, motion.path)
             else:
                 reference = float(moved.max())

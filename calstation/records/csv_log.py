@@ -81,7 +81,7 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
         raise InputError("csv.no_samples", file=path)
 
 
-def estimated_rows(path: Path) -> int:
+def csv_rows(path: Path) -> int:
     """Estimate the number of samples in a CSV from its size and its first lines; at least 1."""
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:

@@ -9,11 +9,11 @@ from typing import Any
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
-from calstation.records.csv_log import csv_blocks, meta_path
+from calstation.records.csv_log import csv_blocks, csv_rows, meta_path
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta, load_meta
 from calstation.records.raw_log import SUFFIX
-from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents
+from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents, row_count
 
 
 @dataclass
@@ -65,20 +65,6 @@ class Log:
         assert self._facts is not None
         return self._facts
 
-    @property
-    def first_seq(self) -> int:
-        """Unwrapped count of the first sample."""
-        return self.facts().first_seq
-
-    @property
-    def last_seq(self) -> int:
-        """Unwrapped count of the last sample."""
-        return self.facts().last_seq
-
-    def sha256(self) -> str:
-        """Digest of sample rows and configuration, not of events and stored results."""
-        return self.facts().sha256
-
     def _all_blocks(self) -> Iterator[SampleBlock]:
         """All samples; at the end damaged rows and facts are known. Raises InputError."""
         builder = FactsBuilder(self.meta)
@@ -125,6 +111,11 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
         raise InputError("log.not_found", file=path)
     meta = load_meta(meta_file or meta_path(path))
     return Log(path, meta, lambda: csv_blocks(path, meta))
+
+
+def estimated_rows(path: Path) -> int:
+    """Number of rows in a raw log, or an estimate for a CSV; at least 1. Raises InputError."""
+    return max(1, row_count(path) if path.suffix == SUFFIX else csv_rows(path))
 
 
 def truth_path(path: Path) -> Path:

@@ -3,7 +3,6 @@
 It is the TOML beside a CSV, is stored in a raw log, and holds the last cross-calibration of each pair of IMUs.
 """
 
-import hashlib
 import json
 import re
 from dataclasses import asdict
@@ -197,10 +196,6 @@ class LogMeta(StrictModel):
     def to_json(self) -> str:
         """Canonical JSON: the configuration's part of a log's sha256."""
         return json.dumps(self._plain(), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
-
-    def sha256(self) -> str:
-        """Digest of the configuration."""
-        return hashlib.sha256(self.to_json().encode()).hexdigest()
 
     def to_toml(self) -> str:
         """TOML that reads back to an equal `LogMeta`."""

@@ -15,13 +15,11 @@ from calstation.estimation.common import SampleBlock, StoredPair
 from calstation.estimation.pairs import PairCalibration, PairWatch, StaticCheck, WatchEvent, check_values
 from calstation.messages import Text, values_from_json, values_to_json
 from calstation.records import (
-    SUFFIX,
     context_from_meta,
     estimated_rows,
     load_pair,
     open_log,
     prior_from_meta,
-    row_count,
     store_pair,
 )
 from calstation.results.plots import PairEvent, StoredPairFile, stored_pairs
@@ -157,8 +155,7 @@ def check_pair(tell: Callable[..., None], path: Path) -> PairCheckResult:
     Raises InputError or ConfigurationError.
     """
     log = open_log(path)
-    rows = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
-    duration = rows / log.meta.imu.sample_rate_hz
+    duration = estimated_rows(path) / log.meta.imu.sample_rate_hz
     start: list[float] = []
     happened: list[PairEvent] = []
 

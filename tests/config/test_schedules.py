@@ -74,7 +74,7 @@ def test_a_request_goes_before_the_product_and_stands_in_the_logs_meta_and_hash(
     plain, other = (setup.log_meta() for setup in (prepare_run(asked), changed))
     assert plain.schedule["rate"] == PRODUCT["schedule"]["rate"]
     assert other.schedule["rate"] == {**PRODUCT["schedule"]["rate"], "turns": 2}
-    assert other.sha256() != plain.sha256()
+    assert other.to_json() != plain.to_json()
     with pytest.raises(ConfigurationError, match=r"schedule\.rate: turns: 0 is out of range"):
         prepare_run(replace(asked, schedule={"rate": {"turns": 0}}))
 

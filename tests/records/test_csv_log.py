@@ -165,7 +165,7 @@ def test_a_range_of_unwrapped_counts_is_cut_out(tmp_path: Path) -> None:
     log = open_log(write_csv_log(tmp_path, wrapped))
     seq = joined(list(log.blocks(250, 260)))["seq"]
     assert seq.tolist() == list(range(250, 261))
-    assert (log.first_seq, log.last_seq) == (0, 399)
+    assert (log.facts().first_seq, log.facts().last_seq) == (0, 399)
     with raises_code(InputError, "log.empty_range") as caught:
         list(log.blocks(500, 600))
     assert "The log holds no sample from 500 to 600, only from 0 to 399." in str(caught.value)

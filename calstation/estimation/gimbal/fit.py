@@ -10,11 +10,9 @@ import numpy as np
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
 from calstation.estimation.gimbal.iteration import gimbal_attitude
 from calstation.estimation.gimbal.motions import Motion
-from calstation.estimation.positions import integrate_rotation, square_root
+from calstation.estimation.positions import GYRO_COLUMNS, gyro_derivative, integrate_rotation, square_root
 from calstation.physics import (
     COUNT,
-    INDEX,
-    PARAMETERS,
     RATE,
     FloatArray,
     compensation,
@@ -25,7 +23,6 @@ from calstation.physics import (
 
 MOST_ITERATIONS = 12
 CONVERGED = 1e-3
-_GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
 
 
 @dataclass(frozen=True)
@@ -84,9 +81,7 @@ def _rows(
         before = rotation_matrix(wrong[first]) @ gimbal_attitude(order, m.before)
         start = rotation_matrix(-earth * m.duration) @ before
         rows = slice(3 * k, 3 * k + 3)
-        H[rows, group_indices("gyro_bias")] = -start @ time @ c.gyro_inverse
-        for p in _GYRO:
-            H[rows, INDEX[p.name]] = -start @ rate[p.column] @ c.gyro_inverse[:, p.row]
+        H[rows, GYRO_COLUMNS] = gyro_derivative(start, c, time, rate)
         H[rows, COUNT : COUNT + 3] = -m.duration * np.eye(3)
         H[rows, COUNT + 3 + 3 * first : COUNT + 6 + 3 * first] = np.eye(3)
         H[rows, COUNT + 3 + 3 * second : COUNT + 6 + 3 * second] = -np.eye(3)

@@ -101,23 +101,17 @@ class AxisTurns:
     corrections: list[FloatArray] = field(default_factory=list)
 
 
+@dataclass
 class GimbalIteration:
-    """State of the method: the next turn to command, and the correction from each drift.
+    """State of the method: the next turn to command, and the correction from each drift."""
 
-    Parameters
-    ----------
-    gain : α, rad/rad
-    angle : of every turn, rad
-    count : largest number of turns per axis
-    threshold : |D| below which an axis is done, rad
-    alternate : whether every second turn goes the other way
-    """
-
-    def __init__(self, gain: float, angle: float, count: int, threshold: float, alternate: bool = True) -> None:
-        self._gain, self._angle, self._count = gain, angle, count
-        self._threshold, self._alternate = threshold, alternate
-        self.correction = np.zeros((3, 3))
-        self.courses: list[AxisTurns] = [AxisTurns(0)]
+    gain: float  #: α, rad/rad.
+    angle: float  #: Of every turn, rad.
+    count: int  #: Largest number of turns per axis.
+    threshold: float  #: |D| below which an axis is done, rad.
+    alternate: bool = True  #: Whether every second turn goes the other way.
+    correction: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), init=False)  #: K, shape (3, 3).
+    courses: list[AxisTurns] = field(default_factory=lambda: [AxisTurns(0)], init=False)  #: Of the axes so far.
 
     @property
     def done(self) -> bool:
@@ -131,14 +125,14 @@ class GimbalIteration:
         if self._done(self.courses[-1]):
             self.courses.append(AxisTurns(self.courses[-1].axis + 1))
         course = self.courses[-1]
-        back = self._alternate and len(course.drifts) % 2 == 1
-        return TurnCommand(course.axis, -self._angle if back else self._angle, self.correction.copy())
+        back = self.alternate and len(course.drifts) % 2 == 1
+        return TurnCommand(course.axis, -self.angle if back else self.angle, self.correction.copy())
 
     def add_drift(self, angle: float, drift: FloatArray) -> None:
         """Correct K by the drift of the other joints (rad, shape (2,)) in a turn by `angle` (rad)."""
         course = self.courses[-1]
         rows = others(course.axis)
-        self.correction[rows, course.axis] += sign_of(angle) * self._gain * drift
+        self.correction[rows, course.axis] += sign_of(angle) * self.gain * drift
         course.angles.append(angle)
         course.drifts.append(np.array(drift))
         course.corrections.append(self.correction[rows, course.axis].copy())
@@ -146,4 +140,4 @@ class GimbalIteration:
     def _done(self, course: AxisTurns) -> bool:
         if not course.drifts:
             return False
-        return len(course.drifts) >= self._count or float(np.abs(course.drifts[-1]).max()) < self._threshold
+        return len(course.drifts) >= self.count or float(np.abs(course.drifts[-1]).max()) < self.threshold

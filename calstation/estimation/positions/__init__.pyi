@@ -11,9 +11,12 @@ from .guidance import Guidance as Guidance
 from .guidance import PositionGuide as PositionGuide
 from .recording_faults import CHANNELS as CHANNELS
 from .recording_faults import frozen_columns as frozen_columns
+from .recording_faults import require_changing as require_changing
 from .recording_faults import valid_links as valid_links
+from .rows import GYRO_COLUMNS as GYRO_COLUMNS
 from .rows import Position as Position
 from .rows import Scatter as Scatter
+from .rows import gyro_derivative as gyro_derivative
 from .rows import integrate_rotation as integrate_rotation
 from .rows import positions as positions
 from .rows import square_root as square_root

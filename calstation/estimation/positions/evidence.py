@@ -5,21 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common import SolveContext, StageData, find_stillness, mean_angles
-from calstation.estimation.positions.rows import integrate_rotation
+from calstation.estimation.positions.rows import GYRO_COLUMNS, gyro_derivative, integrate_rotation
 from calstation.physics import (
-    INDEX,
-    PARAMETERS,
     FloatArray,
     compensate,
     compensation,
-    group_indices,
     rotation_matrix,
     rotation_vector,
 )
 
 SHORTEST_REST = 1.0
-_GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
-_COLUMNS = [*group_indices("gyro_bias"), *(INDEX[p.name] for p in _GYRO)]
 
 
 @dataclass(frozen=True)
@@ -52,12 +47,12 @@ class MotionEvidence:
     uncalibrated: FloatArray  #: Body rotation with the parameters before the calibration, shape (3, 3).
     point: FloatArray  #: Parameters of the stage's solution, SI, shape (30,).
     rotation: FloatArray  #: Body rotation with them, shape (3, 3).
-    #: Its derivative by `_COLUMNS` as a rotation vector in the first rest's body, shape (3, 12).
+    #: Its derivative by `GYRO_COLUMNS` as a rotation vector in the first rest's body, shape (3, 12).
     derivative: FloatArray
 
     def calibrated(self, parameters: FloatArray) -> FloatArray:
         """Body rotation with parameters near the stage's solution, shape (3, 3)."""
-        change = (parameters - self.point)[_COLUMNS]
+        change = (parameters - self.point)[GYRO_COLUMNS]
         return np.asarray(rotation_matrix(self.derivative @ change) @ self.rotation)
 
 
@@ -90,7 +85,6 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
         span = (data.dt, data.gyro, link.start, link.stop)
         B, time, rate = integrate_rotation(c.gyro_inverse, c.gyro_bias, *span)
         uncalibrated, _, _ = integrate_rotation(old.gyro_inverse, old.gyro_bias, *span)
-        by_matrix = [-rate[p.column] @ c.gyro_inverse[:, p.row] for p in _GYRO]
         omega, _ = compensate(c, data.gyro[link.start : link.stop], data.accel[link.start : link.stop])
         motions.append(
             MotionEvidence(
@@ -103,7 +97,7 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
                 uncalibrated=uncalibrated,
                 point=found,
                 rotation=B,
-                derivative=np.column_stack([-time @ c.gyro_inverse, *by_matrix]),
+                derivative=gyro_derivative(np.eye(3), c, time, rate),
             )
         )
     return Evidence(stage, rests, tuple(motions))

@@ -68,14 +68,7 @@ def valid_links(
 
     Raises InputError or InsufficientDataError if the recording is unusable.
     """
-    for name, first, last in frozen_columns(CHANNELS, np.column_stack([data.gyro, data.accel]), data.dt):
-        raise InputError(
-            "recording.frozen",
-            channel=name,
-            first=int(data.seq[first]),
-            last=int(data.seq[last]),
-            seconds=(last - first) * data.dt,
-        )
+    require_changing(data, CHANNELS, np.column_stack([data.gyro, data.accel]))
     if not still.rests:
         raise _no_rest(data, imu, gravity, prior, shortest)
     turns, up = _turns(data, still, prior)
@@ -97,6 +90,13 @@ def _no_rest(data: StageData, imu: ImuModel, gravity: float, prior: Belief, shor
             slip = Text.of("recording.unit_slip", given=given, right=right)
             return InputError("recording.gyro_unit_no_rest", factor=factor, slip=slip)
     return InsufficientDataError("recording.no_rest", shortest=shortest, seconds=len(data) * data.dt)
+
+
+def require_changing(data: StageData, names: Sequence[str], values: FloatArray) -> None:
+    """Raise InputError if one of the columns, shape (n, k), is frozen."""
+    for name, first, last in frozen_columns(names, values, data.dt):
+        span = {"first": int(data.seq[first]), "last": int(data.seq[last])}
+        raise InputError("recording.frozen", channel=name, seconds=(last - first) * data.dt, **span)
 
 
 def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Iterator[tuple[str, int, int]]:

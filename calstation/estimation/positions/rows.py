@@ -54,6 +54,8 @@ SIGNIFICANT = 0.9995
 FIXED = 1e3
 _ACCEL = [p for p in PARAMETERS if p.group in ("accel_scale", "accel_misalign")]
 _GYRO = [p for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign")]
+#: Indices of the gyro parameters: bias, scale and misalignment.
+GYRO_COLUMNS = [*group_indices("gyro_bias"), *(INDEX[p.name] for p in _GYRO)]
 
 
 @dataclass(frozen=True)
@@ -219,16 +221,12 @@ class PositionRows:
         E = rotation_matrix(-earth[link.first] * duration)
         start = E @ attitudes[link.first]
         H = np.zeros((3, self.columns))
-        # δφ = −∫ C (I + M_g)⁻¹ (δb + δM ω) dt, from the first rest's body to n
-        per_bias = -start @ time @ c.gyro_inverse
-        H[:, group_indices("gyro_bias")] = per_bias
-        for p in _GYRO:
-            H[:, INDEX[p.name]] = -start @ rate[p.column] @ c.gyro_inverse[:, p.row]
+        H[:, GYRO_COLUMNS] = gyro_derivative(start, c, time, rate)
         H[:, self.phi + 3 * link.first : self.phi + 3 * link.first + 3] = E
         H[:, self.phi + 3 * link.second : self.phi + 3 * link.second + 3] = -np.eye(3)
         H[:, self._north_columns(link.first)] = -duration * np.eye(3)[:, :2]
         if self.has_drift:
-            half = 0.5 * per_bias * self.bias_drift[:3]
+            half = 0.5 * H[:, group_indices("gyro_bias")] * self.bias_drift[:3]
             for rest in (link.first, link.second):
                 H[:, self.drift + 6 * rest : self.drift + 6 * rest + 3] = half
         residual = rotation_vector(attitudes[link.second] @ (start @ B).T)
@@ -252,6 +250,15 @@ class PositionRows:
                     row[:, self.drift + 6 * (k - 1) : self.drift + 6 * k] = -scale * kept * np.eye(6)
                 rows.append(row)
         return np.vstack(rows)
+
+
+def gyro_derivative(start: FloatArray, c: Compensation, time: FloatArray, rate: FloatArray) -> FloatArray:
+    """Derivative of a rotation by the parameters `GYRO_COLUMNS` as a rotation vector in the frame of `start`, (3, 12).
+
+    δφ = −∫ C (I + M_g)⁻¹ (δb + δM ω) dt, with C = `start` C_b(start)←b(t) and the integrals of `integrate_rotation`.
+    """
+    by_matrix = [-start @ rate[p.column] @ c.gyro_inverse[:, p.row] for p in _GYRO]
+    return np.column_stack([-start @ time @ c.gyro_inverse, *by_matrix])
 
 
 def square_root(P: FloatArray) -> FloatArray:

@@ -10,7 +10,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import os_reason
 from calstation.physics import FloatArray, IntArray
-from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, open_log, raw_rows, row_count
+from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, open_log, raw_rows
 from calstation.results.plots.min_max_pyramid import Columns, MinMaxPyramid, PyramidWriter, group_of, joined
 from calstation.results.result import Result
 
@@ -86,7 +86,7 @@ def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
         If the pyramid cannot be written.
     """
     log = open_log(path)
-    total = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
+    total = estimated_rows(path)
     scale = _scale(log.meta)
     builder = _IndexBuilder()
     held, last = np.full(2, np.nan), -1

@@ -11,7 +11,6 @@ from calstation.errors import InputError
 from calstation.estimation.common import StageData, stage_data
 from calstation.physics import INDEX, NAMES, FloatArray
 from calstation.records import (
-    SUFFIX,
     Log,
     LogMeta,
     context_from_meta,
@@ -19,7 +18,6 @@ from calstation.records import (
     open_log,
     prior_from_meta,
     read_truth,
-    row_count,
 )
 from calstation.results import Parameter, Resolved, Result, resolve
 from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
@@ -68,7 +66,7 @@ def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAns
     """
     tell(0.0, note="reading")
     log = open_log(path)
-    total = max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
+    total = estimated_rows(path)
     first: list[int] = []
 
     def watch(_: str, seq: int, solved: float) -> None:
