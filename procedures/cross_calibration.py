@@ -4,10 +4,9 @@ By command it fits the whole recording; with triggers it fits only secondaries t
 """
 
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import Estimate, Method, Progress, Solution
@@ -26,14 +25,10 @@ from calstation.estimation.common import (
 from calstation.estimation.pairs import (
     ACCEL_BIAS,
     GYRO_BIAS,
-    Model,
     PairCalibration,
-    PairChoice,
     PairResult,
-    PairRules,
+    PairSchedule,
     PairWatch,
-    Threshold,
-    Triggers,
     WatchEvent,
     check_values,
 )
@@ -45,65 +40,7 @@ NOTHING = Consistency(0.0, 0.0, 0.0, 0)
 UNDETERMINED = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
 
 
-class Schedule(BaseModel):
-    """What is fitted, when, and the tolerances.
-
-    Attributes
-    ----------
-    model : bias, scale (scale factors too) or full (3×3)
-    lever, clock_offset : fitted as well, the lever only with full
-    sensors : all, or only those that triggered
-    trigger : command (everything recorded is fitted), start_up, period (start-up, then every period_s)
-    static_s, motion_s, longest_s : rest to check at, motion to collect, and longest time for it
-    moving_dps : smallest rate, less that at rest, that counts as motion
-    primary_*, secondary_* : largest deviations at rest, rad/s and m/s²
-    """
-
-    model_config = ConfigDict(extra="forbid")
-    model: Model = "full"
-    lever: bool = True
-    clock_offset: bool = True
-    sensors: Literal["all", "triggering"] = "all"
-    trigger: Literal["command", "start_up", "period"] = "command"
-    period_s: float = Field(3600.0, gt=0.0)
-    static_s: float = Field(2.0, ge=1.0, le=600.0)
-    motion_s: float = Field(20.0, ge=1.0, le=3600.0)
-    longest_s: float = Field(600.0, ge=10.0)
-    moving_dps: float = Field(10.0, gt=0.0)
-    primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)
-    primary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)
-    secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)
-    secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)
-
-    @property
-    def choice(self) -> PairChoice:
-        """What is fitted."""
-        return PairChoice(self.model, self.model, self.lever and self.model == "full", self.clock_offset)
-
-    @property
-    def rules(self) -> PairRules:
-        """Tolerances, and what is fitted."""
-        return PairRules(
-            rest=self.static_s,
-            primary={"gyro": self.primary_gyro, "accel": self.primary_accel},
-            secondary={"gyro": self.secondary_gyro, "accel": self.secondary_accel},
-            choice=self.choice,
-            only_triggering=self.sensors == "triggering",
-        )
-
-    @property
-    def triggers(self) -> Triggers:
-        """When to check and how long to collect motion."""
-        return Triggers(
-            start_up=self.trigger != "command",
-            period=self.period_s if self.trigger == "period" else None,
-            motion=self.motion_s,
-            longest=self.longest_s,
-            moving=float(np.deg2rad(self.moving_dps)),
-        )
-
-
-def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
+def plan(geometry: TableGeometry, schedule: PairSchedule) -> Iterator[Step]:
     """Raises ConfigurationError: a run on the table records one IMU."""
     raise ConfigurationError("plan.needs_joint_recording")
 
@@ -111,16 +48,16 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 class PairStage:
     """A `StageSolver` over the whole recording, or over the parts that its triggers select."""
 
-    def __init__(self, context: SolveContext, prior: Belief, schedule: Schedule) -> None:
+    def __init__(self, context: SolveContext, prior: Belief, schedule: PairSchedule) -> None:
         if not context.secondaries:
             raise InputError("solve.no_second_imu")
         self._context, self._prior, self._schedule = context, prior, schedule
-        self._calibration = PairCalibration(context, prior, schedule.rules)
+        self._calibration = PairCalibration(context, prior, schedule)
         self._watch: PairWatch | None = None
         self._spool = Spool()
         self._events: list[WatchEvent] = []
         if schedule.trigger != "command":
-            self._watch = PairWatch(context.imu, context.secondaries, self._calibration, schedule.triggers)
+            self._watch = PairWatch(context.imu, context.secondaries, self._calibration)
 
     def feed(self, block: SampleBlock) -> None:
         """Take further samples of the stage."""
@@ -237,4 +174,4 @@ def _details(secondary: Secondary, calibrated: PairResult | None, check: Any, st
     return details
 
 
-METHOD = Method("cross_calibration", Schedule, plan, PairStage, estimates=lambda context: (), needs_no_table=True)
+METHOD = Method("cross_calibration", PairSchedule, plan, PairStage, estimates=lambda context: (), needs_no_table=True)

@@ -12,7 +12,7 @@ from typing import Any
 from calstation.config import pair_folder
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, StoredPair
-from calstation.estimation.pairs import PairCalibration, PairWatch, StaticCheck, WatchEvent, check_values
+from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, StaticCheck, WatchEvent, check_values
 from calstation.messages import Text, values_from_json, values_to_json
 from calstation.records import (
     context_from_meta,
@@ -25,7 +25,6 @@ from calstation.records import (
 from calstation.results.plots import PairEvent, StoredPairFile, stored_pairs
 from calstation.results.solver_chain import one_blas_thread
 from calstation.schema import validate
-from procedures.cross_calibration import Schedule
 
 STAGE = "cross_calibration"
 
@@ -65,7 +64,7 @@ def watch_log(
     context = context_from_meta(log.meta)
     if not context.secondaries:
         raise InputError("solution.in_log", file=path, what=Text("solution.one_imu"))
-    schedule = validate(Schedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
+    schedule = validate(PairSchedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
     primary = log.meta.imu.serial
     secondaries = tuple(
         replace(s, stored=found if (found := load_pair(folder, primary, s.imu.serial)).values else s.stored)
@@ -79,8 +78,7 @@ def watch_log(
     watch = PairWatch(
         context.imu,
         secondaries,
-        PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule.rules),
-        schedule.triggers,
+        PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule),
         store,
     )
     if command or schedule.trigger == "command":

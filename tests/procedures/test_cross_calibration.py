@@ -23,14 +23,14 @@ from calstation.bench.truth.free_unit import Place, SecondaryTruth
 from calstation.bench.truth.table import rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.context import StoredPair
-from calstation.estimation.pairs.calibration import PairCalibration, Threshold, compensate_secondary, pair_vector
+from calstation.estimation.pairs.calibration import PairCalibration, compensate_secondary, pair_vector
+from calstation.estimation.pairs.schedule import PairSchedule, Threshold
 from calstation.estimation.pairs.watch import PairWatch
 from calstation.physics.imu_model import compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, group_indices, pair_name, pair_parameter
 from calstation.physics.table import TableGeometry
 from calstation.results.resolving import resolve
 from procedures import method
-from procedures.cross_calibration import Schedule
 from tests.helpers import raises_code
 
 GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
@@ -136,11 +136,11 @@ def test_a_threshold_is_fixed_or_follows_the_last_calibration():
 
 
 def watch_of(primary, secondaries, kept=None, stored=None, **schedule):
-    settings = Schedule(**{"trigger": "start_up", "motion_s": 10.0, **TIGHT, **schedule})
+    settings = PairSchedule(**{"trigger": "start_up", "motion_s": 10.0, **TIGHT, **schedule})
     context = context_of(primary, secondaries, stored)
-    calibration = PairCalibration(context, known(primary), settings.rules)
+    calibration = PairCalibration(context, known(primary), settings)
     keep = (lambda number, pair: None) if kept is None else kept.__setitem__
-    return PairWatch(context.imu, context.secondaries, calibration, settings.triggers, keep)
+    return PairWatch(context.imu, context.secondaries, calibration, keep)
 
 
 def run(watch, block, size=100):

@@ -1,9 +1,7 @@
 from .calibration import SENSORS as SENSORS
 from .calibration import PairCalibration as PairCalibration
 from .calibration import PairResult as PairResult
-from .calibration import PairRules as PairRules
 from .calibration import StaticCheck as StaticCheck
-from .calibration import Threshold as Threshold
 from .calibration import pair_vector as pair_vector
 from .filtering import PairData as PairData
 from .filtering import pair_data as pair_data
@@ -16,7 +14,8 @@ from .fit import LEVER as LEVER
 from .fit import OFFSET as OFFSET
 from .fit import Model as Model
 from .fit import PairChoice as PairChoice
+from .schedule import PairSchedule as PairSchedule
+from .schedule import Threshold as Threshold
 from .watch import PairWatch as PairWatch
-from .watch import Triggers as Triggers
 from .watch import WatchEvent as WatchEvent
 from .watch import check_values as check_values

@@ -5,11 +5,9 @@ error relative to the primary first and then with the primary's own errors, beca
 primary's raw output.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.errors import InputError
 from calstation.estimation.common import (
@@ -23,34 +21,10 @@ from calstation.estimation.common import (
 from calstation.estimation.pairs.faults import require_pairs, require_sense
 from calstation.estimation.pairs.filtering import pair_data
 from calstation.estimation.pairs.fit import PairChoice, PairFit, fit_pair
+from calstation.estimation.pairs.schedule import PairSchedule
 from calstation.physics import PAIR_PARAMETERS, Compensation, FloatArray, compensate, compensation
-from calstation.schema import EntryError
 
 SENSORS = ("gyro", "accel")
-
-
-class Threshold(BaseModel):
-    """Largest deviation of one sensor at rest, SI."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    fixed: float = Field(gt=0.0)  #: From the factory's error; also used while nothing is stored.
-    #: The threshold is the deviation right after the last calibration plus this ...
-    offset: float | None = Field(None, gt=0.0)
-    ratio: float | None = Field(None, gt=1.0)  #: ... or times this; at most one of both.
-
-    @model_validator(mode="after")
-    def _one(self) -> "Threshold":
-        if self.offset is not None and self.ratio is not None:
-            raise EntryError("plan.offset_and_ratio")
-        return self
-
-    def limit(self, last: float | None) -> float:
-        """The threshold; `last` is the deviation right after the last calibration."""
-        if last is not None and self.offset is not None:
-            return last + self.offset
-        if last is not None and self.ratio is not None:
-            return last * self.ratio
-        return self.fixed
 
 
 @dataclass(frozen=True)
@@ -109,27 +83,6 @@ def static_figures(omega: FloatArray, force: FloatArray, gravity: float) -> dict
 
 
 @dataclass(frozen=True)
-class PairRules:
-    """Tolerances, and what is fitted."""
-
-    rest: float  #: Shortest rest to check at, s.
-    primary: Mapping[str, Threshold]  #: Thresholds of the primary by sensor.
-    secondary: Mapping[str, Threshold]  #: Thresholds of the secondary by sensor.
-    choice: PairChoice = field(default_factory=PairChoice)
-    only_triggering: bool = False  #: Whether only sensors out of tolerance are fitted.
-
-    def chosen(self, check: StaticCheck) -> PairChoice:
-        """What is fitted after a check; never a sensor whose primary is out of tolerance."""
-        c = self.choice
-        fitted = [s for s in SENSORS if s not in check.primary_out_of_tolerance]
-        if self.only_triggering:
-            fitted = list(check.out_of_tolerance)
-        return PairChoice(
-            c.gyro if "gyro" in fitted else None, c.accel if "accel" in fitted else None, c.lever, c.offset
-        )
-
-
-@dataclass(frozen=True)
 class PairResult:
     """A fit and the values to store."""
 
@@ -140,14 +93,14 @@ class PairResult:
 class PairCalibration:
     """Static checks and fits of secondaries against one primary."""
 
-    def __init__(self, context: SolveContext, prior: Belief, rules: PairRules) -> None:
-        self._primary, self.rules = context.imu, rules
+    def __init__(self, context: SolveContext, prior: Belief, schedule: PairSchedule) -> None:
+        self._primary, self.schedule = context.imu, schedule
         self._c = compensation(prior.mean)
         self._gravity = context.site.local_gravity
 
     def last_rest(self, data: StageData) -> tuple[int, int] | None:
         """The last rest long enough to check at; None if there is none."""
-        rests = find_stillness(data, self._primary, self.rules.rest).rests
+        rests = find_stillness(data, self._primary, self.schedule.static_s).rests
         return rests[-1] if rests else None
 
     def check(
@@ -164,8 +117,18 @@ class PairCalibration:
         first, second = (static_figures(w[0], f[0], self._gravity) for w, f in (own, other))
         last = {"gyro": stored.gyro_static, "accel": stored.accel_static}
         return StaticCheck(
-            {s: RestDeviation(first[s], self.rules.primary[s].limit(None)) for s in SENSORS},
-            {s: RestDeviation(second[s], self.rules.secondary[s].limit(last[s])) for s in SENSORS},
+            {s: RestDeviation(first[s], self.schedule.threshold("primary", s).limit(None)) for s in SENSORS},
+            {s: RestDeviation(second[s], self.schedule.threshold("secondary", s).limit(last[s])) for s in SENSORS},
+        )
+
+    def chosen(self, check: StaticCheck) -> PairChoice:
+        """What is fitted after a check; never a sensor whose primary is out of tolerance."""
+        fitted = [s for s in SENSORS if s not in check.primary_out_of_tolerance]
+        if self.schedule.sensors == "triggering":
+            fitted = list(check.out_of_tolerance)
+        choice = self.schedule.choice
+        return replace(
+            choice, gyro=choice.gyro if "gyro" in fitted else None, accel=choice.accel if "accel" in fitted else None
         )
 
     def calibrate(

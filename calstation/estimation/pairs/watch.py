@@ -22,17 +22,6 @@ RESTS_KEPT = 10.0
 
 
 @dataclass(frozen=True)
-class Triggers:
-    """When to check and how long to collect motion."""
-
-    start_up: bool = True  #: Whether to check at the first rest.
-    period: float | None = None  #: Of further checks, s of IMU time; None for never.
-    motion: float = 20.0  #: Motion to collect, s.
-    longest: float = 600.0  #: Longest time for it, s.
-    moving: float = np.deg2rad(10.0)  #: Smallest rate, less that at rest, that counts as motion, rad/s.
-
-
-@dataclass(frozen=True)
 class WatchEvent:
     """An event of the watch."""
 
@@ -50,11 +39,10 @@ class PairWatch:
         imu: ImuModel,
         secondaries: tuple[Secondary, ...],
         calibration: PairCalibration,
-        triggers: Triggers,
         keep: Callable[[int, StoredPair], None] = lambda number, stored: None,
     ) -> None:
         self._imu, self._secondaries, self._calibration = imu, secondaries, calibration
-        self._triggers, self._keep = triggers, keep
+        self._schedule, self._keep = calibration.schedule, keep
         self.state = "waiting"
         self.stored = {s.number: s.stored for s in secondaries}
         self.checks: dict[int, StaticCheck] = {}
@@ -62,7 +50,7 @@ class PairWatch:
         self._off: dict[int, StaticCheck] = {}
         self._waiting: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []
-        self._due = triggers.start_up
+        self._due = calibration.schedule.trigger != "command"
         self._checked: float | None = None
         self._looked = 0.0
         self._motion = 0.0
@@ -74,7 +62,7 @@ class PairWatch:
     @property
     def progress(self) -> float:
         """Share of the required motion that has been collected, 0 to 1."""
-        return min(self._motion / self._triggers.motion, 1.0) if self.state == "calibrating" else 0.0
+        return min(self._motion / self._schedule.motion_s, 1.0) if self.state == "calibrating" else 0.0
 
     def feed(self, block: SampleBlock) -> list[WatchEvent]:
         """Take further samples, cut into blocks in any way, and return their events."""
@@ -110,8 +98,8 @@ class PairWatch:
     def _wait(self, now: float) -> list[WatchEvent]:
         if self._checked is None:
             self._checked = now
-        period = self._triggers.period
-        if not self._due and (period is None or now - self._checked < period):
+        periodic = self._schedule.trigger == "period"
+        if not self._due and (not periodic or now - self._checked < self._schedule.period_s):
             return []
         self._due, self.state, self._checked = False, "checking", now
         self._blocks, self._looked = [], now
@@ -121,7 +109,7 @@ class PairWatch:
         calibration = self._calibration
         data = stage_data(self._blocks, self._imu)
         rest = calibration.last_rest(data)
-        self._forget(now, RESTS_KEPT * calibration.rules.rest)
+        self._forget(now, RESTS_KEPT * self._schedule.static_s)
         if rest is None:
             return []
         events, self._off, self._motion = [], {}, 0.0
@@ -149,20 +137,20 @@ class PairWatch:
     def _collect(self, now: float, last: bool) -> list[WatchEvent]:
         """Calibrate once there is enough motion; only the `last` evaluation gives up."""
         data = stage_data(self._blocks, self._imu)
-        rest = np.median(data.gyro[: round(self._calibration.rules.rest / data.dt)], axis=0)
-        moving = np.linalg.norm(data.gyro - rest, axis=1) > self._triggers.moving
+        rest = np.median(data.gyro[: round(self._schedule.static_s / data.dt)], axis=0)
+        moving = np.linalg.norm(data.gyro - rest, axis=1) > self._schedule.moving
         self._motion = float(np.count_nonzero(moving)) * data.dt
-        last = last or len(data) * data.dt >= self._triggers.longest
+        last = last or len(data) * data.dt >= self._schedule.longest_s
         events: list[WatchEvent] = []
         failed: InputError | None = None
-        if self._motion < self._triggers.motion:
-            wanted = self._triggers.motion
+        if self._motion < self._schedule.motion_s:
+            wanted = self._schedule.motion_s
             failed = InsufficientDataError("solve.too_little_motion", seconds=self._motion, wanted=wanted)
         for place, secondary in enumerate(self._secondaries):
             number = secondary.number
             if failed or number not in self._off:
                 continue
-            choice = self._calibration.rules.chosen(self._off[number])
+            choice = self._calibration.chosen(self._off[number])
             try:
                 done = self._calibration.calibrate(data, place, secondary, choice, self.stored[number])
             except InputError as error:
