@@ -35,9 +35,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     rounds = 0
     while True:
         for name in ORDER:
-            axis = np.zeros(3)
-            axis["xyz".index(name)] = 1.0
-            turn = geometry.body_turn(axis, joints[1])
+            turn = geometry.body_turn(np.eye(3)["xyz".index(name)], joints[1])
             place = [joints[0], joints[1]]
             if turn.inner is None:
                 place[0] = geometry.level_inner((joints[0], joints[1]))

@@ -80,9 +80,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     joints = [0.0, 0.0]
     for axis in range(3):
-        direction = np.zeros(3)
-        direction[axis] = 1.0
-        turn = geometry.body_turn(direction, joints[INNER])
+        turn = geometry.body_turn(np.eye(3)[axis], joints[INNER])
         joints[INNER] = joints[INNER] if turn.inner is None else turn.inner
         joints[turn.joint], whole = _room(geometry, turn.joint, turn.sign, joints[turn.joint], schedule.turns)
         yield Move(joints[0], joints[1], rate, acceleration, ("into_place", "xyz"[axis]))
@@ -152,8 +150,7 @@ def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[l
 
 def _whole_turn(geometry: TableGeometry, turned: FloatArray) -> tuple[FloatArray, FloatArray, int]:
     """Joint angles of a turn without encoder: the nearest whole number of turns about the nearest body axis, rad."""
-    axis = np.zeros(3)
-    axis[int(np.argmax(np.abs(turned)))] = 1.0
+    axis = np.eye(3)[int(np.argmax(np.abs(turned)))]
     body_turn = geometry.body_turn(axis, 0.0)
     before = np.array([0.0, body_turn.inner or 0.0])
     after = before.copy()

@@ -60,12 +60,6 @@ class TableGeometry:
         """`C_bn` (ENU) for joint angles and the heading of +y at home, rad, shape (3, 3)."""
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
-    def joint_axis(self, joint: int, inner: float) -> FloatArray:
-        """Axis of a joint in b at an inner angle (rad), unit vector, shape (3,)."""
-        if joint == INNER:
-            return np.array(self.inner_axis)
-        return np.asarray(axis_rotation(self.inner_axis, -inner) @ np.array(self.outer_axis))
-
     def nearest(self, joint: int, angle: float, near: float) -> float:
         """`angle` plus the whole turns that bring it closest to `near` within the joint's travel, rad.
 

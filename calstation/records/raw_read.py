@@ -5,6 +5,7 @@ import json
 import time
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,7 +76,7 @@ class RawLogContents:
 
 def read_contents(path: Path) -> RawLogContents:
     """Read configuration, events and results. Raises InputError."""
-    with _Opened(path) as file:
+    with _opened(path) as file:
         stored = file["meta"][:]
         if zlib.crc32(stored) != file.attrs.get("meta_crc32", zlib.crc32(stored)):
             raise InputError("log.damaged_configuration", file=path, detail="crc32")
@@ -112,7 +113,7 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
 
     Raises InputError if the file is damaged otherwise.
     """
-    with _Opened(path) as file:
+    with _opened(path) as file:
         samples = file["samples"]
         checked = CHECK in (samples.dtype.names or ())
         names = [name.decode(errors="replace") for name in file["stages"][:]]
@@ -142,7 +143,7 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
 
 def row_count(path: Path) -> int:
     """Number of rows in a raw log, damaged ones included. Raises InputError."""
-    with _Opened(path) as file:
+    with _opened(path) as file:
         return _row_count(path, file["samples"])
 
 
@@ -151,7 +152,7 @@ def raw_rows(path: Path, start: int, stop: int, damaged: NDArray[np.int64] = _NO
 
     `damaged` holds the first row and the number of rows of each damaged part, shape (n, 2). Raises InputError.
     """
-    with _Opened(path) as file:
+    with _opened(path) as file:
         samples = file["samples"]
         end = int(samples.shape[0]) - int(damaged[:, 1].sum())
         rows = sound_rows(damaged, start, max(start, min(stop, end)))
@@ -205,66 +206,43 @@ def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
         )
 
 
-class _Opened:
-    """Opens an HDF5 file for reading; every failure inside becomes one InputError."""
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    """Open an HDF5 file for reading; every failure inside becomes one InputError."""
+    if not path.is_file():
+        raise InputError("log.not_found", file=path)
+    try:
+        with ExitStack() as stack:
+            yield _open_repeatedly(path, stack)
+    except _BROKEN as exc:
+        raise InputError("log.damaged", file=path) from exc
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._unclosed: AsClosed | None = None
 
-    def __enter__(self) -> h5py.File:
-        if not self._path.is_file():
-            raise InputError("log.not_found", file=self._path)
-        for _ in range(_ATTEMPTS):
-            try:
-                self._file = self._open()
-                return self._file
-            except InputError:
-                self._close()
-                raise
-            except _BROKEN as exc:
-                error = exc
-                self._close()
-            if not being_written(self._path):
-                break
-            time.sleep(_RETRY_INTERVAL)
-        raise self._damaged() from error
+def _open_repeatedly(path: Path, stack: ExitStack) -> h5py.File:
+    """Open the file, again after a while if a run is writing it. Raises InputError or `_BROKEN`."""
+    for _ in range(_ATTEMPTS - 1):
+        with suppress(*_BROKEN), ExitStack() as opened:
+            file = _open(path, opened)
+            stack.push(opened.pop_all())
+            return file
+        if not being_written(path):
+            break
+        time.sleep(_RETRY_INTERVAL)
+    return _open(path, stack)
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: object) -> None:
-        try:
-            self._file.close()
-        except (OSError, RuntimeError) as exc:
-            raise self._damaged() from exc
-        finally:
-            self._close()
-        if isinstance(error, _BROKEN):
-            raise self._damaged() from error
 
-    def _open(self) -> h5py.File:
-        """Open the file as it is, closed or not. Raises InputError for another format, else `_BROKEN`."""
-        with self._path.open("rb") as stream:
-            head = stream.read(SUPERBLOCK)
-        if not sound(head):
-            raise OSError("the superblock is damaged")
-        short = self._path.stat().st_size < superblock_end(head)
-        self._unclosed = AsClosed(self._path) if short or left_open(head) else None
-        file = h5py.File(self._unclosed or self._path, "r", libver="latest")
-        try:
-            if _is_raw_log(file):
-                return file
-        except BaseException:
-            file.close()
-            raise
-        file.close()
-        raise InputError("log.foreign", file=self._path)
-
-    def _close(self) -> None:
-        if self._unclosed is not None:
-            self._unclosed.close()
-            self._unclosed = None
-
-    def _damaged(self) -> InputError:
-        return InputError("log.damaged", file=self._path)
+def _open(path: Path, stack: ExitStack) -> h5py.File:
+    """Open the file as it is, closed or not. Raises InputError for another format, else `_BROKEN`."""
+    with path.open("rb") as stream:
+        head = stream.read(SUPERBLOCK)
+    if not sound(head):
+        raise OSError("the superblock is damaged")
+    short = path.stat().st_size < superblock_end(head)
+    source = stack.enter_context(AsClosed(path)) if short or left_open(head) else path
+    file = stack.enter_context(h5py.File(source, "r", libver="latest"))
+    if not _is_raw_log(file):
+        raise InputError("log.foreign", file=path)
+    return file
 
 
 def _is_raw_log(file: h5py.File) -> bool:

@@ -15,7 +15,7 @@ from calstation.physics.motion import Dwell, Move, RoundEnd
 from calstation.physics.rotation import rotation_vector
 from calstation.physics.table import UP, JointLimits, TableGeometry
 from procedures import DEFAULT_STAGES, method
-from tests.helpers import raises_code
+from tests.helpers import joint_axis, raises_code
 
 TABLES = [
     TableGeometry(),
@@ -181,7 +181,7 @@ def test_rate_turns_each_axis_both_ways_by_whole_turns(table, turns):
             way = np.array([after.outer - before.outer, after.inner - before.inner])
             joint = int(np.argmax(np.abs(way)))
             assert way[1 - joint] == 0.0
-            axis_b = table.joint_axis(joint, before.inner) * way[joint]
+            axis_b = joint_axis(table, joint, before.inner) * way[joint]
             seen.setdefault(after.label[1], []).append(axis_b @ BODY[after.label[1]])
             assert np.rad2deg(axis_b @ BODY[after.label[1]]) == pytest.approx(after.label[2])
     assert sorted(seen) == ["x", "y", "z"]
@@ -197,7 +197,7 @@ def test_azimuth_flips_are_half_turns_about_the_vertical_plus_minus_minus_plus(t
     for before, after in pairwise(moves_of(steps)):
         way = np.array([after.outer - before.outer, after.inner - before.inner])
         joint = int(np.argmax(np.abs(way)))
-        axis_n = table.body_to_home(before.outer, before.inner) @ table.joint_axis(joint, before.inner)
+        axis_n = table.body_to_home(before.outer, before.inner) @ joint_axis(table, joint, before.inner)
         assert axis_n * way[joint] == pytest.approx([0.0, 0.0, after.label[1] * np.pi / 180.0], abs=1e-9)
         ways.append(after.label[1])
     assert ways == [180.0, -180.0, -180.0, 180.0] * 2

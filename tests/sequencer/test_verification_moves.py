@@ -9,7 +9,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.verification_moves import VerificationPath, verification_path
-from tests.helpers import raises_code
+from tests.helpers import joint_axis, raises_code
 
 DEG = np.pi / 180.0
 WIDE = JointLimits((-19.0, -19.0), (19.0, 19.0), (3.0, 3.0), (3.0, 3.0))
@@ -25,7 +25,7 @@ def axes(path: VerificationPath, geometry: TableGeometry) -> np.ndarray:
     found = []
     for number, turn in enumerate(path.turns):
         leg = next(leg for leg in path.legs if leg.turn == number)
-        found.append(geometry.joint_axis(turn.joint, leg.move.inner))
+        found.append(joint_axis(geometry, turn.joint, leg.move.inner))
     return np.array(found)
 
 
