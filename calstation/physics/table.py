@@ -61,10 +61,7 @@ class TableGeometry:
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
     def nearest(self, joint: int, angle: float, near: float) -> float:
-        """`angle` plus the whole turns that bring it closest to `near` within the joint's travel, rad.
-
-        Raises ConfigurationError if the travel contains no such angle.
-        """
+        """`angle` plus whole turns, closest to `near` within the travel, rad. Raises ConfigurationError if there is none."""
         turn = 2.0 * np.pi
         reachable = np.clip(near, self.limits.low[joint], self.limits.high[joint])
         best = angle + turn * np.round((reachable - angle) / turn)
@@ -81,7 +78,7 @@ class TableGeometry:
         )
 
     def pose_up(self, direction: FloatArray, near: tuple[float, float]) -> tuple[float, float]:
-        """Joint angles (outer, inner), rad, that point a body direction upward, closest to `near`.
+        """Joint angles, rad, that point a body direction upward, closest to `near`.
 
         Raises ConfigurationError if the axes cannot do so within 5°.
         """

@@ -107,11 +107,7 @@ def acceptance(
 ) -> list[Check]:
     """Evaluate a product's acceptance checks on the result of a chain of stages.
 
-    Parameters
-    ----------
-    section, context : the product's checks, and the context of the solvers
-    prior, solutions : before the first stage, and of the stages in order
-    previous : values of the last calibration of the same unit by parameter, SI
+    `prior` is that before the first stage; `previous` holds the last calibration of the same unit by parameter, SI.
     """
     if not solutions:
         return []

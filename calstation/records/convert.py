@@ -47,17 +47,10 @@ def export_csv(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> LogFacts:
-    """Write a log as `target` (.csv or .csv.gz) and the TOML beside it; returns the facts of the whole log.
+    """Write a log, or its samples `first_seq` to `last_seq`, as `target` (.csv or .csv.gz) and the TOML beside it.
 
-    Parameters
-    ----------
-    source, target : any log, and the CSV to write
-    progress : called with the number of samples written so far
-    first_seq, last_seq : range to write, both included; the log's own ends if None
-
-    Raises
-    ------
-    InputError : the log cannot be read, or the target cannot be written
+    `progress` gets the number of samples written so far. Returns the facts of the whole log. Raises InputError if the
+    log cannot be read, or the target cannot be written.
     """
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError("csv.export_name", file=target)

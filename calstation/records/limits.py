@@ -244,11 +244,10 @@ def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> 
 def check_limits(
     limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution], near: float = NEAR
 ) -> list[Check]:
-    """Compare a chain's answer with its product's limits.
+    """Compare a chain's answer with its product's limits; beyond the share `near` of a limit, a value is a near-miss.
 
-    A parameter's own limit takes precedence over its group's. Only parameters that a stage estimated are compared.
-    The innovations of every stage and the absence of unobservable parameters are checked as well; they are never
-    near-misses. `near` is the share of a limit beyond which a value is a near-miss.
+    A parameter's own limit takes precedence over its group's; only estimated parameters are compared. The innovations
+    of every stage and the absence of unobservable parameters are checked as well and are never near-misses.
     """
     if not solutions:
         return []

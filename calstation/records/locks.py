@@ -43,11 +43,7 @@ else:
 
 @contextmanager
 def locked(path: Path, within: float) -> Iterator[None]:
-    """Hold the lock on a file, which is created if it is missing.
-
-    Raises TimeoutError if another process holds it for `within` s, and OSError if the file cannot be created or its
-    file system has no locks.
-    """
+    """Hold the lock on a file, which is created if missing. Raises TimeoutError after `within` s, or OSError."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         if not take(handle, within):

@@ -89,10 +89,7 @@ def read_contents(path: Path) -> RawLogContents:
 
 
 def being_written(path: Path) -> bool:
-    """Whether a log's run is still going: the writer holds a lock on the log until it closes it or dies.
-
-    Raises InputError if the file cannot be read.
-    """
+    """Whether a log's run is still going: its writer holds a lock on it. Raises InputError for an unreadable file."""
     try:
         return held(path)
     except OSError as exc:
@@ -248,8 +245,7 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
 def _is_raw_log(file: h5py.File) -> bool:
     """Whether a file is a raw log.
 
-    Early logs store their format as a string of variable length. It is not read: HDF5 does not return from reading
-    such a string where the file's global heap, which has no checksum, is damaged.
+    The format of early logs is not read: HDF5 hangs on such a string of variable length in a damaged file.
     """
     if "format" not in file.attrs or "samples" not in file:
         return False

@@ -61,15 +61,12 @@ def gauss_newton(
     """Maximise p(parameters, nuisances | observed), relinearising until `estimated` and nuisances converge.
 
     Covariance form (Bell and Cathey, *The iterated Kalman filter update as a Gauss-Newton method*, IEEE TAC
-    38(2), 1993), so a prior sigma of zero is allowed. The Jacobian is taken by central differences in steps
-    proportional to the prior sigma.
+    38(2), 1993), so a prior sigma of zero is allowed; Jacobian by central differences.
 
     Parameters
     ----------
-    stage : name of the stage, for messages
     model : (parameters, shape (30,); nuisances, shape (k,)) -> predicted observations, shape (m,)
     observed, noise : values and variances, shape (m,)
-    prior : of the parameters
     nuisance, nuisance_sigma : prior mean and sigma, shape (k,)
     estimated : parameters that are relinearised; the others only enter the gain, shape (30,)
     """

@@ -35,19 +35,10 @@ def run_loop(
     rate: float,
     keep: Callable[[SampleBlock], None],
 ) -> None:
-    """Run the iteration to its end. A log of its blocks replays to the same corrections.
+    """Run the iteration to its end; `keep` receives every block. A log of the blocks replays to the same corrections.
 
-    Parameters
-    ----------
-    gimbal, order : the gimbal, and its joints from the base to the unit
-    iteration : state of the method
-    imu : stream of the unit
-    dwell, rate : stabilised rest, s, and rate of the turns, rad/s
-    keep : receives every block
-
-    Raises
-    ------
-    InputError : a turn does not show in the joints
+    `dwell` is the stabilised rest, s, `rate` that of the turns, rad/s. Raises InputError if a turn does not show in the
+    joints.
     """
     blocks: list[SampleBlock] = []
 

@@ -154,13 +154,10 @@ class NavigationFilter:
     def observe(
         self, data: StageData, start: int, count: int, follow: tuple[FloatArray, FloatArray] | None = None
     ) -> None:
-        """Process a group of observations: strapdown, predict, update, feed back.
+        """Process a group of `count` observations: strapdown, predict, update, feed back.
 
-        Parameters
-        ----------
-        data, start, count : samples of the stage, first sample, and observations in the group
-        follow : attitudes and velocities (m/s) of the reference at the observations, shapes (count, 3, 3) and
-            (count, 3); None to close the loop
+        `follow` holds attitudes and velocities (m/s) of the reference, shapes (count, 3, 3) and (count, 3); None closes
+        the loop.
         """
         kf, work = self.kf, self.work
         group = self._group(count)
@@ -223,12 +220,8 @@ class NavigationFilter:
     ) -> None:
         """Process a whole segment in intervals of the stride; a remainder shorter than one is left out.
 
-        Parameters
-        ----------
-        data, start : samples of the stage, and start of the segment
-        attitude : C_bn of the linearisation at its start, shape (3, 3)
-        smooth : follow a smoothed reference instead of closing the loop
-        watch : called after the start and after every group of observations
+        `attitude` is the C_bn of the linearisation at the start. `smooth` follows a smoothed reference instead of closing
+        the loop; `watch` is called after the start and after every group.
         """
         span = (start.begin, start.end, self.stride)
         reference = None

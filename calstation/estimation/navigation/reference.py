@@ -36,12 +36,8 @@ def smoothed_reference(
 ) -> Reference:
     """Smoothed trajectory of a segment with fixed parameters.
 
-    Parameters
-    ----------
-    c, earth, gravity, noise : constants of the parameters, earth rate in n (rad/s), gravity (m/s²) and noise
-    data, span : samples of the stage; first sample, the one after the last, and samples per interval
-    attitude : start C_bn, shape (3, 3), whose heading is kept
-    tilt_sigma : prior sigma of its tilt, rad
+    `span` is the first sample, the one after the last, and the samples per interval. `attitude` is the start C_bn,
+    whose heading is kept, and `tilt_sigma` the prior sigma of its tilt, rad.
     """
     begin, end, stride = span
     count = (end - begin) // stride

@@ -104,14 +104,9 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
 
 
 def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path: float) -> float:
-    """Angle of a rotation relative to the ground, whole turns included, rad.
+    """Angle of a rotation of the body relative to the ground, whole turns included, rad.
 
-    Parameters
-    ----------
-    rotation : relative to inertial space, shape (3, 3)
-    earth : earth rate in the body before, rad/s, shape (3,)
-    duration : s
-    path : length of the rotation, rad, which determines the number of whole turns
+    `earth` is the earth rate in the body before, rad/s; the length `path`, rad, determines the number of whole turns.
     """
     angle = float(np.linalg.norm(rotation_vector(rotation_matrix(-earth * duration) @ rotation)))
     turns = 2.0 * np.pi * np.arange(int(path / (2.0 * np.pi)) + 2)
