@@ -61,7 +61,7 @@ class TableGeometry:
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
     def nearest(self, joint: int, angle: float, near: float) -> float:
-        """`angle` plus whole turns, closest to `near` within the travel, rad. Raises ConfigurationError if there is none."""
+        """`angle` plus whole turns, closest to `near` in the travel, rad. Raises ConfigurationError if none is."""
         turn = 2.0 * np.pi
         reachable = np.clip(near, self.limits.low[joint], self.limits.high[joint])
         best = angle + turn * np.round((reachable - angle) / turn)

@@ -1,4 +1,4 @@
-"""What the tests of the command line use, here as well."""
+"""Fixtures of the command line's tests."""
 
 from tests.cli.conftest import calstation
 

@@ -15,7 +15,7 @@ from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log
 Run = Callable[..., Done]
 
 
-def told(done: Done) -> str:
+def refusal(done: Done) -> str:
     """The one message of a refusal."""
     assert done.code == 2, done.err
     lines = [line for line in done.err.splitlines() if line.strip()]
@@ -42,33 +42,33 @@ def test_columns_in_any_order_and_strange_ones_beside_them(tmp_path: Path) -> No
 
 def test_an_unknown_stage_in_the_column_names_file_and_column(calstation: Run, tmp_path: Path) -> None:
     rows = [row.replace("six_position", "six_pos") for row in six_position_rows()]
-    said = told(calstation("resolve", write_log(tmp_path, rows)))
-    assert all(word in said for word in ("log.csv", "no stage 'six_pos", "Choose from"))
+    text = refusal(calstation("resolve", write_log(tmp_path, rows)))
+    assert all(word in text for word in ("log.csv", "no stage 'six_pos", "Choose from"))
 
 
 def test_an_empty_file_is_called_empty(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     log.write_text("", encoding="utf-8")
-    assert "log.csv: The file is empty." in told(calstation("resolve", log))
+    assert "log.csv: The file is empty." in refusal(calstation("resolve", log))
 
 
 def test_parallel_axes_are_refused(calstation: Run, tmp_path: Path) -> None:
     meta = META + "\n[table]\nouter_axis = [0, 0, 1]\ninner_axis = [0, 0, -1]\n"
-    said = told(calstation("resolve", write_log(tmp_path, six_position_rows(), meta=meta)))
-    assert "log.toml" in said
-    assert "outer_axis and inner_axis" in said
+    text = refusal(calstation("resolve", write_log(tmp_path, six_position_rows(), meta=meta)))
+    assert "log.toml" in text
+    assert "outer_axis and inner_axis" in text
 
 
-def test_a_range_behind_the_log_reads_as_a_sentence(calstation: Run, tmp_path: Path) -> None:
-    said = told(calstation("resolve", write_log(tmp_path, six_position_rows()), "--from", 99999))
-    assert "no sample from 99999 to the end, only from 0 to 2399" in said
+def test_reports_a_range_after_the_end_of_the_log(calstation: Run, tmp_path: Path) -> None:
+    text = refusal(calstation("resolve", write_log(tmp_path, six_position_rows()), "--from", 99999))
+    assert "no sample from 99999 to the end, only from 0 to 2399" in text
 
 
 def test_a_gap_in_a_turn_is_named_as_the_reason(calstation: Run, tmp_path: Path) -> None:
     rows = [row.replace("six_position", "rate") for row in six_position_rows()]
-    said = told(calstation("resolve", write_log(tmp_path, rows[:500] + rows[520:])))
-    assert "No whole turn about +x" in said
-    assert "1 gaps or invalid stretches" in said
+    text = refusal(calstation("resolve", write_log(tmp_path, rows[:500] + rows[520:])))
+    assert "No whole turn about +x" in text
+    assert "1 gaps or invalid stretches" in text
 
 
 def test_encoder_angles_come_back_as_they_were_written(calstation: Run, tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_encoder_angles_come_back_as_they_were_written(calstation: Run, tmp_path
     assert [float(row.split(",")[8]) for row in back] == [float(row.split(",")[8]) for row in rows]
 
 
-def test_a_diverged_solution_is_told_not_thrown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reports_a_diverged_solution(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def diverge(self: BatchStage) -> None:
         raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
 

@@ -1,4 +1,4 @@
-"""A file is there whole or not at all."""
+"""An interrupted write leaves the whole old file or the whole new one."""
 
 import os
 from pathlib import Path

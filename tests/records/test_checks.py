@@ -1,4 +1,4 @@
-"""Acceptance checks: what is compared with what, margin and near-miss told, nothing claimed without data."""
+"""Acceptance checks: compared values, margins and near-misses; no check without data."""
 
 from pathlib import Path
 
@@ -99,7 +99,7 @@ def test_improvement_is_proven_at_the_positions_chosen():
     assert not checked({"improvement_at_rest": {"below": 0.5, "positions": [0]}}, worse)["improvement_at_rest"].passed
 
 
-def test_level_components_are_told_apart():
+def test_level_checks_horizontal_and_vertical_components():
     evidence = rests([0.02, -0.05, G + 0.0045], [0.0, 0.0, -G])
     rule = {"level": {"horizontal_within": 0.04, "vertical_within": 0.005}}
     told = checked(rule, solution(evidence))
@@ -109,7 +109,7 @@ def test_level_components_are_told_apart():
     assert told["level_vertical"].near_miss
 
 
-def test_motions_are_compared_with_the_encoder_where_there_is_one():
+def test_compares_motions_with_the_encoder_if_there_is_one():
     turn = np.pi / 2.0
     angles = (np.array([0.0, 0.0]), np.array([turn, 0.0]))
     evidence = Evidence(
@@ -139,14 +139,14 @@ def test_motions_by_hand_are_compared_with_gravity():
 
 
 @pytest.mark.parametrize("turns", [0.2, 0.9, 1.0, 2.5])
-def test_the_angle_of_a_motion_counts_whole_turns_and_leaves_the_earth_out(turns):
+def test_motion_angle_includes_whole_turns_without_earth_rate(turns):
     angle, duration, earth = 2.0 * np.pi * turns, 10.0, np.array([0.0, 3e-5, 6e-5])
     inertial = axis_rotation(tuple(earth / np.linalg.norm(earth)), float(np.linalg.norm(earth)) * duration)
     rotation = inertial @ axis_rotation(X, angle)
     assert turned_angle(rotation, earth, duration, angle) == pytest.approx(angle, abs=1e-9)
 
 
-def test_a_change_since_the_last_calibration_is_told_by_its_worst_parameter():
+def test_change_since_last_calibration_names_the_worst_parameter():
     rule = {"previous": {"change_within": {"gyro_bias": 1e-6, "accel_scale_z": 1e-5}}}
     found = solution(gyro_bias_x=1e-6, gyro_bias_y=-3e-6, accel_scale_z=1e-5)
     told = checked(rule, found, {"gyro_bias_x": 9e-7, "gyro_bias_y": -1e-6, "accel_scale_z": 8e-6})
@@ -174,7 +174,7 @@ def test_offline_must_be_online():
     assert offline_online(section, {"a": row}, {"a": {**row, "stage": "excitation"}}) == []
 
 
-def test_nothing_is_claimed_where_there_is_no_evidence():
+def test_no_check_without_evidence():
     rules = {
         "gravity_at_rest": {"within": 1.0},
         "level": {"vertical_within": 1.0},

@@ -119,7 +119,7 @@ def test_angles_on_the_grid_survive_degrees(angle: float) -> None:
     assert snap_angles(np.deg2rad(np.array([float(text)])))[0] == snapped[0]
 
 
-def test_a_csv_that_cannot_be_used_leaves_no_log_behind(tmp_path: Path) -> None:
+def test_unusable_csv_leaves_no_log(tmp_path: Path) -> None:
     rows = csv_rows(3000)
     rows[2500] = rows[2500].replace("98000", "nan")
     with raises_code(InputError, "csv.cell_nan") as caught:

@@ -1,4 +1,4 @@
-"""A log with any bytes wrong, closed or left open by a killed run, is read or told in a line, and holds nobody up."""
+"""A log with wrong bytes, closed or not, is read or refused with one message, and never blocks the reader."""
 
 import os
 from pathlib import Path
@@ -59,7 +59,9 @@ def test_what_was_left_open_reads_as_if_it_had_been_closed(tmp_path: Path, logs:
 @pytest.mark.parametrize("name", ["closed", "left open"])
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_wrong_bytes_hold_nobody(tmp_path: Path, logs: dict[str, bytes], name: str, data: st.DataObject) -> None:
+def test_wrong_bytes_never_block_reading(
+    tmp_path: Path, logs: dict[str, bytes], name: str, data: st.DataObject
+) -> None:
     spoilt = bytearray(logs[name])
     used = [place for place, byte in enumerate(spoilt) if byte]
     for _ in range(data.draw(st.integers(1, 4))):
@@ -70,7 +72,7 @@ def test_wrong_bytes_hold_nobody(tmp_path: Path, logs: dict[str, bytes], name: s
 
 
 @pytest.mark.parametrize("name", ["closed", "left open"])
-def test_a_log_cut_short_anywhere_holds_nobody(tmp_path: Path, logs: dict[str, bytes], name: str) -> None:
+def test_truncated_log_never_blocks_the_reader(tmp_path: Path, logs: dict[str, bytes], name: str) -> None:
     whole = logs[name]
     for length in range(0, len(whole), len(whole) // 60):
         assert -1 <= rows(write(tmp_path / "run.h5", whole[:length])) <= ROWS

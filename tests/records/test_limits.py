@@ -1,4 +1,4 @@
-"""A product's limits become checks, and what the data did not determine is named."""
+"""A product's limits become checks; parameters that the data did not determine are listed."""
 
 import numpy as np
 import pytest

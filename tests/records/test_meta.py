@@ -1,4 +1,4 @@
-"""The configuration of a log: exact through TOML and JSON, in SI for the solvers, clear where it is wrong."""
+"""The configuration of a log: exact through TOML and JSON, in SI for the solvers, clear errors."""
 
 import copy
 import tomllib
@@ -30,7 +30,7 @@ def test_context_is_in_si(meta: LogMeta) -> None:
     assert context.table.mount_sigma == np.deg2rad(1.0)
 
 
-def test_prior_takes_what_is_stated_and_is_wide_elsewhere(meta: LogMeta) -> None:
+def test_prior_is_as_stated_and_otherwise_wide(meta: LogMeta) -> None:
     belief = prior_from_meta(meta)
     assert belief.mean[INDEX["gyro_bias_x"]] == 1e-7
     assert belief.sigma[INDEX["gyro_bias_x"]] == pytest.approx(1e-5)
@@ -50,7 +50,7 @@ def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "value", "told"),
+    ("field", "value", "message"),
     [
         ("site.latitude_deg", 91.0, "site.latitude_deg: 91.0 is out of range; it must be at most 90"),
         ("site.latitude_deg", float("nan"), "site.latitude_deg"),
@@ -64,9 +64,9 @@ def test_a_fixed_outer_lever_is_zero_and_certain() -> None:
         ("product.limits", {"gyro_bia": {"within": 1.0}}, "Did you mean 'gyro_bias'?"),
     ],
 )
-def test_a_wrong_field_is_told_with_file_and_mend(tmp_path: Path, place: str, value: Any, told: str) -> None:
+def test_wrong_field_is_reported_with_file_and_remedy(tmp_path: Path, field: str, value: Any, message: str) -> None:
     data: dict[str, Any] = copy.deepcopy(META)
-    section, name = place.split(".")
+    section, name = field.split(".")
     data[section][name] = value
     meta_text = _toml(data)
     path = tmp_path / "log.toml"
@@ -75,11 +75,11 @@ def test_a_wrong_field_is_told_with_file_and_mend(tmp_path: Path, place: str, va
         load_meta(path)
     text = str(caught.value)
     assert text.startswith(f"{path}: ")
-    assert told in text
+    assert message in text
     assert "\n" not in text
 
 
-def test_missing_fields_and_files_are_told(tmp_path: Path) -> None:
+def test_reports_missing_fields_and_files(tmp_path: Path) -> None:
     path = tmp_path / "log.toml"
     with pytest.raises(InputError, match="No such file"):
         load_meta(path)

@@ -1,4 +1,4 @@
-"""The raw log keeps everything, tells what is wrong with it, and outlives a kill and a power cut."""
+"""The raw log keeps every value, reports damage, and survives a kill and a power cut."""
 
 import errno
 import os
@@ -101,9 +101,7 @@ def test_the_digest_covers_samples_and_configuration_but_not_results(
     assert digest("e.h5", meta, blocks) != reference
 
 
-def test_altered_cut_and_foreign_files_are_told_in_one_line(
-    tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]
-) -> None:
+def test_reports_altered_truncated_and_foreign_files(tmp_path: Path, meta: LogMeta, blocks: list[SampleBlock]) -> None:
     path = tmp_path / "run.h5"
     writer = RawLogWriter(path, meta)
     for block in blocks:
@@ -277,7 +275,7 @@ def test_memory_and_time_stay_flat_while_the_log_grows(tmp_path: Path, meta: Log
     assert path.stat().st_size < 150_000 * raw_log.row_dtype(0, False).itemsize * 1.05 + 1e5
 
 
-def test_a_full_disk_is_told_once_and_nothing_recorded_is_lost(
+def test_full_disk_is_reported_once_and_loses_no_recorded_sample(
     tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = RawLogWriter(tmp_path / "a.h5", meta)
@@ -303,7 +301,7 @@ def test_a_full_disk_is_told_once_and_nothing_recorded_is_lost(
     assert sum(len(b) for b in kept.blocks()) == 500
 
 
-def test_a_slow_disk_keeps_nobody_waiting_and_what_it_refuses_is_told(
+def test_slow_disk_does_not_block_and_its_errors_are_reported(
     tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = RawLogWriter(tmp_path / "a.h5", meta)
@@ -329,7 +327,7 @@ def test_a_slow_disk_keeps_nobody_waiting_and_what_it_refuses_is_told(
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be moved there")
-def test_a_folder_that_is_gone_is_told(tmp_path: Path, meta: LogMeta) -> None:
+def test_reports_a_removed_folder(tmp_path: Path, meta: LogMeta) -> None:
     folder = tmp_path / "runs"
     folder.mkdir()
     log = RawLogWriter(folder / "a.h5", meta)
@@ -378,7 +376,7 @@ print(kept, flush=True)
 """
 
 
-def test_a_log_whose_disk_was_filled_by_others_is_told_and_can_be_read(tiny_disk: Path, meta: LogMeta) -> None:
+def test_log_on_a_disk_filled_by_others_is_reported_and_readable(tiny_disk: Path, meta: LogMeta) -> None:
     path = tiny_disk / "a.h5"
     command = [sys.executable, "-c", _FILLS_ITS_DISK, str(path), str(Path(__file__).parent)]
     told = subprocess.run(command, input=meta.to_json(), capture_output=True, text=True, check=False).stdout
@@ -389,7 +387,7 @@ def test_a_log_whose_disk_was_filled_by_others_is_told_and_can_be_read(tiny_disk
     assert sum(len(block) for block in log.blocks()) >= int(kept)
 
 
-def test_a_disk_that_is_nearly_full_is_told_while_there_is_room_for_the_end(
+def test_nearly_full_disk_is_reported_in_time_for_the_closing_record(
     tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log = RawLogWriter(tmp_path / "a.h5", meta)

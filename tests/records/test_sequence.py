@@ -1,4 +1,4 @@
-"""Counters made continuous: wraps, resets and gaps told apart from rows that are out of order."""
+"""Counters made continuous: wraps, resets and gaps distinguished from rows that are out of order."""
 
 import numpy as np
 import pytest

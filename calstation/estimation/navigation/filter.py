@@ -220,8 +220,8 @@ class NavigationFilter:
     ) -> None:
         """Process a whole segment in intervals of the stride; a remainder shorter than one is left out.
 
-        `attitude` is the C_bn of the linearisation at the start. `smooth` follows a smoothed reference instead of closing
-        the loop; `watch` is called after the start and after every group.
+        `attitude` is the C_bn of the linearisation at the start. `smooth` follows a smoothed reference without closing
+        the loop; `watch` is called after the start and every group.
         """
         span = (start.begin, start.end, self.stride)
         reference = None
