@@ -1,12 +1,13 @@
 """What a log is in one line, and the buttons that zoom it."""
 
-from PySide6.QtCore import QRectF, Qt, Signal
-from PySide6.QtGui import QPainter, QPixmap
+from functools import partial
+
+from PySide6.QtCore import QRectF, Signal
 from PySide6.QtWidgets import QLabel, QPushButton, QWidget
 
 from calstation.gui.logs.marks import draw_sign
 from calstation.gui.text import bind, duration_text
-from calstation.gui.widgets import ElidedLabel, Words, button, label, row, theme
+from calstation.gui.widgets import ElidedLabel, Words, button, label, painted_pixmap, row, theme
 from calstation.results.plots import LogIndex
 
 _SIGN = 12
@@ -66,17 +67,7 @@ class LogHead(QWidget):
             ("damaged", log.facts.damaged, self.tr("damaged rows: {0}")),
         ):
             icon, text = self._signs[kind]
-            icon.setPixmap(_sign(kind))
+            icon.setPixmap(painted_pixmap(_SIGN, partial(draw_sign, kind=kind, box=QRectF(0, 0, _SIGN, _SIGN))))
             text.setText(words.format(count))
             icon.setVisible(count > 0)
             text.setVisible(count > 0)
-
-
-def _sign(kind: str) -> QPixmap:
-    pixmap = QPixmap(2 * _SIGN, 2 * _SIGN)
-    pixmap.setDevicePixelRatio(2)
-    pixmap.fill(Qt.GlobalColor.transparent)
-    painter = QPainter(pixmap)
-    draw_sign(painter, kind, QRectF(0, 0, _SIGN, _SIGN))
-    painter.end()
-    return pixmap

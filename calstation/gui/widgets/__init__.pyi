@@ -3,6 +3,7 @@ from .badge import StateBadge as StateBadge
 from .badge import StateIcon as StateIcon
 from .badge import draw_state as draw_state
 from .badge import padlock_icon as padlock_icon
+from .badge import painted_pixmap as painted_pixmap
 from .badge import state_colour as state_colour
 from .badge import state_icon as state_icon
 from .badge import theme_icon as theme_icon

@@ -87,7 +87,7 @@ def _state_icon(kind: str, size: int, theme_name: str) -> QIcon:
     on_selected = QColor(theme.colours().on_accent)
     for mode, colour in ((QIcon.Mode.Normal, None), (QIcon.Mode.Selected, on_selected)):
         draw = partial(draw_state, kind=kind, box=QRectF(0, 0, size, size), colour=colour)
-        icon.addPixmap(_pixmap(size, draw), mode)
+        icon.addPixmap(painted_pixmap(size, draw), mode)
     return icon
 
 
@@ -128,11 +128,11 @@ def _text_icon(draw: Callable[[QPainter], None]) -> QIcon:
         painter.setPen(QPen(QColor(theme.colours().text), 1.8))
         draw(painter)
 
-    return QIcon(_pixmap(_SIZE, draw_lines))
+    return QIcon(painted_pixmap(_SIZE, draw_lines))
 
 
-def _pixmap(size: int, draw: Callable[[QPainter], None]) -> QPixmap:
-    """A transparent square that `draw` has painted on, at twice the resolution for fine screens."""
+def painted_pixmap(size: int, draw: Callable[[QPainter], None]) -> QPixmap:
+    """A transparent square that `draw` paints on, at twice the resolution for fine screens."""
     pixmap = QPixmap(_RATIO * size, _RATIO * size)
     pixmap.setDevicePixelRatio(_RATIO)
     pixmap.fill(Qt.GlobalColor.transparent)

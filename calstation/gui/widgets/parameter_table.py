@@ -17,22 +17,19 @@ Index = QModelIndex | QPersistentModelIndex
 
 @dataclass(frozen=True)
 class Column:
-    """A column.
-
-    Attributes
-    ----------
-    heading : gives the heading in the current language
-    text : gives the cell of a parameter by its name
-    number : whether cells are right-aligned
-    state : gives the shape before a cell's text, one of `badge.KINDS` or None
-    hint : gives the tooltip of a cell
-    """
+    """A column; its functions take the name of a parameter."""
 
     heading: Callable[[], str]
     text: Callable[[str], str]
-    number: bool = True
-    state: Callable[[str], str | None] | None = None
-    hint: Callable[[str], str] | None = None
+    number: bool = True  #: Cells are right-aligned.
+    state: Callable[[str], str | None] | None = None  #: Shape before the text, one of `badge.KINDS` or None.
+    hint: Callable[[str], str] | None = None  #: Tooltip.
+
+    @property
+    def alignment(self) -> Qt.AlignmentFlag:
+        """Alignment of heading and cells."""
+        side = Qt.AlignmentFlag.AlignRight if self.number else Qt.AlignmentFlag.AlignLeft
+        return side | Qt.AlignmentFlag.AlignVCenter
 
 
 def ordered(parameters: Iterable[str]) -> list[str]:
@@ -58,11 +55,6 @@ class ParameterModel(QAbstractTableModel):
         self._columns = tuple(columns)
         self._names: tuple[str, ...] = ()
         self._shaded: tuple[bool, ...] = ()
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the parameters shown."""
-        return self._names
 
     def set_columns(self, columns: Sequence[Column]) -> None:
         """Show other columns of the same parameters."""
@@ -104,40 +96,33 @@ class ParameterModel(QAbstractTableModel):
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """A cell's text, alignment, colour, icon or tooltip."""
-        column = self._columns[index.column()]
-        if role == Qt.ItemDataRole.DisplayRole:
-            return column.text(self._names[index.row()])
-        if role == Qt.ItemDataRole.TextAlignmentRole:
-            side = Qt.AlignmentFlag.AlignRight if column.number else Qt.AlignmentFlag.AlignLeft
-            return side | Qt.AlignmentFlag.AlignVCenter
-        if role == Qt.ItemDataRole.ToolTipRole and column.hint is not None:
-            return column.hint(self._names[index.row()])
-        if role == Qt.ItemDataRole.BackgroundRole and self._shaded[index.row()]:
-            return QColor(theme.colours().window)
-        if column.state is None:
-            return None
-        state = column.state(self._names[index.row()])
-        if role == Qt.ItemDataRole.UserRole:
-            return state
-        if role == Qt.ItemDataRole.DecorationRole and state:
-            return state_icon(state)
-        if role == Qt.ItemDataRole.ForegroundRole and state:
-            return state_colour(state)
+        name, column = self._names[index.row()], self._columns[index.column()]
+        match role:
+            case Qt.ItemDataRole.DisplayRole:
+                return column.text(name)
+            case Qt.ItemDataRole.TextAlignmentRole:
+                return column.alignment
+            case Qt.ItemDataRole.ToolTipRole if column.hint is not None:
+                return column.hint(name)
+            case Qt.ItemDataRole.BackgroundRole if self._shaded[index.row()]:
+                return QColor(theme.colours().window)
+        state = None if column.state is None else column.state(name)
+        match role:
+            case Qt.ItemDataRole.UserRole:
+                return state
+            case Qt.ItemDataRole.DecorationRole if state:
+                return state_icon(state)
+            case Qt.ItemDataRole.ForegroundRole if state:
+                return state_colour(state)
         return None
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Parameter names at the side, headings at the top."""
         if orientation == Qt.Orientation.Vertical:
-            if role == Qt.ItemDataRole.DisplayRole:
-                return self._names[section]
-            return None
-        column = self._columns[section]
+            return self._names[section] if role == Qt.ItemDataRole.DisplayRole else None
         if role == Qt.ItemDataRole.DisplayRole:
-            return column.heading()
-        if role == Qt.ItemDataRole.TextAlignmentRole:
-            side = Qt.AlignmentFlag.AlignRight if column.number else Qt.AlignmentFlag.AlignLeft
-            return side | Qt.AlignmentFlag.AlignVCenter
-        return None
+            return self._columns[section].heading()
+        return self._columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
 
 
 class ParameterTable(QTableView):

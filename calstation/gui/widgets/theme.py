@@ -131,36 +131,23 @@ def on_appearance_change(owner: QObject, show: Callable[[], object]) -> None:
 def palette(c: Colours) -> QPalette:
     """The Qt palette of a theme."""
     made = QPalette()
-    role = QPalette.ColorRole
-    for each, colour in (
-        (role.Window, c.window),
-        (role.WindowText, c.text),
-        (role.Base, c.field),
-        (role.AlternateBase, c.panel),
-        (role.Text, c.text),
-        (role.PlaceholderText, c.muted),
-        (role.Button, c.panel),
-        (role.ButtonText, c.text),
-        (role.BrightText, c.bad),
-        (role.Highlight, c.accent),
-        (role.HighlightedText, c.on_accent),
-        (role.Accent, c.accent),
-        (role.Link, c.accent),
-        (role.LinkVisited, c.accent),
-        (role.ToolTipBase, c.panel),
-        (role.ToolTipText, c.text),
-        (role.Light, c.panel),
-        (role.Midlight, c.line),
-        (role.Mid, c.line),
-        (role.Dark, c.muted),
-        (role.Shadow, c.line),
+    for colour, roles in (
+        (c.window, "Window"),
+        (c.field, "Base"),
+        (c.panel, "AlternateBase Button ToolTipBase Light"),
+        (c.text, "WindowText Text ButtonText ToolTipText"),
+        (c.muted, "PlaceholderText Dark"),
+        (c.bad, "BrightText"),
+        (c.accent, "Highlight Accent Link LinkVisited"),
+        (c.on_accent, "HighlightedText"),
+        (c.line, "Midlight Mid Shadow"),
     ):
-        made.setColor(each, QColor(colour))
-    for each in (role.WindowText, role.Text, role.ButtonText):
-        made.setColor(QPalette.ColorGroup.Disabled, each, QColor(c.muted))
-    made.setColor(QPalette.ColorGroup.Disabled, role.Base, QColor(c.window))
-    made.setColor(QPalette.ColorGroup.Disabled, role.Button, QColor(c.window))
-    made.setColor(QPalette.ColorGroup.Disabled, role.Highlight, QColor(c.line))
+        for role in roles.split():
+            made.setColor(QPalette.ColorRole[role], QColor(colour))
+    disabled = ((c.muted, "WindowText Text ButtonText"), (c.window, "Base Button"), (c.line, "Highlight"))
+    for colour, roles in disabled:
+        for role in roles.split():
+            made.setColor(QPalette.ColorGroup.Disabled, QPalette.ColorRole[role], QColor(colour))
     return made
 
 
