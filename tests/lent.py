@@ -1,7 +1,7 @@
 """Processes for tests without their start-up time: forked from servers that have imported everything already.
 
 Every test still has a virtual bench and an engine of its own, started and ended as always; only importing and loading
-compiled code, which takes seconds, is done once per test worker. Where `os.fork` is missing, real ones are started.
+compiled code, which takes seconds, is done once. Where `os.fork` is missing, real ones are started.
 
     python tests/lent.py SOCKET OWNER      the server of bench processes, until the process OWNER has ended
 """
@@ -117,10 +117,14 @@ class _EngineContext(ForkServerContext):
 
 
 def install() -> None:
-    """Have this process, and the engines that it starts, borrow their processes from now on."""
+    """Have this process, and the engines that it starts, borrow their processes from now on.
+
+    All workers of a test session share the server of benches, which lives as long as the process that started them.
+    """
     if not hasattr(os, "fork") or "forkserver" not in multiprocessing.get_all_start_methods():
         return
-    lend_benches(Path("/tmp") / f"calstation-benches-{os.getpid()}")
+    owner = os.getppid() if "PYTEST_XDIST_WORKER" in os.environ else os.getpid()
+    lend_benches(Path("/tmp") / f"calstation-benches-{owner}")
     engines = _EngineContext()
     engines.set_forkserver_preload(["lent_engine"])
     real = multiprocessing.get_context

@@ -1,4 +1,4 @@
-"""A transfer's proof: right registers pass on every unit, wrong conventions of a profile are refuted."""
+"""Verification of a transfer: right registers pass on every unit, wrong conventions of a profile are refuted."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import pytest
 
 from calstation.physics.parameters import NAMES
 from calstation.registers.verification import AppliedRegisters, compare
-from tests.registers.verification_scene import GRADES, Looks, profile, profile_data, truth
+from tests.registers.verification_scene import GRADES, Captures, profile, profile_data, recording
 
 UNITS = {
     "framed": ("bench_nav", "increment"),
@@ -16,22 +16,22 @@ UNITS = {
 }
 
 
-def looked(protocol: str, grade: str, seed: int, changed: Any = None, larger: float = 1.0) -> list[str]:
+def failed_comparisons(protocol: str, grade: str, seed: int, changed: Any = None, larger: float = 1.0) -> list[str]:
     """Names of the comparisons that failed after the true parameters were written by a (changed) profile."""
     name, output = UNITS[protocol]
     data = profile_data(name)
     if changed is not None:
         changed(data)
-    looks = Looks(truth(grade, seed, output, larger), protocol, seed)
-    values = dict(zip(NAMES, looks.bench.parameters.tolist(), strict=True))
-    return [check.name for check in looks.proof(profile(data), values) if not check.passed]
+    captures = Captures(protocol, recording(grade, seed, output, larger))
+    values = dict(zip(NAMES, captures.bench.parameters.tolist(), strict=True))
+    return [check.name for check in captures.verified(profile(data), values) if not check.passed]
 
 
 @pytest.mark.parametrize("grade", GRADES)
 @pytest.mark.parametrize("protocol", UNITS)
 def test_right_registers_pass(protocol: str, grade: str) -> None:
     for seed in range(10):
-        assert looked(protocol, grade, seed) == [], seed
+        assert failed_comparisons(protocol, grade, seed) == [], seed
 
 
 def swap(names: list[str], first: str, second: str) -> list[str]:
@@ -132,7 +132,7 @@ WRONG = {
 def test_a_wrong_convention_fails_verification(protocol: str, what: str) -> None:
     grade = "nav" if protocol == "framed" else "mems"
     for seed in range(3):
-        failed = looked(protocol, grade, seed, WRONG[protocol, what])
+        failed = failed_comparisons(protocol, grade, seed, WRONG[protocol, what])
         assert any("difference" in name for name in failed), (seed, failed)
 
 
@@ -141,9 +141,9 @@ def test_a_bias_before_instead_of_after_the_matrix_fails_verification(protocol: 
     """The two differ by the product of bias and matrix, which only large errors make visible."""
     other = "before" if protocol == "modbus" else "after"
     change = convention("gyro_offset", offset=other)
-    failed = looked(protocol, "mems", 3, change, larger=12.0)
+    failed = failed_comparisons(protocol, "mems", 3, change, larger=12.0)
     assert "rate_difference" in failed
-    assert looked(protocol, "mems", 3, larger=12.0) == []
+    assert failed_comparisons(protocol, "mems", 3, larger=12.0) == []
 
 
 def test_the_verification_resolves_its_stated_errors() -> None:
@@ -156,16 +156,16 @@ def test_the_verification_resolves_its_stated_errors() -> None:
         "accel_scale": 2.2e-4,
         "accel_misalign": 2.5e-4,
     }
-    looks = Looks(truth("nav", 1, "increment"), "framed", 1)
-    values = dict(zip(NAMES, looks.bench.parameters.tolist(), strict=True))
+    captures = Captures("framed", recording("nav", 1, "increment"))
+    values = dict(zip(NAMES, captures.bench.parameters.tolist(), strict=True))
     right = profile(profile_data("bench_nav"))
-    assert all(check.passed for check in looks.proof(right, values))
-    reference, own = looks.look(corrected=False), looks.look(corrected=True)
+    assert all(check.passed for check in captures.verified(right, values))
+    reference, own = captures.capture(corrected=False), captures.capture(corrected=True)
     for name in NAMES:
         group = name.rsplit("_", 1)[0]
         if group not in resolved:
             continue
         for sign in (1.0, -1.0):
             meant = {**values, name: values[name] + sign * resolved[group]}
-            checks = compare(own, reference, AppliedRegisters(meant), looks.context, np.deg2rad(0.0005))
+            checks = compare(own, reference, AppliedRegisters(meant), captures.context, np.deg2rad(0.0005))
             assert not all(check.passed for check in checks), name

@@ -1,9 +1,10 @@
-"""A unit on the bench's truth, its registers written by a profile that may be wrong, looked at as before and after."""
+"""A unit on the bench's truth, its registers written by a profile that may be wrong, captured before and after."""
 
 import struct
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -60,18 +61,43 @@ def truth(grade: str, seed: int, output: str, larger: float = 1.0) -> BenchTruth
     return replace(drawn, imu=replace(drawn.imu, parameters=larger * drawn.parameters))
 
 
-class Looks:
-    """One bench and a unit on it, looked at by the same path again and again."""
+class Recording:
+    """What a bench's unit puts out along the verification path, turn after turn, simulated once for all tests."""
 
-    def __init__(self, bench: BenchTruth, protocol: str, seed: int) -> None:
+    def __init__(self, bench: BenchTruth, seed: int) -> None:
         self.bench = bench
-        imu = bench.imu
+        self.path = verification_path((0.0, 0.0), GEOMETRY, LIMITS)
+        self._simulator = Simulator(bench, seed)
+        self._captures: list[list[FloatArray]] = []
+        self._steps: list[list[Any]] = [[Dwell(SHORT_REST)]]
+        for leg in self.path.legs:
+            self._steps.append([leg.move, Dwell(0.1)])
+            if leg.rest:
+                self._steps.append([Dwell(SHORT_REST)])
+
+    def capture(self, number: int) -> list[FloatArray]:
+        """Counts of each part of capture `number`, counted from 0."""
+        while len(self._captures) <= number:
+            self._captures.append([self._simulator.run(steps, "look").counts for steps in self._steps])
+        return self._captures[number]
+
+
+@cache
+def recording(grade: str, seed: int, output: str, larger: float = 1.0) -> Recording:
+    """The recording of a drawn bench."""
+    return Recording(truth(grade, seed, output, larger), seed)
+
+
+class Captures:
+    """One bench and a unit on it, captured along the same path again and again."""
+
+    def __init__(self, protocol: str, recording: Recording) -> None:
+        self.bench = recording.bench
+        imu = self.bench.imu
         per_count = RATE if imu.output == "increment" else 1.0
         self.scale = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count
         self.unit = UNITS[protocol](BenchConfig(serial="SN-1"))
-        self.path = verification_path((0.0, 0.0), GEOMETRY, LIMITS)
-        self._simulator = Simulator(bench, seed)
-        self._table = bench.table
+        self._recording, self._taken = recording, 0
         self.context = SolveContext(
             SITE,
             ImuModel(
@@ -81,32 +107,35 @@ class Looks:
             TableModel(),
         )  # fmt: skip
 
-    def look(self, *, corrected: bool) -> VerificationData:
-        """Rests and turns, as `fresh_data` takes them."""
-        rests = [mean_at_rest(self._taken([Dwell(SHORT_REST)], corrected=corrected))]
-        angles = [np.zeros(3) for _ in self.path.turns]
-        seconds = [0.0 for _ in self.path.turns]
-        for leg in self.path.legs:
-            moved = self._taken([leg.move, Dwell(0.1)], corrected=corrected)
+    def capture(self, *, corrected: bool) -> VerificationData:
+        """Rests and turns, as a verification takes them."""
+        parts = iter(self._recording.capture(self._taken))
+        self._taken += 1
+        path = self._recording.path
+        rests = [mean_at_rest(self._output(next(parts), corrected=corrected))]
+        angles = [np.zeros(3) for _ in path.turns]
+        seconds = [0.0 for _ in path.turns]
+        for leg in path.legs:
+            moved = self._output(next(parts), corrected=corrected)
             if leg.turn is not None:
                 angles[leg.turn] += moved[:, :3].sum(axis=0) / RATE
                 seconds[leg.turn] += len(moved) / RATE
             if leg.rest:
-                rests.append(mean_at_rest(self._taken([Dwell(SHORT_REST)], corrected=corrected)))
-        turned = tuple(Turned(*of) for of in zip(self.path.turns, angles, seconds, strict=True))
+                rests.append(mean_at_rest(self._output(next(parts), corrected=corrected)))
+        turned = tuple(Turned(*of) for of in zip(path.turns, angles, seconds, strict=True))
         return VerificationData(tuple(rests), SHORT_REST, turned, corrected=corrected)
 
-    def _taken(self, steps: list[Any], *, corrected: bool) -> FloatArray:
-        values = self._simulator.run(steps, "look").counts * self.scale
+    def _output(self, counts: FloatArray, *, corrected: bool) -> FloatArray:
+        values = counts * self.scale
         return self.unit.correction().applied(values) if corrected else values
 
-    def proof(self, wrong: ImuProfile, values: Mapping[str, float]) -> tuple[VerificationCheck, ...]:
-        """Write values by a profile, look before and after, and compare."""
+    def verified(self, wrong: ImuProfile, values: Mapping[str, float]) -> tuple[VerificationCheck, ...]:
+        """Write values by a profile, capture before and after, and compare."""
         entries = RegisterMap(tuple(wrong.registers))
         meant = entries.rounded({name: values[name] for name in entries.parameters})
         fill(self.unit, wrong, entries.encode(meant))
-        reference = self.look(corrected=False)
-        fresh = replace(self.look(corrected=True), reference=reference)
+        reference = self.capture(corrected=False)
+        fresh = replace(self.capture(corrected=True), reference=reference)
         prior = np.diag([(0.0 if p.group == "outer_lever" else 1e-5) ** 2 for p in PARAMETERS])
         left = [0.0 if name in entries.parameters else values[name] for name in NAMES]
         covariance = prior + np.diag(np.square(left))

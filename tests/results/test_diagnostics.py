@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from calstation.results.diagnostics import diagnose
-from tests.site_folder import SiteFolder
+from tests.shared_runs import SharedRuns
 
 
-def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run("rate", "six_position", "azimuth_flip")
+def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(
+    tmp_path: Path, shared_runs: SharedRuns
+) -> None:
+    verdict = shared_runs.passed(tmp_path)
     told: list[float] = []
 
     def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
@@ -18,7 +20,7 @@ def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(site
 
     looked = diagnose(tell, Path(verdict.log))
     assert looked.serial == "SN-000042"
-    assert [s.stage for s in looked.stages] == ["rate", "six_position", "azimuth_flip"]
+    assert [s.stage for s in looked.stages] == ["rate", "six_position", "excitation", "azimuth_flip"]
     for stage in looked.stages:
         stored = verdict.result["consistency"][stage.stage]
         assert stage.consistency.nis_mean == stored["nis_mean"]
@@ -28,12 +30,12 @@ def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(site
         assert np.all(np.diff(stage.innovations.seq) > 0)
         assert stage.innovations.seq[0] >= stage.first_seq
         assert len(stage.rests) >= 4
-    assert looked.stages[2].observability == verdict.result["observability"]["azimuth_flip"]
+    assert looked.stages[3].observability == verdict.result["observability"]["azimuth_flip"]
     assert told == sorted(told)
     assert told[-1] < 1.0
 
 
-def test_part_of_a_log_can_be_looked_at(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run("six_position", "azimuth_flip")
+def test_part_of_a_log_can_be_looked_at(tmp_path: Path, shared_runs: SharedRuns) -> None:
+    verdict = shared_runs.passed(tmp_path)
     looked = diagnose(lambda *_, **__: None, Path(verdict.log), ("six_position",))
     assert [s.stage for s in looked.stages] == ["six_position"]

@@ -8,6 +8,7 @@ import pytest
 from calstation.errors import InputError
 from calstation.records.convert import export_csv
 from calstation.results.finished_run import load_finished_run
+from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
 
@@ -15,9 +16,11 @@ def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> N
     """Progress that nobody watches."""
 
 
-def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(site_folder: SiteFolder) -> None:
+def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(
+    site_folder: SiteFolder, shared_runs: SharedRuns
+) -> None:
     runs = site_folder.folder / "runs"
-    first = site_folder.run("six_position")
+    first = shared_runs.passed(site_folder.folder, "six_position")
     site_folder.write(seed=6)
     second = site_folder.run("six_position")
     by_result = load_finished_run(tell, Path(second.result_file), runs)
@@ -31,11 +34,11 @@ def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(site_folde
     assert load_finished_run(tell, Path(first.result_file), runs).previous == {}
 
 
-def test_a_log_without_a_result_is_solved(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run("six_position")
-    csv = site_folder.folder / "foreign.csv"
+def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRuns) -> None:
+    verdict = shared_runs.passed(tmp_path, "six_position")
+    csv = tmp_path / "foreign.csv"
     export_csv(Path(verdict.log), csv)
-    found = load_finished_run(tell, csv, site_folder.folder / "nowhere")
+    found = load_finished_run(tell, csv, tmp_path / "nowhere")
     assert found.solved_now
     assert found.previous == {}
     assert found.result.to_json()["parameters"] == verdict.result["parameters"]

@@ -1,4 +1,4 @@
-"""What a log looks like: its picture at any width, its marks, and its single samples."""
+"""The index of a log: its plot data at any width, its marks and its single samples."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -86,14 +86,14 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture(params=["raw", "csv", "csv.gz"])
-def seen(request: pytest.FixtureRequest, log: Path, tmp_path: Path) -> LogIndex:
-    """The overview of the log in each of the forms a log has."""
-    path = log
+@pytest.fixture(scope="module", params=["raw", "csv", "csv.gz"])
+def seen(request: pytest.FixtureRequest, log: Path, tmp_path_factory: pytest.TempPathFactory) -> LogIndex:
+    """The index of the log in each of the forms a log has."""
+    path, folder = log, tmp_path_factory.mktemp("index")
     if request.param != "raw":
-        path = tmp_path / f"log.{request.param}"
+        path = folder / f"log.{request.param}"
         export_csv(log, path)
-    return log_index(told, path, tmp_path / "picture")
+    return log_index(told, path, folder / "picture")
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:

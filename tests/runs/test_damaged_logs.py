@@ -15,18 +15,16 @@ from calstation.records.convert import export_csv
 from calstation.results.plots.index import log_index, samples
 from calstation.results.resolving import resolve
 from tests.helpers import raises_code
-from tests.site_folder import SiteFolder
+from tests.shared_runs import SharedRuns
 
 #: Rows on a page of 4 kB.
 HURT = 43
 
 
 @pytest.fixture(scope="module")
-def run_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run_log(tmp_path_factory: pytest.TempPathFactory, shared_runs: SharedRuns) -> Path:
     """The log of a run that passed."""
-    verdict = SiteFolder(tmp_path_factory.mktemp("run")).run("rate", "six_position")
-    assert verdict.outcome == "passed"
-    return Path(verdict.log)
+    return Path(shared_runs.passed(tmp_path_factory.mktemp("run"), "rate", "six_position").log)
 
 
 class Damaged:

@@ -2,11 +2,9 @@
 
 import json
 import os
-import shutil
 import signal
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -23,6 +21,7 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Message, StageSolved, StageStarted, StepStarted, Verdict
 from tests.helpers import raises_code
+from tests.shared_runs import SharedRuns
 from tests.site_folder import PRODUCT, QUICK, SiteFolder
 
 SHORT = {
@@ -51,20 +50,10 @@ def stopped_in(site_folder: SiteFolder, stage: str, *stages: str) -> Verdict:
     return verdict
 
 
-@pytest.fixture(scope="module")
-def stopped_once(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Verdict]:
-    """A run stopped in its second stage, and the folder of its place: copied for every test that begins with one."""
-    site_folder = short(SiteFolder(tmp_path_factory.mktemp("stopped")))
-    return site_folder.folder, stopped_in(site_folder, "six_position")
-
-
 @pytest.fixture
-def before(site_folder: SiteFolder, stopped_once: tuple[Path, Verdict]) -> Verdict:
-    """That run as if it had been made in this place."""
-    folder, verdict = stopped_once
-    shutil.copytree(folder, site_folder.folder, dirs_exist_ok=True)
-    log, result_file = (site_folder.folder / Path(f).relative_to(folder) for f in (verdict.log, verdict.result_file))
-    return replace(verdict, log=str(log), result_file=str(result_file))
+def before(site_folder: SiteFolder, shared_runs: SharedRuns) -> Verdict:
+    """A run that was stopped in its second stage."""
+    return shared_runs.copy("stopped", site_folder.folder, lambda folder: stopped_in(short(folder), "six_position"))
 
 
 def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Verdict:

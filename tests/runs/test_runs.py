@@ -21,13 +21,13 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Message, StageSolved, StateChanged, StepStarted, Verdict
 from tests.helpers import raises_code
+from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder, behind_registers
 
 
-def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run()
+def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(tmp_path: Path, shared_runs: SharedRuns) -> None:
+    verdict = shared_runs.passed(tmp_path)
     result = verdict.result
-    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
     assert result["stages"] == ["rate", "six_position", "excitation", "azimuth_flip"]
     assert len(result["parameters"]) == 30
     assert result["registers"]["verified"] is True
@@ -46,7 +46,7 @@ def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(site_folder: 
     assert again["outcome"] == "resolved"
     assert again["passed"] is True
 
-    csv, back = site_folder.folder / "log.csv", site_folder.folder / "back.h5"
+    csv, back = tmp_path / "log.csv", tmp_path / "back.h5"
     export_csv(Path(verdict.log), csv)
     import_csv(csv, back)
     for path in (csv, back):

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -162,6 +163,12 @@ class FakeTable:
         return
 
 
+@lru_cache(maxsize=8)
+def _body_to_home(angles: tuple[float, float]) -> np.ndarray:
+    """Rotation of the body at these joint angles; at rest, and from sample to sample, they are asked for again."""
+    return GEOMETRY.body_to_home(*angles)
+
+
 @dataclass
 class FakeImu:
     """Noise-free samples of the fake table's motion at `RATE`; its corrected gyros show `gain` times the raw ones.
@@ -227,8 +234,8 @@ class FakeImu:
         return SampleBatch(seq, seq / RATE, counts, np.full(len(seq), 25.0), status, np.zeros(len(seq)))
 
     def _counts(self, time: float) -> np.ndarray:
-        before = GEOMETRY.body_to_home(*self.table.angles_at(time - 1.0 / RATE))
-        now = GEOMETRY.body_to_home(*self.table.angles_at(time))
+        before = _body_to_home(self.table.angles_at(time - 1.0 / RATE))
+        now = _body_to_home(self.table.angles_at(time))
         gyro = rotation_vector(before.T @ now) * RATE * self.sign * (self.gain if self.corrected else 1.0)
         force = now.T @ np.array([0.0, 0.0, -GRAVITY if self.upside_down else GRAVITY])
         mount = rotation_matrix(np.array([0.0, 0.0, self.twist]))

@@ -1,0 +1,45 @@
+"""Runs on the virtual bench that are made once in a test session, by whichever worker needs them first."""
+
+import pickle
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from calstation.records.locks import locked
+from calstation.sequencer.events import Verdict
+from tests.site_folder import SiteFolder
+
+
+class SharedRuns:
+    """Runs in folders of their own beneath `root`."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        root.mkdir(exist_ok=True)
+
+    def copy(self, name: str, folder: Path, make: Callable[[SiteFolder], Verdict]) -> Verdict:
+        """Copy a run to `folder`; its result still names the log where it was made."""
+        verdict = self._made(name, make)
+        shutil.copytree(self._root / name, folder, dirs_exist_ok=True)
+        log, result_file = (
+            str(folder / Path(f).relative_to(self._root / name)) for f in (verdict.log, verdict.result_file)
+        )
+        return replace(verdict, log=log, result_file=result_file)
+
+    def passed(self, folder: Path, *stages: str) -> Verdict:
+        """Copy a run of these stages that passed to `folder`."""
+        verdict = self.copy("-".join(stages) or "full", folder, lambda site: site.run(*stages))
+        assert verdict.outcome == "passed"
+        return verdict
+
+    def _made(self, name: str, make: Callable[[SiteFolder], Verdict]) -> Verdict:
+        done = self._root / f"{name}.pickle"
+        with locked(self._root / f"{name}.lock", within=240.0):
+            if not done.exists():
+                (self._root / name).mkdir()
+                verdict = make(SiteFolder(self._root / name))
+                done.write_bytes(pickle.dumps(verdict))
+        verdict = pickle.loads(done.read_bytes())
+        assert isinstance(verdict, Verdict)
+        return verdict
