@@ -176,7 +176,6 @@ def _problem(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Problem
 
 
 def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> tuple[str, dict[str, Any]]:
-    """Code and values for one of pydantic's own kinds."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if kind == "missing":
         return "entry.missing", {}

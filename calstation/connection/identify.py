@@ -178,7 +178,6 @@ def _modbus_profiles(link: LinkSettings) -> dict[str, TableProfile]:
 
 
 def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int) -> FoundUnit | None:
-    """The unit that answers to a number, or None."""
     unknown = None
     for name, profile in profiles.items():
         try:

@@ -157,7 +157,6 @@ class ImuTest:
         return self._unanswered(error.as_text)
 
     def _unanswered(self, words: Value) -> Finding:
-        """Explain a missing reply from the bytes and frames that did come."""
         stats, profile = self.imu.stats, self.setup.imu
         line = line_values(self.at.imu, self.settings)
         counts = {"bytes": stats.bytes, "frames": stats.frames, "errors": stats.crc_errors}

@@ -145,7 +145,6 @@ def _found_on_table_port(
 
 
 def _units(units: list[FoundUnit]) -> Finding:
-    """The first unit whose profile is known, else all that answer."""
     for unit in units:
         if unit.profile:
             values = {"found": unit.unit, "model": unit.model, "profile": unit.profile}

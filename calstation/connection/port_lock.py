@@ -119,7 +119,6 @@ def _addresses(url: str) -> Iterator[str]:
 
 
 def _folder() -> Path:
-    """The folder of the locks, the same for every user."""
     if sys.platform == "win32":
         return Path(os.environ.get("PROGRAMDATA", "C:\\ProgramData")) / "calstation" / "locks"
     return Path("/tmp/calstation-locks")  # sticky: no other user removes a file

@@ -78,7 +78,6 @@ def reset_table(progress: ProgressCallback, request: LinkTestRequest) -> TableRe
 
 @contextmanager
 def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterator[tuple[Table, TableIdentity]]:
-    """The open table of a station with its identity."""
     setup = link_test_configuration(request)
     with open_endpoints(progress, setup) as at:
         table = open_table(setup, at.table)

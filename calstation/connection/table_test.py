@@ -135,7 +135,6 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
 def _no_modbus(
     received: bytes, profile: TableProfile, settings: SerialSettings, port: str, error: NoAnswerError
 ) -> Finding:
-    """Explain a missing Modbus answer from the bytes that did come."""
     unit = error.unit
     values: dict[str, Value] = {"unit": unit, "seconds": profile.timeout_s, "words": error.as_text}
     if port.startswith("tcp://"):
@@ -157,7 +156,6 @@ def _no_modbus(
 def _no_text(
     received: bytes, profile: TableProfile, settings: SerialSettings, port: str, error: DeviceFaultError
 ) -> Finding:
-    """Explain a missing line of text from the bytes that did come."""
     line = line_values(port, settings)
     values: dict[str, Value] = {"seconds": profile.timeout_s, "words": error.as_text, "count": len(received), **line}
     if not received:

@@ -212,7 +212,6 @@ class _Work:
 
 
 def _at_rest(work: _Work, check_cancelled: CheckCancelled) -> Settled:
-    """Do the work without the table."""
     with open_imu_session(_unreported, work.setup, check_cancelled) as unit:
         work.emit(StateChanged(State.PREPARING, State.IDLE))
         unchanged = work.unchanged(unit.imu)

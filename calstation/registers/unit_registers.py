@@ -193,7 +193,6 @@ def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, f
 
 
 def _rows(entries: RegisterMap, values: Mapping[str, float]) -> tuple[Register, ...]:
-    """Every register of a parameter in `values`, with its encoding."""
     return tuple(Register(address, name, values[name], raw) for address, name, raw in entries.stored(values))
 
 

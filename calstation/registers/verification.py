@@ -103,13 +103,12 @@ def finish_verification(
 
     Raises DeviceFaultError: the output is wrong.
     """
-    run = run_in_background or _run_inline
-    entry = done.entry
+    run: Callable[[Callable[[], object]], object] = run_in_background or (lambda work: work())
     wrong = _wrong_checks(setup, done, data, restored=False)
     if wrong:
-        run(lambda: restore_refuted(imu, RegisterMap(tuple(setup.imu.registers)), entry))
+        run(lambda: restore_refuted(imu, RegisterMap(tuple(setup.imu.registers)), done.entry))
         raise output_error(wrong[0])
-    run(lambda: close_verified(entry, data))
+    run(lambda: close_verified(done.entry, data))
 
 
 def finish_restored(setup: ResolvedConfiguration, done: Transferred, data: VerificationData) -> None:
@@ -158,10 +157,6 @@ def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
     return DeviceFaultError(
         code, check=check.name, value=check.value, unit=check.unit, expected=check.expected, tolerance=check.tolerance
     )
-
-
-def _run_inline(work: Callable[[], Any]) -> Any:
-    return work()
 
 
 def _wrong_checks(

@@ -56,7 +56,11 @@ class Known:
         names = RegisterMap(tuple(registers())).parameters
         old = dict.fromkeys(names, 1e-6) if old is None else old
         made = register_journal.begin(
-            self.runs, SERIAL, old, dict.fromkeys(old, 2e-6), register_journal.Purpose("li", "hand", "", sort)
+            self.runs,
+            SERIAL,
+            old,
+            dict.fromkeys(old, 2e-6),
+            register_journal.Purpose("li", "hand", "", sort or UnitType()),
         )
         if not open_:
             made.note(Step.COMMITTING)

@@ -38,7 +38,6 @@ class BinaryFrame:
         self._positions = [(f, at) for f, at, _ in frame.positions() if not f.is_spare]
         #: Smallest size of a frame in bytes.
         self.shortest = self._shortest()
-        self._fixed = frame.length is None
         self._layouts: dict[tuple[int, bytes], Layout] = {}
 
     def _shortest(self) -> int:
@@ -80,28 +79,17 @@ class BinaryFrame:
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
         """Numbers of valid packets, decoded at once for all of one layout."""
-        count = len(packets)
         alike: dict[tuple[int, bytes], list[int]] = {}
-        if self._fixed:
-            alike[self.shortest, b""] = []
-        else:
-            for row, packet in enumerate(packets):
-                alike.setdefault(self._layout_key(packet), []).append(row)
-        everywhere, nowhere = np.ones(count, np.bool_), np.zeros(count, np.bool_)
-        if count and len(alike) == 1:
-            read = self._layout(packets[0], *alike).read(b"".join(packets))
-            values = {f.name: read[f.name] if f.name in read else _nothing(f, count) for f in self._fields}
-            return Columns(values, {f.name: everywhere if f.name in read else nowhere for f in self._fields})
-        found = Columns(
-            {f.name: _nothing(f, count) for f in self._fields}, {f.name: nowhere.copy() for f in self._fields}
-        )
+        for row, packet in enumerate(packets):
+            alike.setdefault(self._layout_key(packet), []).append(row)
+        values = {f.name: _nothing(f, len(packets)) for f in self._fields}
+        present = {f.name: np.zeros(len(packets), np.bool_) for f in self._fields}
         for key, rows in alike.items():
-            where = np.asarray(rows, dtype=np.intp)
-            layout = self._layout(packets[rows[0]], key) if rows else Layout(0, [], self._frame.byte_order)
+            layout = self._layout(packets[rows[0]], key)
             for name, column in layout.read(b"".join(packets[row] for row in rows)).items():
-                found.values[name][where] = column
-                found.present[name][where] = True
-        return found
+                values[name][rows] = column
+                present[name][rows] = True
+        return Columns(values, present)
 
     def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
         """Key of a packet's layout: packets of one key have their numbers at the same bytes."""
@@ -112,7 +100,6 @@ class BinaryFrame:
         return len(packet), b"".join(packet[at - width : at] for _, at, _ in heads)
 
     def _layout(self, packet: bytes, key: tuple[int, bytes]) -> "Layout":
-        """The layout of packets of a key, by one of them."""
         layout = self._layouts.get(key)
         if layout is None:
             layout = Layout(len(packet), self._find(packet), self._frame.byte_order)
@@ -186,8 +173,6 @@ class Layout:
 
     def read(self, packets: bytes) -> dict[str, Column]:
         """Numbers by field of concatenated packets."""
-        if not self._size:
-            return {}
         rows = np.frombuffer(packets, self._plain)
         with np.errstate(invalid="ignore"):  # a signalling NaN is only a NaN here
             found: dict[str, Column] = {

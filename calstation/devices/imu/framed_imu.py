@@ -100,7 +100,6 @@ class FramedImu(RegisteredImu):
     def _ask(
         self, name: str, payload: bytes, begins: bytes = b"", attempts: int = _ATTEMPTS, timeout: float | None = None
     ) -> bytes:
-        """Send a command and wait for its reply, whose payload must begin with `begins`."""
         question = self._question(name, payload, begins)
         return self.exchange(question, timeout=timeout or self._commands.timeout_s, attempts=attempts)
 
@@ -129,7 +128,6 @@ class FramedImu(RegisteredImu):
         return Question(request, (op, begins), take)
 
     def _meaning(self, code: int) -> Text:
-        """What an error code means, by the profile's own meanings or the usual ones."""
         own = self._commands.errors.get(str(code))
         if own is not None:
             code_ = "imu.framed_own_busy" if code in self._commands.busy_codes else "imu.framed_own"

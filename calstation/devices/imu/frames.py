@@ -32,12 +32,10 @@ class Frames:
     @property
     def complete(self) -> BoolArray:
         """Which frames are samples: those that have the counter and all six channels, shape (n,)."""
-        needed = [self.columns.present.get(name) for name in ("counter", *CHANNELS)]
-        if any(present is None for present in needed):
+        names, present = ("counter", *CHANNELS), self.columns.present
+        if not set(names) <= present.keys():
             return np.zeros(len(self), np.bool_)
-        # Fields of one layout share one array.
-        distinct = {id(present): present for present in needed if present is not None}
-        return np.asarray(np.logical_and.reduce(list(distinct.values())))
+        return np.asarray(np.logical_and.reduce([present[name] for name in names]))
 
 
 class Samples(NamedTuple):

@@ -87,7 +87,6 @@ class ModbusImu(RegisteredImu):
         return raw.split(b"\0")[0].decode("ascii", errors="replace").strip()
 
     def _order(self, command: WordCommand, timeout: float) -> None:
-        """Write a command's value, once, and wait until it is done."""
         deadline = time.monotonic() + self._commit_timeout
         try:
             self._write(command.address, [command.value], attempts=1, timeout=timeout)
@@ -156,7 +155,6 @@ class ModbusBusyError(ImuBusyError):
 
 
 def _question(request: RtuRequest) -> Question[bytes]:
-    """The question of a request, which takes its answer's data."""
 
     def take(reply: Reply) -> bytes | None:
         if reply.op == request.function | REFUSED:

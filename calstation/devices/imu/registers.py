@@ -126,7 +126,6 @@ class RegisterMap:
         return [slot for slot in (*matrix_slots(sensor), *offset_slots(sensor)) if slot in known]
 
     def _conventions(self, sensor: str) -> tuple[Convention, Convention]:
-        """Of a sensor's matrix and of its offset."""
         found = []
         for slots in (matrix_slots(sensor), offset_slots(sensor)):
             entry = next((e for e in self.entries if set(slots) & set(e.names)), None)

@@ -102,7 +102,6 @@ class VectorNavImu(RegisteredImu):
 
 
 def _same_register(found: list[str], asked: list[str]) -> bool:
-    """Whether the register numbers are equal, leading zeros ignored."""
     return not asked or (bool(found) and found[0].lstrip("0") == asked[0].lstrip("0"))
 
 

@@ -232,7 +232,6 @@ class RtuLine:
         return self._exchange(request, unanswered)
 
     def _exchange(self, request: RtuRequest, unanswered: Unanswered) -> bytes:
-        """Send a request and wait for its answer."""
         self._listen_until_quiet(request.unit, unanswered, 0.0)
         self._send(request.frame)
         deadline = time.monotonic() + self._timeout

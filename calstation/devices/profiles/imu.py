@@ -152,7 +152,6 @@ class ImuProfile(StrictModel):
         return self
 
     def _check_stream(self, frame: FrameSection, *place: str) -> None:
-        """Check that a stream of these frames carries what is needed, and that the link carries it."""
         rate, name = self.stream.sample_rate_hz, ".".join(place)
         check_status(self.status, frame, name)
         if "baud" in self.link.model_fields_set:

@@ -207,7 +207,6 @@ def _check_entry(register: RegisterEntry, sigmas: Mapping[str, float], pages: bo
 
 
 def _check_prior(register: RegisterEntry, parameter: str, sigmas: Mapping[str, float]) -> None:
-    """Check that a parameter has a prior, and that the register resolves it."""
     if parameter not in sigmas:
         group = PARAMETERS[NAMES.index(parameter)].group
         raise EntryError("profile.no_prior", "parameters", name=parameter, group=group)
@@ -257,7 +256,6 @@ def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
 
 
 def _check_missing(seen: set[str], without: Sequence[str]) -> None:
-    """Check that every parameter has a register, or is declared to have none."""
     held = {parameter_of(name) for name in seen}
     for i, name in enumerate(without):
         if name not in NAMES and name not in GROUPS:

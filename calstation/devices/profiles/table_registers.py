@@ -354,7 +354,6 @@ class TableMap:
                     raise EntryError(code, "registers", name, "scale", joint=joint, **values)
 
     def _check_watchdog(self) -> None:
-        """Check that the watchdog's timeout is readable if it is fed, and cannot be negative."""
         for name in self.names("watchdog"):
             if self.registers[name].scale < 0.0:
                 raise EntryError("profile.negative_timeout", "registers", name, "scale")

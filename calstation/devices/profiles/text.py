@@ -55,7 +55,6 @@ class CommandLines(StrictModel):
 
 
 def _check_both_axes(command: str, value: str, named: set[str]) -> None:
-    """Check that a command's lines give the value for both axes."""
     for joint in ("outer", "inner"):
         if value not in named and f"{joint}_{value}" not in named:
             missing = f"{joint}_{value}" if any(name.endswith(f"_{value}") for name in named) else value
@@ -215,7 +214,6 @@ class TextSection(StrictModel):
         return self
 
     def _check_queries(self) -> None:
-        """Check that the needed queries are present and their answers have the needed groups."""
         for name in ("identity", "position", "rate"):
             if name not in self.queries:
                 raise EntryError("entry.missing", "queries", name)

@@ -27,7 +27,6 @@ class ModbusTable(RegisterTable):
         return self._texts[name]
 
     def _greet(self) -> None:
-        """Check that a reopened link leads to the same table."""
         for name, expected in self._texts.items():
             found = super()._text(name)
             if found != expected:

@@ -197,7 +197,6 @@ class RegisterTable(Table):
         return "limit" if any(self._flags("limit", value)) else None
 
     def _writes(self, command: str) -> list[tuple[str, int]]:
-        """Registers and raw values of a command, in order."""
         return [write for writes in self._profile.commands[command] for write in writes.items()]
 
     def _on_both(self, writes: list[tuple[str, int]]) -> None:
@@ -216,7 +215,6 @@ class RegisterTable(Table):
             raise next(iter(lost.values()))
 
     def _put(self, name: str, raw: int, repeat: bool = True) -> None:
-        """Write a raw value, for both axes if each has the register."""
         for own in self._map.names(name):
             self._put_one(own, raw, repeat)
 
@@ -225,7 +223,6 @@ class RegisterTable(Table):
         self._drive(own).write(register.address, _words(register, raw), repeat)
 
     def _command(self, command: str, values: Sequence[Mapping[str, float]] = (), repeat: bool = True) -> None:
-        """Write the values of each axis, which must all fit, then the command."""
         for words in [self._encoded(own) for own in values]:
             self._write_together(words)
         for name, raw in self._writes(command):

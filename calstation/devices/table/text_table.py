@@ -138,7 +138,6 @@ class TextTable(Table):
         return answers
 
     def _query(self, name: str) -> list[dict[str, str]]:
-        """Groups of a query's answers. Raises DeviceFaultError for an unexpected one."""
         return [self._read(name, reply) for reply in self._ask(name)]
 
     def _ask(self, name: str) -> list[str]:
@@ -177,7 +176,6 @@ class TextTable(Table):
         return min(_number(groups["value"]) for groups in answers["watchdog"])
 
     def _travel(self, answers: Answers) -> JointLimits:
-        """Travel set in the table; the profile's if the table does not report it."""
         if "limits" not in answers:
             return self._limits
         low, high = (
@@ -186,7 +184,6 @@ class TextTable(Table):
         return JointLimits((low[0], low[-1]), (high[0], high[-1]), self._limits.rate, self._limits.acceleration)
 
     def _come_to_rest(self, angles: FloatArray, moving: bool) -> bool:
-        """Whether the angles have been constant for long enough."""
         near = self._angles is not None and bool(np.all(np.abs(angles - self._angles) <= self._text.settled_deg))
         self._still = self._still + 1 if near and not moving else 0
         self._angles = angles
