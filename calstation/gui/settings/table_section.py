@@ -4,7 +4,7 @@ from functools import partial
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QWidget
 
 from calstation.gui.settings.drafts import Draft
@@ -108,6 +108,7 @@ class TravelPlot(ThemedPlot):
             widget.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.hideAxis("bottom")
         self.setYRange(-0.6, 1.6, padding=0.0)
+        theme.themes.changed.connect(lambda: self.show_travel(self._travel))
 
     def show_travel(self, travel: dict[str, tuple[Any, Any]]) -> None:
         """Show lowest and highest angle of each joint by its name; what is not a range has no bar."""
@@ -131,12 +132,6 @@ class TravelPlot(ThemedPlot):
         self.setXRange(-reach, reach, padding=0.0)
         self.getAxis("left").setTicks([[(y, name) for name, y in heights.items()]])
         self.setAccessibleName("; ".join(summaries))
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Draw in the colours of another theme."""
-        super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange and self._built:
-            self.show_travel(self._travel)
 
     def _write(self, text: str, colour: str, x: float, y: float, *, above: bool) -> None:
         item = pg.TextItem(text, color=colour, anchor=(0.5, 1.0 if above else 0.0))
