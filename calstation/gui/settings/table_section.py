@@ -108,11 +108,15 @@ class TravelPlot(ThemedPlot):
             widget.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.hideAxis("bottom")
         self.setYRange(-0.6, 1.6, padding=0.0)
-        theme.themes.changed.connect(lambda: self.show_travel(self._travel))
+        theme.themes.changed.connect(self._draw)
 
     def show_travel(self, travel: dict[str, tuple[Any, Any]]) -> None:
         """Show lowest and highest angle of each joint by its name; what is not a range has no bar."""
         self._travel = travel
+        self._draw()
+
+    def _draw(self) -> None:
+        travel = self._travel
         self.clear()
         c = theme.colours()
         summaries, reach = [], 0.0
