@@ -29,6 +29,7 @@ from calstation.estimation.pairs import (
     PairResult,
     PairSchedule,
     PairWatch,
+    StaticCheck,
     WatchEvent,
     check_values,
 )
@@ -78,12 +79,13 @@ class PairStage:
 
     def _all(self, data: StageData, progress: Progress | None) -> Solution:
         done: dict[int, PairResult] = {}
-        checks: dict[int, Any] = {}
+        checks: dict[int, StaticCheck] = {}
         rest = self._calibration.last_rest(data)
         for place, secondary in enumerate(self._context.secondaries):
             if rest is not None:
                 check = self._calibration.check(data, rest, place, secondary, secondary.stored)
-                checks[secondary.number] = None if check is None else check_values(check)
+                if check is not None:
+                    checks[secondary.number] = check
             done[secondary.number] = self._calibration.calibrate(
                 data, place, secondary, self._schedule.choice, secondary.stored
             )
@@ -93,20 +95,19 @@ class PairStage:
 
     def _watched(self, watch: PairWatch) -> Solution:
         self._events += watch.finish()
-        checks = {number: check_values(check) for number, check in watch.checks.items()}
         messages = [
             (f"pair_{e.kind}", {"stage": "cross_calibration", "number": e.number, "time": e.time, **e.values})
             for e in self._events
             if e.kind in ("primary_off", "calibrated", "given_up")
         ]
-        if not checks:
+        if not watch.checks:
             raise InputError("solve.no_rest_to_check", seconds=self._schedule.static_s)
-        return self._solution(watch.calibrated, checks, watch.stored, 0, tuple(messages))
+        return self._solution(watch.calibrated, watch.checks, watch.stored, 0, tuple(messages))
 
     def _solution(
         self,
         done: dict[int, PairResult],
-        checks: dict[int, Any],
+        checks: dict[int, StaticCheck],
         stored: dict[int, StoredPair],
         gaps: int,
         messages: tuple[tuple[str, dict[str, Any]], ...],
@@ -155,12 +156,14 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     }
 
 
-def _details(secondary: Secondary, calibrated: PairResult | None, check: Any, stored: StoredPair) -> dict[str, Any]:
+def _details(
+    secondary: Secondary, calibrated: PairResult | None, check: StaticCheck | None, stored: StoredPair
+) -> dict[str, Any]:
     kept = stored if calibrated is None else calibrated.stored
     details: dict[str, Any] = {
         "number": secondary.number,
         "serial": secondary.imu.serial,
-        "check": check,
+        "check": check and check_values(check),
         "stored": {"values": dict(kept.values), "gyro_static": kept.gyro_static, "accel_static": kept.accel_static},
     }
     if calibrated is not None:

@@ -59,7 +59,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _unwound(geometry: TableGeometry, joint: int, angle: float, sign: int) -> float:
-    """The same attitude as many whole turns back as the travel allows, with room for a quarter turn."""
+    """The same attitude as many whole turns back as the travel allows, so that a quarter turn fits."""
     end = geometry.limits.low[joint] if sign > 0 else geometry.limits.high[joint]
     turns = np.floor(abs(end - angle) / (2.0 * np.pi) + 1e-9)
     return float(geometry.nearest(joint, angle, angle - sign * 2.0 * np.pi * max(turns, 1.0)))

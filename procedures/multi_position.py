@@ -1,4 +1,4 @@
-"""Multi-position: gyros and accelerometers together on a simple rig, or by hand, without accurate angles.
+"""Multi-position: gyros and accelerometers together on a simple or manual rig, without accurate angles.
 
 Rests and motions are found from the data alone. Every body axis turns about the horizontal, observed by gravity.
 """
@@ -61,7 +61,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     """
     poses = _poses(geometry, schedule)
     if schedule.manual:
-        yield from _by_hand(schedule, list(poses))
+        yield from _manual_steps(schedule, list(poses))
         return
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     yield Move(0.0, 0.0, rate, acceleration, ("start",))
@@ -79,7 +79,7 @@ def _poses(geometry: TableGeometry, schedule: Schedule) -> Iterator[Pose]:
             yield (angle, other) if joint == OUTER else (other, angle)
 
 
-def _by_hand(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
+def _manual_steps(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
     """Every position once; positions at which the rails already are give no step."""
     way: list[Pose] = [(0.0, 0.0)]
     for pose in poses:

@@ -82,7 +82,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     for axis in range(3):
         turn = geometry.body_turn(np.eye(3)[axis], joints[INNER])
         joints[INNER] = joints[INNER] if turn.inner is None else turn.inner
-        joints[turn.joint], whole = _room(geometry, turn.joint, turn.sign, joints[turn.joint], schedule.turns)
+        joints[turn.joint], whole = _first_rotation(geometry, turn.joint, turn.sign, joints[turn.joint], schedule.turns)
         yield Move(joints[0], joints[1], rate, acceleration, ("into_place", "xyz"[axis]))
         yield Dwell(schedule.dwell_s)
         for way in (whole, -whole):
@@ -92,8 +92,8 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
             yield Dwell(schedule.dwell_s)
 
 
-def _room(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int) -> tuple[float, float]:
-    """Start angle nearest `at` and first rotation, rad: positive about the body axis if there is room for it.
+def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int) -> tuple[float, float]:
+    """Start angle nearest `at` and first rotation, rad: positive about the body axis if the travel allows.
 
     Raises ConfigurationError if the travel is too short for the turns.
     """

@@ -22,7 +22,7 @@ from calstation.records.meta import FURTHER_IMUS, LogMeta
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")
-#: `ANGLES` may be absent together: a recording made by hand has no table.
+#: `ANGLES` may be absent together: a recording on a manual rig has no table.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)

@@ -154,8 +154,8 @@ class Check:
         """Compare a value with its limit; a value inside, but beyond the share `near` of the limit, is a near-miss."""
         low, high = limit if isinstance(limit, tuple) else (-math.inf, limit)
         passed = bool(low <= value <= high)
-        room = 0.5 * (high - low) if isinstance(limit, tuple) else abs(limit)
-        near_miss = bool(passed and 0.0 < room < math.inf and _margin(value, limit) < (1.0 - near) * room)
+        width = 0.5 * (high - low) if isinstance(limit, tuple) else abs(limit)
+        near_miss = bool(passed and 0.0 < width < math.inf and _margin(value, limit) < (1.0 - near) * width)
         return cls(kind, subject, value, limit, unit, passed, near_miss, where or Where())
 
     @property

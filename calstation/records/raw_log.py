@@ -275,11 +275,11 @@ class RawLogWriter:
         except (OSError, RuntimeError) as exc:  # h5py raises both
             self._refused = True
             with suppress(OSError):
-                self._extend_to_told_length()
+                self._extend_to_stated_length()
             raise ConfigurationError("log.not_written", file=self.path, reason=_os_reason(exc)) from exc
 
-    def _extend_to_told_length(self) -> None:
-        """Extend the file by a hole to the length in its superblock: readers refuse a file that was cut short."""
+    def _extend_to_stated_length(self) -> None:
+        """Extend the file to the length in its superblock, because readers refuse a file that was cut short."""
         os.lseek(self._sync_handle, 0, os.SEEK_SET)
         length = superblock_end(os.read(self._sync_handle, SUPERBLOCK))
         if os.fstat(self._sync_handle).st_size < length:

@@ -43,7 +43,8 @@ def fit_gimbal(
     sigma = np.sqrt(np.repeat([noise.rate * m.duration for m in motions], 3))
     root = square_root(prior.covariance)
     # a motion's noise is the gyros'; it shares the joints' errors with the motions before and after
-    scale = np.concatenate([[RATE] * 3, np.full(3 * _rests(motions), joint_sigma)])
+    rests = 1 + max(max(m.between) for m in motions)
+    scale = np.concatenate([[RATE] * 3, np.full(3 * rests, joint_sigma)])
     point, more = prior.mean.copy(), np.zeros(len(scale))
     bias = group_indices("gyro_bias")
     measured = np.median(data.gyro[: round(1.0 / data.dt)], axis=0)
@@ -88,7 +89,3 @@ def _rows(
         after = rotation_matrix(wrong[second]) @ gimbal_attitude(order, m.after)
         residuals.append(rotation_vector(after @ (start @ B).T))
     return H, np.concatenate(residuals)
-
-
-def _rests(motions: list[Motion]) -> int:
-    return 1 + max(max(m.between) for m in motions)

@@ -52,7 +52,7 @@ class PairWatch:
         self._blocks: list[SampleBlock] = []
         self._due = calibration.schedule.trigger != "command"
         self._checked: float | None = None
-        self._looked = 0.0
+        self._evaluated = 0.0
         self._motion = 0.0
 
     def command(self) -> None:
@@ -80,9 +80,9 @@ class PairWatch:
         if self.state == "waiting":
             return events
         self._blocks.append(block)
-        if now - self._looked < EVALUATION_INTERVAL:
+        if now - self._evaluated < EVALUATION_INTERVAL:
             return events
-        self._looked = now
+        self._evaluated = now
         return events + (self._check(now) if self.state == "checking" else self._collect(now, last=False))
 
     def finish(self) -> list[WatchEvent]:
@@ -102,7 +102,7 @@ class PairWatch:
         if not self._due and (not periodic or now - self._checked < self._schedule.period_s):
             return []
         self._due, self.state, self._checked = False, "checking", now
-        self._blocks, self._looked = [], now
+        self._blocks, self._evaluated = [], now
         return [WatchEvent("triggered", now)]
 
     def _check(self, now: float) -> list[WatchEvent]:
