@@ -82,13 +82,13 @@ class SiteFolder:
         assert Path(verdict.result_file).is_file()
         return verdict
 
-    def told(self, kind: type) -> list[Any]:
+    def events_of(self, kind: type) -> list[Any]:
         """Events of a kind."""
         return [event for event in self.events if isinstance(event, kind)]
 
     def fault(self) -> Fault:
         """The one fault."""
-        (fault,) = self.told(Fault)
+        (fault,) = self.events_of(Fault)
         return fault
 
     def once(self, kind: type, command: Command, *, after: int = 0) -> Callable[[Event], None]:

@@ -1,4 +1,4 @@
-"""The virtual bench: a table and a unit with a truth of their own, behind the real protocols.
+"""The virtual bench: a table and a unit with a truth of their own and the real protocols.
 
 It shares only constants, units and parameter names with the rest; no estimator may use its mathematics.
 """

@@ -1,5 +1,6 @@
 """Configuration of a virtual bench: unit, site, table, transports, planned faults."""
 
+from math import radians
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -11,7 +12,7 @@ from calstation.bench.truth import BenchTruth, EncoderTruth, GradeName, ManualRi
 from calstation.physics import INDEX
 from calstation.schema import EntryError, near_miss
 
-_ARCSECOND = np.deg2rad(1.0 / 3600.0)
+_ARCSECOND = radians(1.0 / 3600.0)
 
 Vector = tuple[float, float, float]
 Pair = tuple[float, float]
@@ -151,21 +152,12 @@ class BenchConfig(BaseModel):
         mount = direction / np.linalg.norm(direction) * random.uniform(*_radians(self.mount_deg))
         heading = random.uniform(0.0, 2.0 * np.pi)
         phases = random.uniform(0.0, 2.0 * np.pi, 4)
-        azimuth, azimuth_error, base_tilt, *encoder = np.deg2rad(
-            [
-                self.azimuth_deg,
-                self.azimuth_error_deg,
-                self.base_tilt_deg,
-                self.encoder_sigma_deg,
-                self.encoder_periodic_deg,
-                self.encoder_noise_deg,
-            ]
-        ).tolist()
+        azimuth, base_tilt = radians(self.azimuth_deg), radians(self.base_tilt_deg)
         wobble = self.wobble_arcsec * _ARCSECOND
         table = TableTruth(
-            latitude=float(np.deg2rad(self.latitude_deg)),
+            latitude=radians(self.latitude_deg),
             height=self.height_m,
-            azimuth=azimuth + azimuth_error * float(random.standard_normal()),
+            azimuth=azimuth + radians(self.azimuth_error_deg) * float(random.standard_normal()),
             base_tilt=(base_tilt * float(np.cos(heading)), base_tilt * float(np.sin(heading)), 0.0),
             outer_axis=self.outer_axis,
             inner_axis=self.inner_axis,
@@ -176,14 +168,18 @@ class BenchConfig(BaseModel):
             velocity_sigma=self.velocity_sigma,
             gravity=self.gravity_mps2,
         )
-        stop_sigma, periodic, noise = encoder
-        encoders = EncoderTruth(stop_sigma, periodic, (float(phases[2]), float(phases[3])), noise)
-        return BenchTruth(imu, table, encoders, self.grade, azimuth, self.outer_lever)
+        encoder = EncoderTruth(
+            stop_sigma=radians(self.encoder_sigma_deg),
+            periodic=radians(self.encoder_periodic_deg),
+            phase=(float(phases[2]), float(phases[3])),
+            white_sigma=radians(self.encoder_noise_deg),
+        )
+        return BenchTruth(imu, table, encoder, self.grade, azimuth, self.outer_lever)
 
     def rig(self) -> ManualRig:
         """The manual rig at this site."""
         return ManualRig(
-            latitude=np.deg2rad(self.latitude_deg),
+            latitude=radians(self.latitude_deg),
             height=self.height_m,
             gravity=self.gravity_mps2,
             outer_axis=self.outer_axis,
@@ -193,11 +189,28 @@ class BenchConfig(BaseModel):
 
     def limits(self) -> TableLimits:
         """Travel and speeds of the table."""
-        rate, acceleration, homing_rate = np.deg2rad(
-            [self.rate_deg_s, self.acceleration_deg_s2, self.homing_rate_deg_s]
-        ).tolist()
-        return TableLimits(_radians(self.low_deg), _radians(self.high_deg), rate, acceleration, homing_rate)
+        return TableLimits(
+            low=_radians(self.low_deg),
+            high=_radians(self.high_deg),
+            rate=radians(self.rate_deg_s),
+            acceleration=radians(self.acceleration_deg_s2),
+            homing_rate=radians(self.homing_rate_deg_s),
+        )
+
+
+class BenchReport(BaseModel):
+    """How a bench was left, and which orders it has obeyed; see `BenchConfig.report_file`."""
+
+    model_config = ConfigDict(frozen=True)
+
+    enabled: bool
+    moving: bool
+    fault: str
+    obeyed: tuple[str, ...]
+    samples: int
+    time: float
+    flash_cycles: int
 
 
 def _radians(degrees: Pair) -> Pair:
-    return float(np.deg2rad(degrees[0])), float(np.deg2rad(degrees[1]))
+    return radians(degrees[0]), radians(degrees[1])

@@ -7,7 +7,7 @@ import threading
 import time
 from typing import Any
 
-from calstation.bench.config import BenchConfig, Order
+from calstation.bench.config import BenchConfig, BenchReport, Order
 from calstation.bench.links import UNIT, Line, SocketLine, TableLink, TerminalLine
 from calstation.bench.live import LiveBench
 from calstation.bench.service import ClockService
@@ -156,16 +156,16 @@ class BenchProcess:
     def _write_report(self) -> None:
         if self._config.report_file is not None:
             machine, time = self._bench.machine, self._bench.device_time
-            report = {
-                "enabled": machine.power is Power.ENABLED,
-                "moving": time < machine.drive.end,
-                "fault": machine.fault.name,
-                "obeyed": self._bench.obeyed,
-                "samples": self._bench.sampled,
-                "time": time,
-                "flash_cycles": self._bench.unit.flash.cycles,
-            }
-            self._config.report_file.write_text(json.dumps(report), encoding="utf-8")
+            report = BenchReport(
+                enabled=machine.power is Power.ENABLED,
+                moving=time < machine.drive.end,
+                fault=machine.fault.name,
+                obeyed=tuple(self._bench.obeyed),
+                samples=self._bench.sampled,
+                time=time,
+                flash_cycles=self._bench.unit.flash.cycles,
+            )
+            self._config.report_file.write_text(report.model_dump_json(), encoding="utf-8")
 
 
 def warm_up(config: BenchConfig) -> None:

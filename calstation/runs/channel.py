@@ -1,4 +1,4 @@
-"""The engine's end of the pipe to its listener: events and heartbeats out, commands in, a call when nobody listens."""
+"""The engine's end of the pipe to its listener: events and heartbeats out, commands in; detects a lost listener."""
 
 import threading
 import time
@@ -110,7 +110,7 @@ class Channel:
             self._unanswered = None
 
     def _check_silence(self) -> None:
-        """Called only when nothing waits to be read, so that a late engine blames nobody else."""
+        """Called only when nothing waits to be read: a late engine must not take its listener for frozen."""
         since = self._unanswered
         if since is not None and time.monotonic() - since > self._silent_after:
             self._unanswered = None

@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 #: Longest uninterruptible wait for a message, s.
 _SLICE = 0.2
 
-#: Host time without a sign of life, while somebody listened, after which the engine counts as frozen, s.
+#: Host time without a message, while the listener polled, after which the engine counts as frozen, s.
 FROZEN_AFTER = 2.0
 
-#: The same for `events`, whose caller cannot judge and gives the run up, s.
+#: The same for `events`, which raises then, s.
 _FROZEN_UNSEEN_AFTER = 30.0
 
 #: The same until its first event: a computer just switched on loads hundreds of megabytes of libraries, s.
@@ -201,9 +201,7 @@ class Engine:
 
 
 def _engine(
-    connection: "Connection[Any, Any]",
-    request: RunRequest | RegisterOperation,
-    hooks: "type[RunHooks] | None",
+    connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None"
 ) -> None:
     """Entry of the engine's process: no signal that it can handle ends it without a safe stop."""
     applog.configure("engine")

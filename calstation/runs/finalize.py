@@ -25,14 +25,7 @@ from calstation.registers import (
 from calstation.registers import journal as register_journal
 from calstation.results import PreviousValue, better_previous_values, condition_on, is_partial, judge
 from calstation.runs.prepare import OpenRun
-from calstation.sequencer import (
-    CaptureReference,
-    Finalized,
-    Message,
-    RunInBackground,
-    StopRequested,
-    VerificationData,
-)
+from calstation.sequencer import CaptureReference, Finalized, Message, RunInBackground, StopRequested, VerificationData
 
 logger = logging.getLogger(__name__)
 
@@ -67,10 +60,7 @@ class Finalization:
         return False
 
     def finalize(
-        self,
-        solutions: tuple[Solution, ...],
-        run_in_background: RunInBackground,
-        capture_reference: CaptureReference,
+        self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, capture_reference: CaptureReference
     ) -> Finalized:
         """Check the limits; write the registers of a unit inside them, after a capture of its output.
 

@@ -1,4 +1,4 @@
-"""Hooks by which something may accompany a run, such as a simulated operator; a run by itself has none."""
+"""Hooks of a run, for instance for a simulated operator; by default they do nothing."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # the window names hooks, but has no use for devices and logs
 class RunHooks:
     """Accompanies one run; every method does nothing unless a subclass overrides it.
 
-    The class itself is what a caller gives to `Engine.start` and `execute`; the engine's process imports it.
+    `Engine.start` and `execute` take the class; the engine's process imports it.
     """
 
     def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:

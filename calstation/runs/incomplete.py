@@ -1,4 +1,4 @@
-"""Incomplete runs: those whose process died get a result, and those that nobody will resume are closed."""
+"""Incomplete runs: those whose process died get a result, and those that will not be resumed are closed."""
 
 import json
 from contextlib import suppress
@@ -46,7 +46,7 @@ def finish_incomplete(folder: Path) -> list[Path]:
 
 
 def close_incomplete(path: Path, operator: str | None = None) -> Path:
-    """Decide that a run is not to be resumed; returns its result file, which says who and when.
+    """Decide that a run is not to be resumed; returns its result file, which names the operator and the time.
 
     Raises ConfigurationError if the run is still going or the folder cannot be written, InputError if the log
     cannot be read.
@@ -73,11 +73,7 @@ def _write_result(log: Log) -> None:
     facts = log.facts()
     finished = solved_stages(log.events)
     ending = Ending(
-        "incomplete",
-        str(log.path),
-        facts,
-        advice="resume" if finished else "repeat",
-        finished_stages=finished,
+        "incomplete", str(log.path), facts, advice="resume" if finished else "repeat", finished_stages=finished
     )
     result = build_result(log.meta, prior, (), judge(log.meta, prior, ()), ending)
     with suppress(OSError):  # the result is written all the same
@@ -85,10 +81,10 @@ def _write_result(log: Log) -> None:
     write_json(log.path.with_suffix(".json"), result.to_json())
 
 
-def close_incomplete_job(tell: ProgressCallback, log: Path, operator: str | None) -> Path:
+def close_incomplete_job(progress: ProgressCallback, log: Path, operator: str | None) -> Path:
     """Job: close a run that is not to be resumed; returns its result file."""
     result = close_incomplete(log, operator)
-    tell(1.0)
+    progress(1.0)
     return result
 
 
@@ -100,9 +96,9 @@ class StartupRecovery:
     delivery: Delivery
 
 
-def recover_startup(tell: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
+def recover_startup(progress: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
     """Job: finish incomplete runs, refresh the history, hand over what waits as the station file says."""
     incomplete = finish_incomplete(runs) if runs.is_dir() else []
-    tell(0.3)
-    History(runs).refresh(lambda fraction: tell(0.3 + 0.4 * fraction))
-    return StartupRecovery(tuple(incomplete), deliver_pending(tell, runs, station))
+    progress(0.3)
+    History(runs).refresh(lambda fraction: progress(0.3 + 0.4 * fraction))
+    return StartupRecovery(tuple(incomplete), deliver_pending(progress, runs, station))

@@ -37,7 +37,7 @@ class PreparedRun:
 
     @property
     def folder(self) -> Path:
-        """Where its log goes."""
+        """Folder of its log."""
         return self.setup.request.out
 
     def meta(self, registers: dict[str, float] | None) -> LogMeta:
@@ -57,7 +57,7 @@ class PreparedRun:
         meta = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
         log = RawLogWriter(self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta)
-        with suppress(OSError):  # then there is no room for the result either, and its error says so
+        with suppress(OSError):  # a full disk is reported when the result is written
             register_pending(self.folder, log.path.stem)
         self.hooks.log_opened(log)
         return OpenRun(self, meta, log, StageChain(meta), unverified)

@@ -1,7 +1,6 @@
-"""Resumes a run after its last finished stage, in a new log that holds all that is needed to solve it again.
+"""Resumes a run after its last finished stage, in a new log with the samples of the finished stages.
 
-The finished stages' samples are copied and solved again by the same chain, which gives the same bits; this is checked
-against what the run itself had found. So a posterior needs no storage of its own, and the new log no other file.
+They are solved again by the same chain, which gives the same bits; so a posterior needs no storage of its own.
 """
 
 import tomllib
@@ -16,9 +15,9 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
-from calstation.records import SUFFIX, Log, LogMeta, RunRecord, being_written, open_log, solved_stages
+from calstation.records import SUFFIX, Log, LogMeta, RawLogWriter, RunRecord, being_written, open_log, solved_stages
 from calstation.results import History, StageChain
-from calstation.sequencer import Journal, LastSample, solution_events, to_json
+from calstation.sequencer import LastSample, solution_events, to_json
 from procedures import method
 
 #: Runs offered at most, the latest.
@@ -65,7 +64,7 @@ def resumable(folder: Path) -> list[Resumable]:
     return found
 
 
-def find_resumable(tell: ProgressCallback, folder: Path) -> list[Resumable]:
+def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
     """Job: see `resumable`."""
     return resumable(folder)
 
@@ -96,7 +95,7 @@ def _offer(record: RunRecord) -> list[Resumable]:
     if (result.get("registers") or {}).get("new") is not None:
         return []  # its registers have changed: the transfer is to be finished or restored instead
     if any(check["name"] == LATITUDE and not check["passed"] for check in result.get("checks", ())):
-        return []  # it was solved for another place
+        return []  # it was solved for another latitude
     return [
         Resumable(
             serial=record.serial,
@@ -191,11 +190,7 @@ class Continuation:
         return new.model_copy(update={"prior": old.prior, "registers": old.registers, "run": run})
 
     def copy(
-        self,
-        journal: Journal,
-        chain: StageChain,
-        on_block: Callable[[], None],
-        on_solved: Callable[[Solution], None],
+        self, log: RawLogWriter, chain: StageChain, on_block: Callable[[], None], on_solved: Callable[[Solution], None]
     ) -> LastSample:
         """Copy the finished stages into the new log and solve them again; returns the last sample copied.
 
@@ -207,7 +202,7 @@ class Continuation:
             on_block()
             if block is not None:
                 last = block
-                journal.append(block)
+                log.append(block)
                 if block.stage and block.stage != stage:
                     chain.start(block.stage)
                 if block.stage:

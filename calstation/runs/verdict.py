@@ -10,12 +10,7 @@ from calstation.results import Ending, build_result, judge, write_json
 from calstation.runs.prepare import OpenRun
 from calstation.sequencer import Ended, State, Verdict
 
-_OUTCOMES = {
-    State.PASSED: "passed",
-    State.FAILED: "failed",
-    State.STOPPED: "stopped",
-    State.FAULT: "fault",
-}
+_OUTCOMES = {State.PASSED: "passed", State.FAILED: "failed", State.STOPPED: "stopped", State.FAULT: "fault"}
 
 logger = logging.getLogger(__name__)
 

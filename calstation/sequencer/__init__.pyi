@@ -9,7 +9,6 @@ from .context import Clock as Clock
 from .context import Emit as Emit
 from .context import Ended as Ended
 from .context import Finalized as Finalized
-from .context import Journal as Journal
 from .context import LastSample as LastSample
 from .context import Output as Output
 from .context import PreflightLimits as PreflightLimits

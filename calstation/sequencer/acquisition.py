@@ -22,14 +22,14 @@ INTERRUPTION = 1.0
 
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
-#: A channel is stuck if it has at least this noise, in steps of its output, and shows one value for so many samples:
+#: A channel is stuck if it has at least this noise, in steps of its output, and shows one value for this many samples:
 #: by chance this happens once in 10^28 times.
 _MIN_NOISE, _STUCK_AFTER = 0.35, 400
 
 #: Fraction of a counter's wrap by which samples are late if it wrapped unseen; their transport only adds to it.
 _WRAPPED = 0.9
 
-#: A poll that took longer was lost and repeated on the way, so the time of its angles is unknown, s.
+#: A poll that took longer was lost and repeated, so the time of its angles is unknown, s.
 SLOWEST_POLL = 0.3
 
 
@@ -40,11 +40,11 @@ class Flow:
     `invalid` : some output is not a number; `stuck` : a channel that has shown one value for too long, "" for none.
     """
 
-    count: int
-    missing: int
-    ready: bool
-    saturated: bool
-    failed: bool
+    count: int = 0
+    missing: int = 0
+    ready: bool = False
+    saturated: bool = False
+    failed: bool = False
     invalid: bool = False
     stuck: str = ""
 
@@ -105,7 +105,7 @@ class Acquisition:
         self._latest: SampleBatch | None = None
         self._period = 1.0 / unit.model.sample_rate
         self._polls: list[_Poll] = []
-        self._noisy = noise_counts(unit.model) >= _MIN_NOISE * unit.span.step
+        self._has_noise = noise_counts(unit.model) >= _MIN_NOISE * unit.span.step
         self._unchanged = np.zeros(6, np.int64)
         self._previous_counts: FloatArray | None = None
         self._delays: deque[float] = deque(maxlen=CLOCK_WINDOW)
@@ -130,14 +130,14 @@ class Acquisition:
         if answered - asked > SLOWEST_POLL:
             return
         middle = 0.5 * (asked + answered) - self._latency
-        self._polls.append(_Poll(middle, np.asarray(status.angles, np.float64), np.asarray(status.rates, np.float64)))
+        self._polls.append(_Poll(middle, np.array(status.angles), np.array(status.rates)))
 
     def drain(self) -> Flow:
         """Take all samples that have come, stamp them and pass them on."""
         batch = self._imu.read()
         count = len(batch.seq)
         if count == 0:
-            return Flow(0, 0, False, False, False)
+            return Flow()
         now = self._clock.now()
         if self._after is not None and self._last_seq is None:
             self._shift_to(batch, self._after)
@@ -243,7 +243,7 @@ class Acquisition:
         self._previous_counts = counts[-1]
         last = len(counts) - 1 - np.argmax(changed[::-1], axis=0)
         self._unchanged = np.where(changed.any(axis=0), len(counts) - 1 - last, self._unchanged + len(counts))
-        stuck = np.flatnonzero(self._noisy & (self._unchanged >= _STUCK_AFTER))
+        stuck = np.flatnonzero(self._has_noise & (self._unchanged >= _STUCK_AFTER))
         return CHANNELS[int(stuck[0])] if len(stuck) else ""
 
     def _note_restart(self, batch: SampleBatch) -> None:

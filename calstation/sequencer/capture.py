@@ -33,14 +33,7 @@ _CARRY_TIME = 6.0
 
 @dataclass(frozen=True)
 class Turned:
-    """A measured turn of one joint.
-
-    Attributes
-    ----------
-    turn : as it was planned
-    angle : integral of the gyro's output over it, rad, shape (3,)
-    seconds : its duration
-    """
+    """A measured turn: the sum of the gyros' output over its legs, rad, shape (3,), and its duration, s."""
 
     turn: Turn
     angle: FloatArray
@@ -156,7 +149,7 @@ def _summed(parts: list[Turned]) -> Turned:
 
 def carried_data(runner: StepRunner) -> VerificationData:
     """Rest, have the operator turn the unit over, rest. Raises DeviceFaultError for missing data."""
-    outer, inner = runner.asked
+    outer, inner = runner.guiding.asked
     over = turned_over(runner.control_loop.context.task.geometry, outer)
     for attempt in range(_ATTEMPTS):
         start, end = (outer, over) if attempt % 2 == 0 else (over, outer)

@@ -1,10 +1,9 @@
 """What a run is to do, and what it shares: table, units, clock, commands of the operator and the sink of its events."""
 
-from collections.abc import Callable, Mapping
-from concurrent.futures import Future
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -17,6 +16,9 @@ from calstation.physics import FloatArray, TableGeometry
 from calstation.sequencer.control import Control, State
 from calstation.sequencer.events import LOSSY, Event, to_json
 from calstation.sequencer.plan import SETTLE, StagePlan
+
+if TYPE_CHECKING:  # the window names tasks, but has no use for logs
+    from calstation.records import RawLogWriter
 
 
 class Output(StrEnum):
@@ -143,22 +145,6 @@ class Clock(Protocol):
         """Let `seconds` of host time pass while the station computes."""
 
 
-class Journal(Protocol):
-    """The raw log, as the sequencer writes it."""
-
-    def append(self, block: SampleBlock) -> None:
-        """Write samples."""
-
-    def event(self, event: Mapping[str, Any]) -> None:
-        """Write an event."""
-
-    def service(self) -> None:
-        """Write out what is due; called at every tick."""
-
-    def begin_sync(self) -> Future[None]:
-        """Begin to write everything to the disk; once that is done, `service` raises what it refused."""
-
-
 class Solving(Protocol):
     """The chain of stage solvers."""
 
@@ -187,7 +173,7 @@ class Slot:
 
     imu: Imu
     unit: UnitTask
-    journal: Journal | None = None
+    journal: "RawLogWriter | None" = None
     solving: Solving | None = None
     after: LastSample | None = None
     name: str = "unit"

@@ -4,7 +4,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import StrEnum
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 
 
 class State(StrEnum):
@@ -23,8 +23,11 @@ class State(StrEnum):
     DONE = "done"
 
 
-#: From each state, the states that may follow. A fault is latched: only a reset to idle leaves it. A register
-#: operation neither passes nor fails: it ends in `DONE`.
+#: States in which a run is over. A fault is latched: only a reset to idle leaves it. A register operation neither
+#: passes nor fails: it ends in `DONE`.
+ENDED = frozenset({State.STOPPED, State.FAULT, State.PASSED, State.FAILED, State.DONE})
+
+#: From each state, the states that may follow.
 TRANSITIONS: dict[State, frozenset[State]] = {
     State.IDLE: frozenset({State.PREPARING}),
     State.PREPARING: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
@@ -32,15 +35,8 @@ TRANSITIONS: dict[State, frozenset[State]] = {
     State.PAUSING: frozenset({State.PAUSED, State.STOPPING, State.FAULT}),
     State.PAUSED: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
     State.STOPPING: frozenset({State.STOPPED, State.FAULT}),
-    State.STOPPED: frozenset({State.IDLE}),
-    State.FAULT: frozenset({State.IDLE}),
-    State.PASSED: frozenset({State.IDLE}),
-    State.FAILED: frozenset({State.IDLE}),
-    State.DONE: frozenset({State.IDLE}),
+    **dict.fromkeys(ENDED, frozenset({State.IDLE})),
 }
-
-#: States in which a run is over.
-ENDED = frozenset({State.STOPPED, State.FAULT, State.PASSED, State.FAILED, State.DONE})
 
 
 class IllegalTransitionError(RuntimeError):
@@ -111,11 +107,8 @@ class Control:
         """Note all commands that came since the last call."""
         if self._taken is not None:
             self._taken = time.monotonic()
-        while True:
-            try:
-                command, reason = self._queue.get_nowait()
-            except Empty:
-                return
+        while not self._queue.empty():
+            command, reason = self._queue.get_nowait()
             if command is Command.STOP:
                 self.stop_reason = self.stop_reason or reason
                 self.stopping = True

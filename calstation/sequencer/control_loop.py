@@ -19,8 +19,6 @@ from calstation.sequencer.guard import latched
 #: Station time without a sample that counts as no data, s.
 NO_DATA = 1.0
 
-_NOTHING = Flow(0, 0, False, False, False)
-
 #: Host time between two events that only refresh a display, s.
 _SHOW_TABLE, _SHOW_SAMPLES = 0.1, 0.5
 
@@ -49,7 +47,7 @@ class ControlLoop:
         self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_MAX_TRACED)
         self._fed = self._shown_table = self._shown_samples = -1e9
         self.status: TableStatus = context.table.status()
-        self.flow = _NOTHING
+        self.flow = Flow()
         self.powered = False
         self.pausable = False
         self.watchful = False
@@ -104,10 +102,7 @@ class ControlLoop:
             self._fed = now
 
     def wait(
-        self,
-        condition: Callable[[], bool],
-        timeout: float,
-        failure: CalstationError | Callable[[], CalstationError],
+        self, condition: Callable[[], bool], timeout: float, failure: CalstationError | Callable[[], CalstationError]
     ) -> None:
         """Tick until a condition holds; after `timeout` s of station time raise `failure`, or what it makes."""
         clock = self.context.clock
@@ -148,7 +143,7 @@ class ControlLoop:
         except NoFramesError:
             if not self.patient:
                 raise
-            return _NOTHING
+            return Flow()
 
     def _check_data(self) -> None:
         if self.silent:

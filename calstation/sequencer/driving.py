@@ -109,7 +109,7 @@ class Driving:
     def preflight(self) -> None:
         """Check everything; then axes on, at home. Raises DeviceFaultError or ConfigurationError."""
         Preflight(self.runner).run()
-        # From here on a unit that restarted by itself, and sends what nobody requested, is asked again.
+        # From here on a unit that restarted by itself is commanded to stream again.
         self.control_loop.patient = True
 
     def check_turns(self) -> None:
@@ -165,10 +165,10 @@ class Driving:
             _RANGE_FRACTION * float(ends.min()),
         )
 
-    def _capture(self, restless: str) -> VerificationData:
+    def _capture(self, code: str) -> VerificationData:
         """Capture one power-on of the unit: if it restarts meanwhile, the capture begins again.
 
-        `restless` : code of the error for a unit that restarts every time
+        `code` is that of the error for a unit that restarts every time
         """
         there, path = self._path is not None, self._path or self._path_from_here()
         self._path = path
@@ -184,7 +184,7 @@ class Driving:
             except Restarted:
                 self._context.emit(Message("look_repeated"))
                 there = False
-        raise DeviceFaultError(restless)
+        raise DeviceFaultError(code)
 
     def run_in_background(self, work: Callable[[], Any]) -> Any:
         """Do what must not be interrupted while the table's watchdog is fed; it is complete when this returns."""

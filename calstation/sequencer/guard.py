@@ -97,7 +97,7 @@ def check_travel(limits: JointLimits, move: Move) -> None:
 
 
 def safe_stop(table: Table, clock: Clock) -> list[Text]:
-    """Bring the table to rest and switch its axes off; returns what failed on the way, never raises.
+    """Bring the table to rest and switch its axes off; returns the failures, never raises.
 
     A table that no longer answers is left to its own watchdog, which this run has found switched on. A table without
     one was only given moves to an angle; it gets `_UNSEEN` before its axes are commanded off.

@@ -5,7 +5,6 @@ from collections import deque
 
 import numpy as np
 
-from calstation.devices import ImuIdentity, TableIdentity
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.physics import UP, FloatArray, Move, rotation_vector
@@ -34,7 +33,7 @@ class Preflight:
     def run(self) -> None:
         """Run all checks. Raises DeviceFaultError or ConfigurationError."""
         by_hand = self._context.task.by_hand
-        self.identify()
+        self._identify()
         self._wait_until_ready()
         if self._limits.output:
             self._check_flow()
@@ -55,10 +54,9 @@ class Preflight:
         if self._limits.output:
             self._check_signs(self._check_gravity())
 
-    def identify(self) -> tuple[TableIdentity, ImuIdentity]:
+    def _identify(self) -> None:
         """Identify both devices; refuse a wrong serial number or one outside the pattern."""
-        table = self._context.table.identify()
-        imu = self._context.slot.imu.identify()
+        table, imu = self._context.table.identify(), self._context.slot.imu.identify()
         self._context.emit(
             Message(
                 "identified",
@@ -69,15 +67,12 @@ class Preflight:
         pattern = self._limits.serial_pattern
         if not re.fullmatch(pattern, imu.serial):
             raise ConfigurationError("preflight.serial_pattern", serial=imu.serial, pattern=pattern)
-        return table, imu
 
     def _wait_until_ready(self) -> None:
         self._context.emit(Message("waiting_ready"))
         timeout = self._limits.ready_timeout
         self._control_loop.wait(
-            lambda: self._control_loop.flow.ready,
-            timeout,
-            DeviceFaultError("preflight.not_ready", seconds=timeout),
+            lambda: self._control_loop.flow.ready, timeout, DeviceFaultError("preflight.not_ready", seconds=timeout)
         )
         if self._control_loop.flow.failed:
             raise DeviceFaultError("preflight.self_test_failed")

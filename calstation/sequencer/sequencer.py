@@ -10,7 +10,7 @@ from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.physics import Carry, Finish, Move, Prepare, RoundEnd
 from calstation.sequencer.capture import VerificationData
-from calstation.sequencer.context import Ended, Finalized, Journal, Output, RunContext, Solving
+from calstation.sequencer.context import Ended, Finalized, Output, RunContext
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, Driving, RunInBackground
 from calstation.sequencer.events import Message, StageEnded, StageStarted, solution_events
@@ -38,10 +38,7 @@ class Evaluation(Protocol):
         """Whether to go on after a stage. Raises ConfigurationError."""
 
     def finalize(
-        self,
-        solutions: tuple[Solution, ...],
-        run_in_background: RunInBackground,
-        capture_reference: CaptureReference,
+        self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, capture_reference: CaptureReference
     ) -> Finalized:
         """Check the limits; write the registers of a unit that is inside them. The table is at rest."""
 
@@ -56,8 +53,7 @@ class Sequencer:
         journal, solving = context.slot.journal, context.slot.solving
         if journal is None or solving is None:
             raise ValueError("a run needs a log and a solver chain")
-        self._journal: Journal = journal
-        self._solving: Solving = solving
+        self._journal, self._solving = journal, solving
         self._context = context
         self._evaluation = evaluation
         self._solved_before = len(solved)
@@ -65,20 +61,10 @@ class Sequencer:
         self._track: StageTrack | None = None
         self._drive = Driving(context, self._show_progress)
 
-    @property
-    def state(self) -> State:
-        """State of the run."""
-        return self._drive.state
-
-    @property
-    def gaps(self) -> int:
-        """Interruptions of the sample counter so far."""
-        return self._drive.acquisition.gaps
-
     def run(self) -> Ended:
         """Prepare, run every stage, finalize; see `Driving.run` for errors."""
         error = self._drive.run(self._calibrate)
-        return Ended(self.state, tuple(self._solutions), error)
+        return Ended(self._drive.state, tuple(self._solutions), error)
 
     def _calibrate(self) -> State:
         """Everything from preparation to the load angle, axes off; whether the unit passed."""
@@ -197,7 +183,7 @@ class Sequencer:
 
 @contextmanager
 def _worker(name: str) -> Iterator[ThreadPoolExecutor]:
-    """A worker for one job, left to end by itself if the run does not wait for it."""
+    """A worker for one job; the run does not wait for its end."""
     worker = ThreadPoolExecutor(1, name)
     try:
         yield worker

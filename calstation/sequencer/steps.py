@@ -91,11 +91,6 @@ class StepRunner:
             self._recover(start, moved)
             todo = [Dwell(_REST_BEFORE_REPEAT), *again] if moved else again
 
-    @property
-    def asked(self) -> tuple[float, float]:
-        """Rail angles that the operator was asked for last, rad."""
-        return self.guiding.asked
-
     def begin_stage(self) -> None:
         """Begin a stage: moves of the one before are not repeated in it."""
         self._last_move = None
@@ -164,9 +159,7 @@ class StepRunner:
         self._context.table.stop()
         self.control_loop.tick()
         self.control_loop.wait(
-            lambda: not self.control_loop.status.moving,
-            30.0,
-            DeviceFaultError("motion.not_stopped"),
+            lambda: not self.control_loop.status.moving, 30.0, DeviceFaultError("motion.not_stopped")
         )
 
     def _recover(self, start: tuple[float, float], moved: bool) -> None:

@@ -66,17 +66,8 @@ def verification_path(
 ) -> VerificationPath:
     """The outer joint turns, turns again with the inner one elsewhere, then the inner one turns: all within travel.
 
-    Parameters
-    ----------
-    start : joint angles, rad
-    geometry : axes and the profile's limits
-    own : the table's own limits
-    fastest : rate that the gyros can measure, rad/s
-
-    Raises
-    ------
-    ConfigurationError
-        A joint cannot turn.
+    From joint angles `start`, rad, no faster than `fastest`, rad/s, within the limits of the profile and the table's
+    `own`. Raises ConfigurationError if a joint cannot turn.
     """
     path = _PathBuilder(start, geometry, own, fastest)
     there = path.amount(OUTER)
@@ -84,7 +75,7 @@ def verification_path(
     path.turn(OUTER, there)
     path.go(INNER, quarter)
     path.turn(OUTER, -there)
-    # The other way round: a full turn then ends three quarters from the start instead of five.
+    # In the opposite direction: a full turn then ends three quarters from the start instead of five.
     path.turn(INNER, -np.sign(quarter) * abs(path.amount(INNER, -np.sign(quarter))))
     path.go(INNER, start[INNER] - path.pose[INNER])
     return VerificationPath(start, tuple(path.legs), tuple(path.turns))
@@ -99,10 +90,7 @@ class _PathBuilder:
         self.turns: list[Turn] = []
         self._geometry, self._own = geometry, own
         limits = geometry.limits
-        self._rate, self._acceleration = (
-            min(RATE, fastest, *limits.rate),
-            min(ACCELERATION, *limits.acceleration),
-        )
+        self._rate, self._acceleration = (min(RATE, fastest, *limits.rate), min(ACCELERATION, *limits.acceleration))
         self._rested = [(start, self._up(start))]
 
     def amount(self, joint: int, sign: float = 0.0) -> float:

@@ -3,7 +3,6 @@
 Each is a raw log as a station with such hardware would write it, with its true parameters.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -16,7 +15,7 @@ from calstation.bench.truth import (
     GimbalSamples,
     ImuTruth,
     ManualRig,
-    Place,
+    Mounting,
     SecondaryTruth,
     around,
     draw_imu,
@@ -50,7 +49,7 @@ def make_recording(kind: Kind, path: Path, grade: GradeName = "mems", seed: int 
 
     Raises ConfigurationError if the log cannot be created.
     """
-    makers = {"hand": _hand, "pair": _pair, "gimbal": _gimbal}
+    makers = {"hand": _manual_rig, "pair": _pair, "gimbal": _gimbal}
     return makers[kind](path, grade, seed)
 
 
@@ -66,16 +65,9 @@ def _unit(grade: GradeName, seed: int, *, plain: bool = False) -> ImuTruth:
 
 
 def _imu_section(imu: ImuTruth, serial: str) -> dict[str, Any]:
-    numbers = {
-        "sample_rate_hz": imu.sample_rate,
-        "gyro_lsb": imu.gyro_lsb,
-        "accel_lsb": imu.accel_lsb,
-        "gyro_arw": imu.gyro_arw,
-        "accel_vrw": imu.accel_vrw,
-        "gyro_bias_instability": imu.gyro_bias_instability,
-        "accel_bias_instability": imu.accel_bias_instability,
-    }
-    return {"serial": serial, "output": imu.output, **{key: float(value) for key, value in numbers.items()}}
+    same = ("gyro_lsb", "accel_lsb", "gyro_arw", "accel_vrw", "gyro_bias_instability", "accel_bias_instability")
+    numbers = {name: float(getattr(imu, name)) for name in same}
+    return {"serial": serial, "output": imu.output, "sample_rate_hz": float(imu.sample_rate), **numbers}
 
 
 def _meta(imu: ImuTruth, grade: GradeName, **more: Any) -> LogMeta:
@@ -88,16 +80,14 @@ def _truth(imu: ImuTruth) -> dict[str, float]:
     return dict(zip(NAMES, imu.parameters.tolist(), strict=True))
 
 
-def _written(path: Path, meta: LogMeta, blocks: list[SampleBlock], joints: bool = False) -> LogFacts:
-    writer = RawLogWriter(path, meta, joints=joints)
-    for block in blocks:
-        writer.append(block)
+def _write(path: Path, meta: LogMeta, block: SampleBlock) -> LogFacts:
+    writer = RawLogWriter(path, meta)
+    writer.append(block)
     return writer.close("recorded")
 
 
 def _block(stage: str, time: FloatArray, counts: FloatArray, **more: Any) -> SampleBlock:
     n = len(time)
-    given = {"seq": np.arange(n), "step": np.zeros(n, np.int64), **more}
     return SampleBlock(
         stage=stage,
         time=time,
@@ -105,37 +95,35 @@ def _block(stage: str, time: FloatArray, counts: FloatArray, **more: Any) -> Sam
         angles=np.full((n, 2), np.nan),
         valid=np.ones(n, np.bool_),
         temperature=np.full(n, np.nan),
-        **given,
+        **{"seq": np.arange(n), "step": np.zeros(n, np.int64), **more},
     )
 
 
-def _hand(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
+def _manual_rig(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
     imu = _unit(grade, seed)
     samples, _ = record(imu, _RIG, around(), seed)
-    block = _block("multi_position", samples.time, samples.counts)
-    return _written(path, _meta(imu, grade), [block]), _truth(imu)
+    return _write(path, _meta(imu, grade), _block("multi_position", samples.time, samples.counts)), _truth(imu)
 
 
 def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
     random = np.random.default_rng([seed, 1])
     primary = _unit(grade, 2 * seed, plain=True)
-    place = Place(rotation(0.03 * random.standard_normal(3)), random.uniform(-0.1, 0.1, 3))
-    secondary = SecondaryTruth(_unit(grade, 2 * seed + 1, plain=True), place, float(random.uniform(-0.02, 0.02)))
+    mounting = Mounting(rotation(0.03 * random.standard_normal(3)), random.uniform(-0.1, 0.1, 3))
+    secondary = SecondaryTruth(_unit(grade, 2 * seed + 1, plain=True), mounting, float(random.uniform(-0.02, 0.02)))
     rig = replace(_RIG, initial_rest=6.0, rest=2.0, speed=float(np.deg2rad(120.0)))
     motion, duration = push(rig, around(np.deg2rad(60.0)), random)
     counts, others = record_pair(primary, [secondary], motion, duration, rig.field, seed)
-    # the primary has been calibrated before: its own errors are known
-    prior = {name: {"value": value, "sigma": 1e-9} for name, value in _truth(primary).items()}
     meta = _meta(
         primary,
         grade,
         imu2=_imu_section(secondary.imu, "BENCH-2"),
-        prior=prior,
+        # the primary has been calibrated before: its own errors are known
+        prior={name: {"value": value, "sigma": 1e-9} for name, value in _truth(primary).items()},
         schedule={"cross_calibration": _PAIR_SCHEDULE},
     )
     time = np.arange(1, len(counts) + 1) / SAMPLE_RATE
     block = _block("cross_calibration", time, counts, others=others)
-    return _written(path, meta, [block]), _pair_truth(pair_truth(primary, secondary))
+    return _write(path, meta, block), _pair_truth(pair_truth(primary, secondary))
 
 
 def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
@@ -150,68 +138,52 @@ def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
 
 
 class _BenchGimbal:
-    """The bench's gimbal with the interface of the estimation loop."""
+    """The bench's gimbal with the interface of the estimation loop; `lock` takes the gyros' mean as their bias."""
 
     def __init__(self, bench: GimbalBench) -> None:
         self._bench = bench
 
     def lock(self, seconds: float) -> SampleBlock:
-        """Hold the joints and take the gyros' mean output as their bias."""
         samples = self._bench.lock(seconds)
         self._bench.zero_bias(samples)
         return _gimbal_block(samples)
 
     def hold(self, seconds: float, correction: FloatArray) -> SampleBlock:
-        """Stabilise at rest."""
         return _gimbal_block(self._bench.hold(seconds, correction))
 
     def turn(self, axis: int, angle: float, rate: float, correction: FloatArray) -> SampleBlock:
-        """Turn about one body axis."""
         return _gimbal_block(self._bench.turn(axis, angle, rate, correction))
 
     def home(self, rate: float) -> SampleBlock:
-        """Bring all joints to zero."""
         return _gimbal_block(self._bench.home(rate))
 
 
 def _gimbal_block(samples: GimbalSamples) -> SampleBlock:
-    return _block(
-        "gimbal",
-        samples.time,
-        samples.counts,
-        seq=samples.seq,
-        step=samples.step,
-        joints=snap_angles(samples.joints),
-    )
+    joints = snap_angles(samples.joints)
+    return _block("gimbal", samples.time, samples.counts, seq=samples.seq, step=samples.step, joints=joints)
 
 
 def _gimbal(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
     imu, encoder_deg = _unit(grade, seed), 0.002
     schedule = GimbalSchedule.model_validate({})
-    gravity = float(_RIG.field.up_force[2])
+    meta = _meta(
+        imu, grade, table={"encoder_sigma_deg": encoder_deg}, schedule={"gimbal": schedule.model_dump(mode="json")}
+    )
     bench = GimbalBench(
         imu,
         seed,
         order=schedule.order,
-        up_force=(0.0, 0.0, gravity),
+        up_force=(0.0, 0.0, float(_RIG.field.up_force[2])),
         encoder_sigma=float(np.deg2rad(encoder_deg)),
     )
-    meta = _meta(
-        imu,
-        grade,
-        table={"encoder_sigma_deg": encoder_deg},
-        schedule={"gimbal": schedule.model_dump(mode="json")},
-    )
     writer = RawLogWriter(path, meta, joints=True)
-    keep: Callable[[SampleBlock], None] = writer.append
-    rate = float(np.deg2rad(schedule.rate_dps))
     run_loop(
         _BenchGimbal(bench),
         schedule.iteration(),
         context_from_meta(meta).imu,
         schedule.order,
         schedule.dwell_s,
-        rate,
-        keep,
+        float(np.deg2rad(schedule.rate_dps)),
+        writer.append,
     )
     return writer.close("recorded"), _truth(imu)

@@ -1,14 +1,6 @@
 """A plan of faults for the virtual bench: what goes wrong in a run, at which stage, step or second.
 
-seed = 7                          # draws the times given as a range
-[[fault]]
-kind = "drop_frames"
-stage = "rate"                    # from the beginning of this stage or capture; without it from power-on
-step = 2                          # and of its third step
-time_s = [1.0, 5.0]               # and so many seconds of device time later; a number or a range
-value = 3                         # depends on the kind; see `KINDS` and `calstation.bench.config.Order`
-
-A capture of the unit's output accompanies a register transfer: "reference" before it, "verifying" after it.
+`docs/reference/faults.md` describes the file and every kind of fault.
 """
 
 import random
@@ -53,7 +45,12 @@ CAPTURES = ("reference", "verifying")
 
 
 class PlannedFault(StrictModel):
-    """`[[fault]]`: see the module."""
+    """`[[fault]]` of a plan.
+
+    It occurs `time_s` seconds of device time, a number or a range, after the beginning of the `stage`, or of its
+    `step`, or after power-on. A capture of the unit's output for a register transfer counts as a stage: "reference"
+    before it, "verifying" after it.
+    """
 
     kind: str
     stage: str | None = None

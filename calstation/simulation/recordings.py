@@ -16,7 +16,7 @@ def recordings_folder() -> Path:
     return site_folder() / "recordings"
 
 
-def record_on_bench(tell: ProgressCallback, kind: str, path: Path, grade: str, seed: int) -> Path:
+def record_on_bench(progress: ProgressCallback, kind: str, path: Path, grade: str, seed: int) -> Path:
     """Job: make a recording and the file with its true parameters; both replace what was there.
 
     Raises ConfigurationError if the file cannot be written.
@@ -27,13 +27,13 @@ def record_on_bench(tell: ProgressCallback, kind: str, path: Path, grade: str, s
         make_recording,
     )
 
-    tell(0.0)
+    progress(0.0)
     partial = path.with_name(f".{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial.unlink(missing_ok=True)
         _, truth = make_recording(cast(Kind, kind), partial, cast(GradeName, grade), seed)
-        tell(0.9)
+        progress(0.9)
         write_atomic(truth_path(path), json.dumps(truth, indent=1) + "\n")
         partial.replace(path)
     except OSError as exc:

@@ -1,24 +1,23 @@
 """Judges a run of a soak: its verdict against the bench's truth, its records, and how the table was left."""
 
-import json
 import os
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from calstation.bench import BenchConfig
+from calstation.bench import BenchConfig, BenchReport
 from calstation.config import ResolvedConfiguration, RunRequest, resolve_configuration
 from calstation.devices.profiles import TableProfile
 from calstation.errors import CalstationError
-from calstation.physics import INDEX
+from calstation.physics import INDEX, FloatArray
 from calstation.records import Check, open_log
+from calstation.results import Result, load_result
 from calstation.runs import finish_incomplete
 from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
-from calstation.simulation.soak_plan import MILD, Planned
+from calstation.simulation.soak_plan import FROM_LISTENER, MILD, Planned
 
 #: A parameter further from the truth than this many of its sigmas is wrong.
 SIGMAS = 6.0
@@ -30,9 +29,8 @@ _REPORT_WITHIN = 10.0
 _JUMP = 5_000
 
 #: Faults with which a good unit must fail.
-_MUST_FAIL = ("wrong_gravity",)
+_MUST_FAIL = {"wrong_gravity"}
 
-_OUTCOMES = ("passed", "failed", "stopped", "fault", "incomplete")
 _VERDICTS = ("passed", "failed")
 
 
@@ -67,7 +65,8 @@ class Judged:
     @property
     def stopped_safely(self) -> bool:
         """Whether faults prevented a verdict and the table is at rest with its axes off."""
-        return bool(self.injected) and self.outcome in _OUTCOMES and not (self.recovered or self.unsafe)
+        ended = self.outcome not in ("hung", "lost")
+        return bool(self.injected) and ended and not (self.recovered or self.unsafe)
 
 
 def judge_run(
@@ -83,24 +82,26 @@ def judge_run(
     report : file that the bench writes at its end; missing if it died with the engine
     """
     kinds = [kind for kind, _ in planned.faults]
-    bench = _bench(report)
-    died = bool(kinds) and "engine_killed" in kinds and not _ended(request)
+    bench = _bench_report(report)
+    died = "engine_killed" in kinds and not list(request.out.glob(f"{request.serial}_*.json"))
     setup = resolve_configuration(request, with_faults)
-    happened = [kind for kind in kinds if kind in bench.get("obeyed", ()) or _set_up(kind, setup)]
+    obeyed = () if bench is None else bench.obeyed
+    happened = [kind for kind in kinds if kind in obeyed or _set_up(kind, setup)]
     result, lost = _records(request, died)
-    outcome = "hung" if hung else str(result.get("outcome", "lost"))
+    outcome = "hung" if hung else "lost" if result is None else result.outcome
     happened += [kind for kind in kinds if kind in HOST and outcome == "incomplete"]
-    happened += [kind for kind in kinds if kind in ("operator_stop", "window_killed") and outcome == "stopped"]
+    happened += [kind for kind in kinds if kind in FROM_LISTENER and outcome == "stopped"]
     lost_link = died or "mute_table" in happened
+    may_stay_on = lost_link and _left_alone(setup.table)
     samples, missing = _samples(result, "jump_counter" in happened)
     return Judged(
         planned=planned,
         outcome=outcome,
-        error=result.get("error"),
+        error=None if result is None else result.error,
         injected=tuple(happened),
         wrong=tuple(_wrong(planned, request, result, outcome, happened)),
         lost=tuple(lost),
-        unsafe=bool(bench.get("moving", True) or (bench["enabled"] and not (lost_link and _left_alone(setup.table)))),
+        unsafe=bench is None or bench.moving or (bench.enabled and not may_stay_on),
         samples=samples,
         samples_lost=missing,
         engine_mb=engine_mb,
@@ -112,147 +113,127 @@ def judge_run(
 def _set_up(kind: str, setup: ResolvedConfiguration) -> bool:
     """Whether a fault from the start had an effect on these devices."""
     if kind == "watchdog_off":
-        return _watched(setup.table)
+        return _has_watchdog(setup.table)
     if kind == "never_ready":
         return bool(setup.imu.status.ready)
     return kind in SET_UP
 
 
-def _watched(table: TableProfile) -> bool:
-    """Whether the table has a watchdog."""
+def _has_watchdog(table: TableProfile) -> bool:
     names = table.registers if table.text is None else table.text.queries
     return any("watchdog" in name for name in names)
 
 
 def _left_alone(table: TableProfile) -> bool:
     """Whether nothing switches the axes off when the link is lost: the table completes its move and rests."""
-    return table.link_loss_stop_s is None and not _watched(table)
+    return table.link_loss_stop_s is None and not _has_watchdog(table)
 
 
-def _records(request: RunRequest, died: bool) -> tuple[dict[str, Any], list[str]]:
+def _records(request: RunRequest, died: bool) -> tuple[Result | None, list[str]]:
     """The result of the run, and what is missing of its records."""
     logs = sorted(request.out.glob(f"{request.serial}_*.h5"))
     if not logs:
-        return {}, ["no log"]
+        return None, ["no log"]
     path = logs[-1]
     if died:
         os.utime(path, (0.0, 0.0))
         finish_incomplete(request.out)
-    result = _read(path.with_suffix(".json"))
-    if result.get("outcome") not in _OUTCOMES:
-        return result, ["no result"]
+    try:
+        result = load_result(path.with_suffix(".json"))
+    except CalstationError:
+        return None, ["no result"]
     try:
         log = open_log(path)
         facts = log.facts()
     except CalstationError as error:
         return result, [f"log: {error}"]
     lost = []
-    if facts.sha256 != result["log"]["sha256"]:
-        lost.append("the log is not the one that the result is of")
-    if log.outcome != (None if result["outcome"] == "incomplete" else result["outcome"]):
-        lost.append(f"the log ends as {log.outcome}, the result as {result['outcome']}")
+    if facts.sha256 != result.log.sha256:
+        lost.append("the digest of the log is not the one in the result")
+    if log.outcome != (None if result.outcome == "incomplete" else result.outcome):
+        lost.append(f"the log ends as {log.outcome}, the result as {result.outcome}")
     return result, lost
 
 
 def _wrong(
-    planned: Planned, request: RunRequest, result: dict[str, Any], outcome: str, happened: Collection[str]
+    planned: Planned, request: RunRequest, result: Result | None, outcome: str, happened: Collection[str]
 ) -> list[str]:
+    """What is wrong with the verdict."""
     if outcome == "hung":
         return ["it hung"]
-    happened_so = [fault for fault in planned.faults if fault[0] in happened]
-    if outcome not in _VERDICTS and not planned.faulty_unit and set(happened_so) <= set(MILD):
-        return [f"no verdict without need: {result.get('error') or outcome}"]
-    must_fail = bool(set(_MUST_FAIL) & set(happened))
-    if outcome not in _VERDICTS or (outcome == "failed" and (planned.faulty_unit or must_fail)):
+    only_mild = {fault for fault in planned.faults if fault[0] in happened} <= set(MILD)
+    if outcome not in _VERDICTS and not planned.faulty_unit and only_mild:
+        return [f"no verdict without need: {(result and result.error) or outcome}"]
+    must_fail = bool(_MUST_FAIL & set(happened))
+    if result is None or outcome not in _VERDICTS or (outcome == "failed" and (planned.faulty_unit or must_fail)):
         return []
     if must_fail:
         return [f"passed with {', '.join(happened)}"]
     setup = resolve_configuration(request, with_faults)
-    truth = BenchConfig.model_validate(setup.bench_config()).truth().imu.parameters
+    truth = BenchConfig.model_validate(setup.bench_config()).truth().parameters
     if outcome == "failed":
-        missed = [check for check in result["checks"] if not check["passed"]]
-        if any(_near_limit(check, result, truth) for check in missed):
+        if any(_near_limit(check, result, truth) for check in result.failed_checks):
             return []
-        return [f"a good unit failed: {', '.join(check['name'] for check in missed)}"]
-    return [*_off(result, truth), *_outside(setup, result, truth)]
+        return [f"a good unit failed: {', '.join(check.name for check in result.failed_checks)}"]
+    away = {n: abs(row.value - truth[INDEX[n]]) / row.sigma for n, row in result.parameters.items()}
+    wrong = [f"passed with {name} off by {sigmas:.1f} sigma" for name, sigmas in away.items() if sigmas > SIGMAS]
+    outside = [check.subject for check in result.checks if _far_outside(check, result, truth)]
+    return wrong + [f"passed with {name} outside its limits" for name in outside]
 
 
-def _near_limit(check: dict[str, Any], result: dict[str, Any], truth: np.ndarray) -> bool:
+def _near_limit(check: Check, result: Result, truth: FloatArray) -> bool:
     """Whether the truth is outside its limit, or so near that noise may move the estimate outside."""
     interval = _interval(check, result)
     if interval is None:
         return False
-    name, low, high, room = interval
-    return not low + room <= truth[INDEX[name]] <= high - room
+    low, high, margin = interval
+    return not low + margin <= truth[INDEX[check.subject]] <= high - margin
 
 
-def _interval(row: Mapping[str, Any], result: dict[str, Any]) -> tuple[str, float, float, float] | None:
-    """Parameter, limits and `SIGMAS` sigmas of a check of a value; None for other checks."""
-    check = Check.from_json(row)
-    if check.kind != "within" or not isinstance(check.limit, tuple):
+def _far_outside(check: Check, result: Result, truth: FloatArray) -> bool:
+    """Whether the truth is outside its limit by more than noise may move the estimate."""
+    interval = _interval(check, result)
+    if interval is None:
+        return False
+    low, high, margin = interval
+    return not low - margin <= truth[INDEX[check.subject]] <= high + margin
+
+
+def _interval(check: Check, result: Result) -> tuple[float, float, float] | None:
+    """Limits and `SIGMAS` sigmas of a check of a value; None for other checks."""
+    parameter = result.parameters.get(check.subject)
+    if check.kind != "within" or not isinstance(check.limit, tuple) or parameter is None:
         return None
-    parameter = result["parameters"].get(check.subject)
-    return None if parameter is None else (check.subject, *check.limit, SIGMAS * parameter["sigma"])
+    return *check.limit, SIGMAS * parameter.sigma
 
 
-def _off(result: dict[str, Any], truth: np.ndarray) -> list[str]:
-    found = []
-    for name, row in result["parameters"].items():
-        away = abs(row["value"] - truth[INDEX[name]]) / row["sigma"]
-        if away > SIGMAS:
-            found.append(f"passed with {name} off by {away:.1f} sigma")
-    return found
-
-
-def _outside(setup: ResolvedConfiguration, result: dict[str, Any], truth: np.ndarray) -> list[str]:
-    """Parameters judged inside their limits whose truth is outside by more than their sigma allows."""
-    found = []
-    for check in result["checks"]:
-        interval = _interval(check, result)
-        if interval is not None:
-            name, low, high, room = interval
-            if not low - room <= truth[INDEX[name]] <= high + room:
-                found.append(f"passed with {name} outside its limits")
-    return found
-
-
-def _bench(report: Path) -> dict[str, Any]:
-    """The bench's report, written after its watchdog's timeout; {} if it never comes."""
+def _bench_report(path: Path) -> BenchReport | None:
+    """The bench's report, written after its watchdog's timeout; None if it never comes."""
     deadline = time.monotonic() + _REPORT_WITHIN
-    while not report.exists() and time.monotonic() < deadline:
+    while not path.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
-    return _read(report)
+    try:
+        return BenchReport.model_validate_json(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
 
 
-def _ended(request: RunRequest) -> bool:
-    """Whether the run itself wrote its result."""
-    return bool(list(request.out.glob(f"{request.serial}_*.json")))
-
-
-def _samples(result: dict[str, Any], jumped: bool) -> tuple[int, int]:
+def _samples(result: Result | None, jumped: bool) -> tuple[int, int]:
     """Number of samples in a run's log, and missing between them; a jump of the counter is not a loss."""
-    if "log" not in result:
-        return 0, 0
     count = missing = 0
+    if result is None:
+        return count, missing
     last: int | None = None
     try:
-        for block in open_log(Path(result["log"]["file"])).blocks():
+        for block in open_log(Path(result.log.file)).blocks():
             seq = block.seq if last is None else np.concatenate(([last], block.seq))
             lost = np.diff(seq) - 1
             missing += int(lost[lost < _JUMP].sum() if jumped else lost.sum())
             count += len(block)
             last = int(block.seq[-1])
     except CalstationError:
-        return count, missing
+        pass
     return count, missing
-
-
-def _read(path: Path) -> dict[str, Any]:
-    try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return content
 
 
 def resident_mb(pid: int | None) -> float:

@@ -16,10 +16,7 @@ STAGES = ("rate", "six_position")
 _QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 _SHORT: dict[str, Any] = {
     "warm_up": {"time_s": 0.0},
-    "schedule": {
-        "rate": {"turns": 1, "dwell_s": 2.0, **_QUICK},
-        "six_position": {"dwell_s": 6.0, **_QUICK},
-    },
+    "schedule": {"rate": {"turns": 1, "dwell_s": 2.0, **_QUICK}, "six_position": {"dwell_s": 6.0, **_QUICK}},
 }
 _MEMS = {"bench_grade": "mems", "limits": "mems_c"}
 
@@ -95,7 +92,8 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
 #: Kinds that are also injected during the captures around a register transfer.
 _IN_CAPTURES = ("reset_imu", "drop_frames")
 
-_FROM_LISTENER = ("operator_stop", "window_killed")
+#: Faults that come from the listener.
+FROM_LISTENER = ("operator_stop", "window_killed")
 #: Latest time of a fault in a stage or step, s of device time.
 _LATEST = 20.0
 
@@ -149,7 +147,7 @@ def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> Ru
         limits = {name: {"within": limit["within"]} for name, limit in product["limits"].items()}
         product |= {"name": "soak", **_SHORT, "limits": limits, "stages": list(stages)}
     names = tuple(product["stages"])
-    faults = [_fault(kind, value, names, drawn) for kind, value in planned.faults if kind not in _FROM_LISTENER]
+    faults = [_fault(kind, value, names, drawn) for kind, value in planned.faults if kind not in FROM_LISTENER]
     _write(folder / "station.toml", station)
     _write(folder / "product.toml", product)
     _write(folder / "plan.toml", {"seed": planned.seed, "fault": faults})

@@ -81,27 +81,12 @@ class Soak:
 
 
 def soak(
-    runs: int,
-    seed: int,
-    folder: Path,
-    *,
-    full: bool,
-    on_run: Callable[[Soak], None],
-    stopping: Callable[[], bool],
+    runs: int, seed: int, folder: Path, *, full: bool, on_run: Callable[[Soak], None], stopping: Callable[[], bool]
 ) -> Soak:
-    """Run calibrations back to back.
+    """Run calibrations back to back, with `full` schedules or short ones.
 
-    Parameters
-    ----------
-    runs, seed : number of runs; of faults and units
-    folder : where runs and their files go; it must not hold runs already
-    full : run the product's whole schedule instead of a short one
-    on_run, stopping : called after each run; whether to stop before the next
-
-    Raises
-    ------
-    ConfigurationError
-        The folder holds runs.
+    `seed` draws faults and units. `on_run` is called after each run; `stopping` says whether to stop before the next.
+    Raises ConfigurationError if the folder holds runs already.
     """
     if (folder / "runs").exists():
         raise ConfigurationError("study.folder_in_use", folder=folder)
@@ -160,8 +145,4 @@ def _mean(values: list[float]) -> float:
 def _trend(values: list[float]) -> dict[str, float]:
     """Mean of the first and of the last tenth, and the largest value."""
     tenth = max(1, len(values) // 10)
-    return {
-        "first": _mean(values[:tenth]),
-        "last": _mean(values[-tenth:]),
-        "largest": max(values, default=0.0),
-    }
+    return {"first": _mean(values[:tenth]), "last": _mean(values[-tenth:]), "largest": max(values, default=0.0)}

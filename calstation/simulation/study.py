@@ -1,8 +1,6 @@
 """Monte Carlo study against truth: errors over sigmas and over the bound, for many units and tables.
 
-The truth is computed by the bench's own mathematics; the solvers get the priors and noise that the bench draws from.
-Each unit is mounted 0.1-0.3° askew on a table with 60″ of non-orthogonality and encoders accurate to 0.05°, on a base
-tilted by 0.1°. `docs/explanation/study.md` explains what is tested and where the bands come from.
+The solvers get the priors and noise that the bench draws from; `docs/explanation/study.md` explains tests and bands.
 """
 
 from collections.abc import Callable, Iterator
@@ -188,11 +186,7 @@ def _block(s: Simulated) -> SampleBlock:
 
 
 def _solve(
-    case: Case,
-    truth: BenchTruth,
-    context: SolveContext,
-    data: dict[str, SampleBlock],
-    schedules: Schedules,
+    case: Case, truth: BenchTruth, context: SolveContext, data: dict[str, SampleBlock], schedules: Schedules
 ) -> UnitResult:
     """Solve a case's chain as a run does, and its bound: the same chain linearised at the truth."""
     belief = study_prior(truth.grade, case.outer_lever)

@@ -51,23 +51,23 @@ def measured(errors, rate, force):
 def test_the_true_errors_in_the_registers_make_the_output_true(protocol):
     profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml")
     entries = RegisterMap(tuple(profile.registers))
-    told = {n: v for n, v in ERRORS.items() if n in entries.parameters}
+    registers = {n: v for n, v in ERRORS.items() if n in entries.parameters}
     unit = UNITS[protocol](BenchConfig(serial="SN-7"))
     unit.scale = np.repeat([1e-7, 1e-6], 3)
     unit.increments = False
-    fill(unit, profile, entries, told)
+    fill(unit, profile, entries, registers)
     rng = np.random.default_rng(4)
     rate, force = rng.normal(size=(40, 3)), 9.8 * rng.normal(size=(40, 3))
-    counts = measured(entries.rounded(told), rate, force) / unit.scale
+    counts = measured(entries.rounded(registers), rate, force) / unit.scale
     values = unit.correction().applied(counts * unit.scale)
     np.testing.assert_allclose(values[:, :3], rate, atol=2e-6)
     np.testing.assert_allclose(values[:, 3:], force, atol=2e-5)
 
 
-def fill(unit, profile, entries, told):
+def fill(unit, profile, entries, registers):
     """Put registers in by the unit's own commands."""
     check_cancelled = unit.conversation()
-    numbers = entries.encode({**dict.fromkeys(entries.parameters, 0.0), **told})
+    numbers = entries.encode({**dict.fromkeys(entries.parameters, 0.0), **registers})
     for entry in entries.entries:
         kind = number(entry.type)
         if profile.protocol == "vectornav":
@@ -80,11 +80,11 @@ def fill(unit, profile, entries, told):
             head = struct.pack("<HB", entry.address, len(body) // 4)
             unit.answer(WRITE, head + body, 1.0)
             continue
-        for told_now in (
+        for request in (
             bytes([1, 6]) + struct.pack(">HH", 23, entry.page),
             bytes([1, 16]) + struct.pack(">HHB", entry.address, len(body) // 2, len(body)) + body,
         ):
-            (reply,) = check_cancelled(told_now + check_bytes("crc16_modbus", told_now, "little"), 1.0)
+            (reply,) = check_cancelled(request + check_bytes("crc16_modbus", request, "little"), 1.0)
             assert not reply[1] & 0x80
 
 
@@ -102,10 +102,10 @@ def test_increments_lose_nothing_to_rounding():
 
 
 @pytest.mark.parametrize("protocol", PROFILES)
-def test_the_driver_changes_over_and_nothing_of_the_other_kind_is_read(start_bench, protocol):
+def test_the_driver_changes_the_kind_of_stream_without_reading_the_other_kind(start_bench, protocol):
     profile = load_imu_profile(IMUS / f"{PROFILES[protocol]}.toml").with_timeout(2.0)
-    told = {"grade": "mems", "imu_protocol": protocol, "output": profile.stream.output}
-    with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **told) as bench:
+    settings = {"grade": "mems", "imu_protocol": protocol, "output": profile.stream.output}
+    with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **settings) as bench:
         imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "imu"), profile, "")
 
         def means(**kind):

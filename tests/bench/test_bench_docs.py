@@ -1,4 +1,4 @@
-"""docs/reference/bench.md and docs/reference/faults.md tell every setting, order and kind of fault."""
+"""docs/reference/bench.md and docs/reference/faults.md describe every setting, order and kind of fault."""
 
 import re
 import subprocess
@@ -18,13 +18,13 @@ def rows(text: str) -> str:
     return "\n".join(line for line in text.splitlines() if line.startswith("|"))
 
 
-def test_every_setting_and_order_is_told() -> None:
-    told = set(re.findall(r"`(\w+)`", rows(BENCH)))
-    assert set(BenchConfig.model_fields) <= told
-    assert set(get_args(OrderName)) <= told
+def test_every_setting_and_order_is_documented() -> None:
+    documented = set(re.findall(r"`(\w+)`", rows(BENCH)))
+    assert set(BenchConfig.model_fields) <= documented
+    assert set(get_args(OrderName)) <= documented
 
 
-def test_every_kind_of_fault_is_told_and_marked() -> None:
+def test_every_kind_of_fault_is_documented_and_marked() -> None:
     table = rows(FAULTS.split("## One by one")[1])
     marks = dict(re.findall(r"`(\w+)`([¹²]?)", table))
     assert set(KINDS) <= set(marks)
@@ -32,7 +32,7 @@ def test_every_kind_of_fault_is_told_and_marked() -> None:
         assert marks[kind] == ("¹" if kind in SET_UP else "²" if kind in HOST else ""), kind
 
 
-def test_a_misspelt_setting_is_told_with_the_right_one() -> None:
+def test_a_misspelt_setting_is_reported_with_the_nearest_name() -> None:
     command = [sys.executable, "-m", "calstation.bench", "--config", '{"bench_grade": "mems"}']
     done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
     assert done.returncode == 2

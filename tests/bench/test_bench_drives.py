@@ -35,23 +35,23 @@ class Pair:
 
 
 class Unit:
-    """One drive as `register_table.RegisterLink`; `gone` where its cable is cut."""
+    """One drive as `register_table.RegisterLink`; `unplugged` if its cable is cut."""
 
     received = b""
 
     def __init__(self, drive):
-        self.drive, self.gone, self.said = drive, False, []
+        self.drive, self.unplugged, self.writes = drive, False, []
 
     def read(self, address, count):
-        if self.gone:
+        if self.unplugged:
             raise DeviceFaultError("link.lost", device="table", port="memory", reason="no power")
         self.drive.refresh()
         return self.drive.words[address : address + count]
 
     def write(self, address, values, repeat=True):
-        if self.gone:
+        if self.unplugged:
             raise DeviceFaultError("link.lost", device="table", port="memory", reason="no power")
-        self.said.append((address, list(values), repeat))
+        self.writes.append((address, list(values), repeat))
         self.drive.write(address, values)
 
     def close(self):
@@ -73,10 +73,10 @@ def ready(pair):
     return pair.table
 
 
-def test_what_the_drives_say_on_the_wire(pair):
+def test_bytes_of_the_drives(pair):
     table = ready(pair)
     for unit in pair.units:
-        unit.said.clear()
+        unit.writes.clear()
     table.move(*np.deg2rad([-90.0, 100.0, 20.0, 40.0]))
 
     def low_first(kind, *values):
@@ -86,8 +86,8 @@ def test_what_the_drives_say_on_the_wire(pair):
         return low_first(">i", counts) + low_first(">I", 200_000, 400_000)
 
     begin = [(23, [1], True), (20, [0x0F], True), (20, [0x3F], True)]
-    assert pair.units[0].said == [(34, targets(-9_000_000), True), *begin]
-    assert pair.units[1].said == [(34, targets(-10_000_000), True), *begin], "its counts fall"
+    assert pair.units[0].writes == [(34, targets(-9_000_000), True), *begin]
+    assert pair.units[1].writes == [(34, targets(-10_000_000), True), *begin], "its counts fall"
     pair.pass_time(30.0)
     np.testing.assert_allclose(table.status().angles, np.deg2rad([-90.0, 100.0]), atol=1e-6)
 
@@ -110,9 +110,9 @@ def test_status_is_taken_from_both_drives(pair):
     assert not table.status().enabled, "one axis is off"
 
 
-def test_homing_is_never_said_twice_and_no_bit_tells_that_it_moves(pair):
+def test_homing_is_commanded_once_and_shows_no_motion_bit(pair):
     table = ready(pair)
-    assert [repeat for address, _, repeat in pair.units[0].said if address == 23] == [False]
+    assert [repeat for address, _, repeat in pair.units[0].writes if address == 23] == [False]
     assert table.status().homed
     table.move(*np.deg2rad([10.0, 0.0, 20.0, 40.0]))
     pair.pass_time(0.2)
@@ -122,20 +122,20 @@ def test_homing_is_never_said_twice_and_no_bit_tells_that_it_moves(pair):
     assert status.rates[0] > 0.0
 
 
-def test_a_stop_reaches_the_axis_whose_drive_still_answers(pair):
+def test_a_stop_reaches_the_axis_whose_drive_answers(pair):
     table = ready(pair)
     table.move(*np.deg2rad([300.0, 300.0, 20.0, 40.0]))
     pair.pass_time(2.0)
-    pair.units[0].gone = True
+    pair.units[0].unplugged = True
     with raises_code(DeviceFaultError, "link.lost"):
         table.stop()
-    assert (40, [0, 0], True) in pair.units[1].said
-    pair.units[0].gone = False
+    assert (40, [0, 0], True) in pair.units[1].writes
+    pair.units[0].unplugged = False
     pair.pass_time(2.0)
     assert not table.status().moving
 
 
-def test_after_a_stop_nothing_moves_until_it_is_told(pair):
+def test_after_a_stop_nothing_moves_until_commanded(pair):
     table = ready(pair)
     table.move(*np.deg2rad([300.0, 0.0, 20.0, 40.0]))
     pair.pass_time(2.0)
@@ -156,10 +156,10 @@ def test_no_endless_rate_unless_the_profile_states_how_the_drives_stop(pair):
     table.rate(*np.deg2rad([0.0, -15.0, 40.0]))
     pair.pass_time(3.0)
     np.testing.assert_allclose(table.status().rates, np.deg2rad([0.0, -15.0]), atol=1e-6)
-    table.heartbeat()  # there is none, and nothing is said
+    table.heartbeat()  # there is no watchdog, so nothing is sent
 
 
-def test_a_fault_is_told_and_cleared_on_both(pair):
+def test_a_fault_is_reported_and_cleared_on_both_drives(pair):
     table = ready(pair)
     pair.machine.trip(Fault.DRIVE, pair.time)
     assert table.status().fault == "drive"
@@ -170,7 +170,7 @@ def test_a_fault_is_told_and_cleared_on_both(pair):
     assert not status.enabled
 
 
-def test_a_float_that_is_no_number_is_a_fault(pair):
+def test_a_non_numeric_float_is_a_fault(pair):
     def refresh():
         pair.drives[0].words[32:34] = [0, 0x7FC0]
 
@@ -180,7 +180,7 @@ def test_a_float_that_is_no_number_is_a_fault(pair):
     assert caught.value.values == {"name": "outer_rate", "addresses": "32-33"}
 
 
-def test_what_a_drive_refuses_changes_nothing():
+def test_a_refused_command_changes_nothing():
     pair = Pair()
     outer, inner = pair.drives
     for drive in (outer, inner):
@@ -202,9 +202,9 @@ def test_what_a_drive_refuses_changes_nothing():
         pytest.param("rtu", marks=pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")),
     ],
 )
-def test_behind_a_server_each_drive_is_a_unit(start_bench, transport):
-    told = {"table_protocol": "drives", "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
-    with start_bench(**told) as bench:
+def test_each_drive_is_a_modbus_unit_of_the_server(start_bench, transport):
+    settings = {"table_protocol": "drives", "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
+    with start_bench(**settings) as bench:
         port = bench.endpoints["table"] if transport == "rtu" else f"tcp://{bench.endpoints['table']}"
         table = ModbusTable(port, PROFILE.at_place(2.0, None))
         try:

@@ -1,10 +1,10 @@
-"""Free motion is what it says: rates and accelerations are derivatives, and at rest it is the table's own truth."""
+"""Free motion: rates and accelerations are exact derivatives; at rest it agrees with the table."""
 
 import numpy as np
 import pytest
 
 from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, tremor
-from calstation.bench.truth.free_unit import Field, Place, ideal_increments
+from calstation.bench.truth.free_unit import Field, Mounting, ideal_increments
 from calstation.bench.truth.grades import draw_imu
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.bench.truth.manual_rig import HandStream, ManualRig, around, push, record
@@ -71,7 +71,7 @@ def test_force_is_gravity_and_shake_seen_from_the_body(motion):
         assert motion.attitude(time) @ (rate[k] - still[k]) == pytest.approx([0.0, 5e-5, 4e-5], abs=1e-12)
 
 
-def test_at_rest_it_is_what_the_table_shows():
+def test_at_rest_free_motion_agrees_with_the_table():
     imu = draw_imu("tactical", np.random.default_rng(7), sample_rate=100.0, instability=False)
     table = TableTruth(latitude=0.6, height=100.0, mount=(0.3, -0.2, 0.5))
     quiet = draw_imu("tactical", np.random.default_rng(7), sample_rate=100.0, instability=False)
@@ -88,7 +88,7 @@ def test_at_rest_it_is_what_the_table_shows():
     increments = ideal_increments(
         imu,
         held,
-        Place(np.eye(3), ZERO),
+        Mounting(np.eye(3), ZERO),
         Field(table.up_force_n, table.earth_rate_n),
         np.arange(11) / 100.0,
     )
@@ -98,7 +98,7 @@ def test_at_rest_it_is_what_the_table_shows():
     assert increments == pytest.approx(np.tile(increments[0], (10, 1)))
 
 
-def test_a_hand_stops_where_it_likes_and_rests():
+def test_an_operator_stops_near_the_position_and_rests():
     rig = ManualRig(rest=4.0)
     poses = around(np.deg2rad(45.0))
     motion, duration = push(rig, poses, np.random.default_rng(2))
@@ -122,7 +122,7 @@ def test_equal_seeds_give_equal_recordings_and_others_differ():
     assert not np.array_equal(first[:100], other[:100])
 
 
-def test_samples_do_not_depend_on_how_they_are_asked_for():
+def test_samples_do_not_depend_on_the_sizes_of_requests():
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     rig = ManualRig()
     streams = [HandStream(imu, rig, np.random.SeedSequence(5)) for _ in range(2)]
@@ -133,7 +133,7 @@ def test_samples_do_not_depend_on_how_they_are_asked_for():
     assert np.array_equal(whole, np.vstack(parts))
 
 
-def test_hands_bring_it_about_where_they_are_asked_and_then_leave_it():
+def test_an_operator_brings_the_unit_near_the_position_and_releases_it():
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     rig = ManualRig()
     stream = HandStream(imu, rig, np.random.SeedSequence(5))

@@ -20,7 +20,7 @@ def rates_of(imu, samples):
 
 
 @pytest.mark.long
-def test_joint_rates_turn_the_body_with_the_rate_asked_for():
+def test_joint_rates_turn_the_body_at_the_requested_rate():
     joints, omega, h = np.array([0.4, -0.3, 1.2]), np.array([0.2, -0.5, 0.9]), 1e-6
     rates = joint_rates(ORDER, joints, omega)
     spin = (
@@ -31,7 +31,7 @@ def test_joint_rates_turn_the_body_with_the_rate_asked_for():
     assert omega == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=1e-8)
 
 
-def test_stabilised_rates_show_nothing_and_the_joints_show_the_error():
+def test_an_error_shows_in_the_joints_and_not_in_stabilised_rates():
     imu = misaligned(1)
     bench = GimbalBench(imu, 1, encoder_sigma=0.0)
     bench.zero_bias(bench.lock(5.0))
@@ -55,7 +55,7 @@ def test_with_the_true_correction_the_joints_stay():
     assert np.abs(bench.joints[1:]).max() < 3e-5
 
 
-def test_locked_joints_go_where_they_are_told_and_the_gyros_see_it():
+def test_locked_joints_follow_their_profile_and_the_gyros_measure_it():
     imu = misaligned(3)
     bench = GimbalBench(imu, 3)
     rest = rates_of(imu, bench.lock(5.0)).mean(axis=0)

@@ -40,7 +40,7 @@ def increments(imu, table, outer, inner, count, first=0, velocity=None):
     )
 
 
-def test_at_rest_a_perfect_unit_feels_gravity_and_the_earth():
+def test_at_rest_a_perfect_unit_measures_gravity_and_earth_rate():
     table = replace(PLAIN, azimuth=0.5, mount=(0.01, 0.0, -0.02))
     rates = increments(unit(), table, JointProfile.rest(0.7), JointProfile.rest(-1.3), 3) * 100.0
     to_body = table.attitude(np.array([[0.7, -1.3]]))[0].T
@@ -199,7 +199,7 @@ def test_rates_are_means_over_the_sample_each_rounded_alone():
     assert counts == pytest.approx(np.floor(values / 0.1 / 0.5 + 0.5), abs=0.0)
 
 
-def test_saturation_holds_the_count_and_says_so():
+def test_saturation_limits_the_count_and_is_flagged():
     values = np.zeros((3, 6))
     values[1, 4] = -100.0
     counts, saturated = quantise(values, as_rate=False, limit=50.0)

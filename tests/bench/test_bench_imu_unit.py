@@ -63,7 +63,7 @@ def test_write_and_read_back_float32_registers():
         (WRITE, struct.pack("<HB", 0, 2) + bytes(4), 2),
     ],
 )
-def test_what_is_wrong_gets_an_error_reply(op, payload, code):
+def test_a_wrong_command_gets_an_error_reply(op, payload, code):
     assert unit().answer(op, payload, 0.0) == reply(ERROR, bytes([code]))
 
 
@@ -142,7 +142,7 @@ def test_commands_are_found_however_the_bytes_are_cut(commands, noise, cuts):
     assert found == commands
 
 
-def test_a_spoilt_command_is_not_carried_out():
+def test_a_damaged_command_is_not_carried_out():
     good = pack(COMMAND_SYNC, IDENTIFY)
     spoilt = bytearray(pack(COMMAND_SYNC, COMMIT))
     spoilt[-1] ^= 1

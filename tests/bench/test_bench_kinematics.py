@@ -51,7 +51,7 @@ def test_a_move_rings_after_its_end_and_then_settles():
     assert np.max(np.abs(profile.states(np.linspace(settled, settled + 1.0, 500))[:, 0] - 1.0)) <= SETTLED
 
 
-def test_a_stop_is_continuous_and_decelerates_as_told():
+def test_a_stop_is_continuous_and_decelerates_as_commanded():
     moving = JointProfile.rest(0.0).move(0.0, 10.0, 1.0, 0.5)
     stopped = moving.stop(4.0, 0.25)
     assert stopped.end == pytest.approx(4.0 + 1.0 / 0.25)

@@ -24,8 +24,8 @@ LATE, NEXT = TIMEOUT + 0.05, 0.1
 def test_limits_and_angles_of_a_slow_table_on_rtu_are_its_own(start_bench):
     profile = load_table_profile(DATA / "tables" / "bench.toml").at_place(TIMEOUT, None)
     profile = profile.model_copy(update={"modbus": profile.modbus.model_copy(update={"gap": 0})})
-    told = {"low_deg": [-400.0, -500.0], "high_deg": [600.0, 700.0], "start_deg": [3.0, -4.0]}
-    with start_bench(table_transport="rtu", **told) as bench:
+    settings = {"low_deg": [-400.0, -500.0], "high_deg": [600.0, 700.0], "start_deg": [3.0, -4.0]}
+    with start_bench(table_transport="rtu", **settings) as bench:
         table = ModbusTable(bench.endpoints["table"], profile, SerialSettings())
         try:
             first = table.status()

@@ -75,7 +75,7 @@ def test_orders_come_at_their_time():
     assert live.machine.fault is Fault.STALL
 
 
-def test_frames_are_dropped_corrupted_and_silenced_to_order():
+def test_frames_are_dropped_corrupted_and_silenced_as_ordered():
     live = bench()
     start = len(decode(live.advance(1.0)))
     live.obey(Order(order="drop_frames", value=3))
@@ -106,6 +106,6 @@ def test_a_fault_lasts_as_long_as_ordered_however_time_passes(stride):
     assert np.diff(frames["counter"].astype(int)).max() == 61
 
 
-def test_a_unit_out_of_limits_is_drawn_to_order():
+def test_a_unit_outside_its_limits_is_drawn_as_configured():
     parameters = bench(out_of_limits=True).truth.parameters
     assert abs(parameters[0]) > 15.0 * np.deg2rad(1.0) / 3600.0

@@ -8,13 +8,19 @@ from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.bench.truth.noise import (
     INSTABILITY_TIMES,
-    instability_covariance,
     instability_variance,
     vibration_frequency,
 )
 from calstation.bench.truth.stream import SensorStream
 from calstation.bench.truth.table import TableTruth
 from calstation.physics.parameters import COUNT
+
+
+def instability_covariance(instability, lag):
+    """Autocovariance of the bias at `lag` s."""
+    decay = np.exp(-np.abs(np.asarray(lag))[..., None] / np.array(INSTABILITY_TIMES))
+    return instability_variance(instability) * decay.sum(axis=-1)
+
 
 REST = (JointProfile.rest(0.0), JointProfile.rest(0.0))
 ARW, VRW = 3e-5, 5e-4
@@ -34,7 +40,7 @@ def assert_variance(samples, expected, probability=1e-5):
     assert np.all((low < ratio) & (ratio < high))
 
 
-def test_white_noise_has_the_told_density():
+def test_white_noise_has_the_configured_density():
     increments = stream().produce(50_000, *REST).counts * 1e-9
     assert_variance(increments[:, :3], ARW**2 * 0.01)
     assert_variance(increments[:, 3:], VRW**2 * 0.01)
@@ -94,7 +100,7 @@ def test_base_velocity_has_its_size_and_is_white_at_a_tenth_of_a_second():
     assert vibration_frequency() / (2 * np.pi) == pytest.approx(22.6, abs=0.1)
 
 
-def test_how_samples_are_asked_for_does_not_change_them():
+def test_the_sizes_of_requests_do_not_change_the_samples():
     noise = {"velocity_sigma": 1e-3, "gyro_bias_instability": 1e-5, "accel_bias_instability": 1e-4}
     joints = (JointProfile.rest(0.0).move(0.333, 1.0, 0.5, 1.0), JointProfile.rest(0.0))
     whole = stream(**noise).produce(500, *joints).counts

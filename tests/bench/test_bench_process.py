@@ -151,7 +151,7 @@ def test_a_slow_reader_stops_the_clock_and_nothing_is_lost(start_bench, imu_clie
             bench.clock.recv(200)
 
 
-def test_time_follows_the_host_where_a_speed_is_told(start_bench):
+def test_time_follows_the_host_at_a_configured_speed(start_bench):
     with start_bench(speed=20.0, clock_drift_ppm=0.0) as bench:
         begun, first = time.monotonic(), bench.ask(now=None)["now"]
         last = bench.advance(10.0)
@@ -161,7 +161,7 @@ def test_time_follows_the_host_where_a_speed_is_told(start_bench):
         assert last["samples"] == pytest.approx(last["now"] * 200.0, abs=1.01)
 
 
-def test_a_pace_that_no_computer_keeps_leaves_nobody_without_an_answer(start_bench):
+def test_a_bench_too_fast_for_its_computer_still_answers(start_bench):
     with start_bench(speed=1e5) as bench:
         client = connect(bench)
         for word in (0x06, 0x07, 0x0F):
@@ -228,7 +228,7 @@ def alive(pid):
         ("{", "bench"),
     ],
 )
-def test_a_wrong_configuration_is_told_in_a_line(config, message):
+def test_a_wrong_configuration_is_reported_in_one_line(config, message):
     run = subprocess.run(
         [sys.executable, "-m", "calstation.bench", "--config", config],
         capture_output=True,
@@ -241,8 +241,8 @@ def test_a_wrong_configuration_is_told_in_a_line(config, message):
     assert len(run.stderr.strip().splitlines()) == 1
 
 
-def test_a_bench_that_is_deserted_in_mid_motion_stops_by_its_watchdog_and_says_so(start_bench, tmp_path):
-    """Its time stands still by then, so it lets the deceleration pass by itself."""
+def test_a_bench_without_clients_stops_by_its_watchdog_and_reports_it(start_bench, tmp_path):
+    """Time stands still then, so the bench itself lets the deceleration pass."""
     report = tmp_path / "report.json"
     with start_bench(report_file=str(report), watchdog_ms=300, start_deg=[0.0, 0.0]) as bench:
         client = connect(bench)
@@ -259,7 +259,7 @@ def test_a_bench_that_is_deserted_in_mid_motion_stops_by_its_watchdog_and_says_s
 
 
 @posix
-def test_an_adapter_that_is_plugged_in_again_has_another_name(start_bench, imu_client):
+def test_a_replugged_adapter_has_another_name(start_bench, imu_client):
     with start_bench(imu_transport="pty", serial="SN-77") as bench:
         before = imu_client(bench.endpoints["imu"])
         assert before.command(1) == (1, b"bench-imu;SN-77;1.0.0")

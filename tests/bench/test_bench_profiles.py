@@ -1,4 +1,4 @@
-"""The shipped profiles of the bench's devices say what the bench is."""
+"""The shipped profiles of the bench's devices agree with the bench."""
 
 import tomllib
 from pathlib import Path

@@ -88,7 +88,7 @@ def test_a_move_shows_moving_and_then_reached():
         ((1.0, 1.0), RATES, (99.0, 1.0)),
     ],
 )
-def test_what_lies_outside_the_limits_is_refused(targets, rates, accelerations):
+def test_commands_outside_the_limits_are_refused(targets, rates, accelerations):
     table = homed()
     with pytest.raises(OutOfRange):
         table.move(100.0, targets, rates, accelerations)
@@ -102,7 +102,7 @@ def test_no_second_move_while_moving():
         table.move(100.5, (0.0, 0.0), RATES, ACCELERATIONS)
 
 
-def test_the_same_move_sent_again_is_no_second_one():
+def test_a_repeated_move_has_no_effect():
     table = homed()
     table.move(100.0, (1.0, 1.0), RATES, ACCELERATIONS)
     end = table.drive.end

@@ -68,7 +68,7 @@ def test_mount_and_base_tilt_enter_on_their_own_sides():
     assert table.attitude(angles)[0] == pytest.approx(expected, abs=1e-14)
 
 
-def test_at_rest_the_body_feels_the_earth_rotation_only():
+def test_at_rest_the_body_senses_only_the_rotation_of_the_earth():
     table = real_table()
     outer, inner = np.array([[0.8, 0.0, 0.0]]), np.array([[-2.1, 0.0, 0.0]])
     rate, change = table.rotation_states(outer, inner)

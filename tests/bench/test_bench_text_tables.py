@@ -61,7 +61,7 @@ def test_atl_known_answers():
     assert table("1STA") == "86 1\r\n>"
 
 
-def test_atl_a_jog_is_answered_with_the_line_behind_it():
+def test_atl_answers_a_jog_with_the_next_line():
     table = Controller("atl")
     table("1SRV1", "2SRV1", "1HOM")
     table.time = 1.0
@@ -95,7 +95,7 @@ def test_mn_known_answers():
 
 
 @tables
-def test_a_controller_bears_any_bytes(language):
+def test_a_controller_survives_any_bytes(language):
     table = Controller(language)
     random = np.random.default_rng(3)
     for _ in range(200):
@@ -108,8 +108,8 @@ def test_a_controller_bears_any_bytes(language):
 @pytest.mark.parametrize("transport", ["tcp", pytest.param("rtu", marks=posix)])
 def test_the_driver_moves_the_bench(start_bench, language, transport):
     profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_place(2.0, None)
-    told = {"table_protocol": language, "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
-    with start_bench(table_serial="T-42", encoder_sigma_deg=0.0, encoder_periodic_deg=0.0, **told) as bench:
+    settings = {"table_protocol": language, "table_transport": transport, "start_deg": [2.0, -1.0], "speed": 0.0}
+    with start_bench(table_serial="T-42", encoder_sigma_deg=0.0, encoder_periodic_deg=0.0, **settings) as bench:
         at = bench.endpoints["table"]
         table = TextTable(f"tcp://{at}" if transport == "tcp" else at, profile)
         try:
@@ -153,7 +153,7 @@ def test_the_driver_moves_the_bench(start_bench, language, transport):
 
 
 @tables
-def test_lost_answers_are_asked_for_again(start_bench, language):
+def test_requests_with_lost_answers_are_repeated(start_bench, language):
     profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").at_place(0.3, None)
     with start_bench(table_protocol=language) as bench:
         table = TextTable(f"tcp://{bench.endpoints['table']}", profile)
@@ -164,7 +164,7 @@ def test_lost_answers_are_asked_for_again(start_bench, language):
             table.close()
 
 
-def test_a_refusal_of_the_bench_is_told(start_bench):
+def test_a_refusal_of_the_bench_is_reported(start_bench):
     with start_bench(table_protocol="mn") as bench:
         table = TextTable(f"tcp://{bench.endpoints['table']}", load_table_profile(TABLES / "mn_ascii.toml"))
         try:
@@ -175,7 +175,7 @@ def test_a_refusal_of_the_bench_is_told(start_bench):
 
 
 @pytest.mark.parametrize("language", ["atl", "mn", "acl"])
-def test_an_endless_rate_where_the_profile_states_a_stop(start_bench, language):
+def test_endless_motion_is_allowed_if_the_profile_states_a_stop(start_bench, language):
     profile = load_table_profile(TABLES / f"{PROFILES[language]}.toml").model_copy(update={"link_loss_stop_s": 1.0})
     with start_bench(table_protocol=language, start_deg=[0.0, 0.0]) as bench:
         table = TextTable(f"tcp://{bench.endpoints['table']}", profile)

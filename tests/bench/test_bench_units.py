@@ -33,14 +33,14 @@ class Unit:
         return b"".join(self._hear(data, self.time))
 
     def lines(self, *words):
-        told = "".join(f"${w}*{check_line(w):02X}\r\n" for w in words)
-        return [line.split("*")[0][1:] for line in self(told.encode()).decode().split("\r\n")[:-1]]
+        sent = "".join(f"${w}*{check_line(w):02X}\r\n" for w in words)
+        return [line.split("*")[0][1:] for line in self(sent.encode()).decode().split("\r\n")[:-1]]
 
     def rtu(self, *body):
         return self(bytes(body) + crc16_modbus(bytes(body)))
 
 
-def test_checks_of_the_maker_s_examples():
+def test_checksums_of_the_manufacturers_examples():
     assert check_line("VNERR,03") == 0x72
     assert check_line("VNRRG,30,0,0,0,0,1,0,1") == 0x6C
     assert crc16.xmodem(b"123456789") == 0x31C3
@@ -63,11 +63,11 @@ def test_vectornav_known_answers():
 
 def test_vectornav_registers_stay_only_after_a_commit():
     unit = Unit(VectorNavUnit)
-    told = "VNWRG,84,1.00012345,0.5,0,0,1,0,0,0,1,1E-3,-2E-3,3E-3"
-    assert unit.lines(told) == [told]
+    write = "VNWRG,84,1.00012345,0.5,0,0,1,0,0,0,1,1E-3,-2E-3,3E-3"
+    assert unit.lines(write) == [write]
     unit.lines("VNRST")
     assert unit.lines("VNRRG,84")[0].endswith("+0.000000E+00")
-    assert unit.lines(told, "VNWNV", "VNRST")[1:] == ["VNWNV", "VNRST"]
+    assert unit.lines(write, "VNWNV", "VNRST")[1:] == ["VNWNV", "VNRST"]
     assert unit.lines("VNRRG,84")[0].startswith("VNRRG,84,+1.000124E+00,+5.000000E-01")
     assert unit.unit.flash.cycles == 1
 
@@ -76,7 +76,7 @@ def test_vectornav_samples():
     unit = Unit(VectorNavUnit)
     unit.unit.scale = np.array([1e-3] * 3 + [1e-2] * 3)
     output = StreamOutput(np.array([[1.0, 2, 3, 4, 5, 981]]), np.array([False]))
-    assert unit.unit.frames(output, np.array([1.0])) == b"", "not before it is told to"
+    assert unit.unit.frames(output, np.array([1.0])) == b"", "silent until commanded to stream"
     unit.lines("VNWRG,75,1,4,05,0001,001C")
     frame = unit.unit.frames(output, np.array([1.005]))
     assert len(frame) == SAMPLES.itemsize == 44
@@ -117,7 +117,7 @@ def test_dsp_registers_stay_only_after_a_commit(tmp_path):
 
 
 @pytest.mark.parametrize("kind", [VectorNavUnit, DspUnit])
-def test_a_unit_bears_any_bytes(kind):
+def test_a_unit_survives_any_bytes(kind):
     unit = Unit(kind)
     random = np.random.default_rng(5)
     for _ in range(300):
@@ -133,8 +133,8 @@ def test_the_driver_reads_writes_and_streams(start_bench, protocol, transport):
     name, output = PROTOCOLS[protocol]
     profile = load_imu_profile(IMUS / f"{name}.toml").with_timeout(2.0)
     entries = RegisterMap(tuple(profile.registers))
-    told = {"grade": "mems", "imu_protocol": protocol, "imu_transport": transport, "output": output}
-    with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **told) as bench:
+    settings = {"grade": "mems", "imu_protocol": protocol, "imu_transport": transport, "output": output}
+    with start_bench(serial="SN-000042", clock_drift_ppm=0.0, **settings) as bench:
         imu = open_imu(SerialLink(bench.endpoints["imu"], profile.link, "imu"), profile, "")
         try:
             imu.start()
@@ -165,7 +165,7 @@ def test_the_driver_reads_writes_and_streams(start_bench, protocol, transport):
             imu.close()
 
 
-def test_an_error_of_the_bench_s_vectornav_is_told(start_bench):
+def test_an_error_of_the_vectornav_unit_is_reported(start_bench):
     profile = load_imu_profile(IMUS / "vectornav_vn100.toml")
     section = profile.vectornav.model_copy(update={"start": ["VNWRG,75,1,5,05,0001,001C"]})
     profile = profile.model_copy(update={"vectornav": section})

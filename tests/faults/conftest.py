@@ -23,7 +23,7 @@ SERIAL = "SN-000042"
 
 @dataclass
 class Ran:
-    """A run and what it left behind."""
+    """A finished run with its events, files and the bench's report."""
 
     folder: Path
     events: list[Event] = field(default_factory=list)
@@ -75,7 +75,7 @@ class Ran:
         assert any(event.get("event") == "Fault" for event in log.events)
 
 
-class Floor:
+class FaultRuns:
     """A folder with a station, a short product and fault plans."""
 
     def __init__(self, folder: Path) -> None:
@@ -139,9 +139,9 @@ class Floor:
 
 
 @pytest.fixture
-def floor(tmp_path: Path) -> Floor:
-    """An empty factory floor."""
-    return Floor(tmp_path)
+def fault_runs(tmp_path: Path) -> FaultRuns:
+    """An empty folder for runs with faults."""
+    return FaultRuns(tmp_path)
 
 
 def fault(kind: str, value: float | None = None, step: int = 1, time_s: float = 0.2) -> dict[str, Any]:

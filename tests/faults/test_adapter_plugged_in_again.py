@@ -17,7 +17,7 @@ from calstation.connection import devices as wiring
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, StageStarted, Verdict
-from tests.faults.conftest import SERIAL, Floor
+from tests.faults.conftest import SERIAL, FaultRuns
 from tests.site_folder import PRODUCT, QUICK
 
 pytestmark = [pytest.mark.long, pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")]
@@ -46,8 +46,8 @@ def names(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return had
 
 
-def test_the_run_is_a_fault_and_is_carried_on_once_the_adapter_is_back(floor: Floor, names: list[str]) -> None:
-    floor.product = {
+def test_an_unplugged_adapter_is_a_fault_and_the_run_can_be_resumed(fault_runs: FaultRuns, names: list[str]) -> None:
+    fault_runs.product = {
         **PRODUCT,
         "schedule": {
             "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
@@ -56,12 +56,12 @@ def test_the_run_is_a_fault_and_is_carried_on_once_the_adapter_is_back(floor: Fl
         "limits": {"gyro_scale": {"within": 0.1}},
     }
     pulled = {"kind": "hang_up_imu", "stage": "six_position", "step": 3, "time_s": 0.2}
-    ran = floor.run(pulled, stages=("rate", "six_position"), imu_transport="pty")
+    ran = fault_runs.run(pulled, stages=("rate", "six_position"), imu_transport="pty")
     ran.assert_stopped("IMU: ", f"port usb:{ADAPTER}", "check cable and power")
 
     taken = [os.openpty() for _ in range(2)]  # the names that are free now are not the adapter's any more
     events: list[Event] = []
-    request = RunRequest(SERIAL, floor.folder / "station.toml", floor.folder / "product.toml")
+    request = RunRequest(SERIAL, fault_runs.folder / "station.toml", fault_runs.folder / "product.toml")
     try:
         execute(replace(request, resume=Path(ran.verdict.log)), events.append, Control())
     finally:

@@ -17,7 +17,7 @@ from calstation.runs.incomplete import finish_incomplete
 from calstation.sequencer.events import Event, Fault, Message, StageEnded, StepStarted, Verdict
 from calstation.simulation.fault_plan import FaultPlan, load_fault_plan
 from calstation.simulation.hooks import BenchHooks
-from tests.faults.conftest import Floor, fault
+from tests.faults.conftest import FaultRuns, fault
 from tests.helpers import raises_code
 
 pytestmark = [
@@ -33,27 +33,27 @@ pytestmark = [
         ("runs_folder_gone", "cannot be written any more (no such file or folder). Make room", None),
     ],
 )
-def test_a_log_that_takes_no_more_is_a_fault_and_what_it_holds_stays(
-    floor: Floor, kind: str, words: str, ends: str | None
+def test_a_full_disk_is_a_fault_and_the_log_keeps_its_samples(
+    fault_runs: FaultRuns, kind: str, words: str, ends: str | None
 ) -> None:
     events: list[Event] = []
-    with Engine.start(floor.request(fault(kind, step=4)), BenchHooks) as engine:
+    with Engine.start(fault_runs.request(fault(kind, step=4)), BenchHooks) as engine:
         events += engine.events()
-    (told,) = [event for event in events if isinstance(event, Fault)]
-    assert words in told.text
+    (emitted,) = [event for event in events if isinstance(event, Fault)]
+    assert words in emitted.text
     assert isinstance(events[-1], Verdict)
     assert events[-1].outcome == "fault"
-    report = json.loads((floor.folder / "bench.json").read_text(encoding="utf-8"))
+    report = json.loads((fault_runs.folder / "bench.json").read_text(encoding="utf-8"))
     assert not report["enabled"]
     assert not report["moving"]
-    (path,) = floor.folder.glob("runs*/*.h5")
+    (path,) = fault_runs.folder.glob("runs*/*.h5")
     log = open_log(path)
     assert log.outcome == ends
     assert sum(len(block) for block in log.blocks() if block.stage == "rate") > 200
 
 
 def test_a_disk_that_takes_longer_than_the_watchdog_stops_nothing(
-    floor: Floor, monkeypatch: pytest.MonkeyPatch
+    fault_runs: FaultRuns, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fsync, slow = os.fsync, [0]
 
@@ -68,30 +68,30 @@ def test_a_disk_that_takes_longer_than_the_watchdog_stops_nothing(
             slow[0] = 1
 
     monkeypatch.setattr(os, "fsync", wait)
-    ran = floor.run(on_event=on_event)
+    ran = fault_runs.run(on_event=on_event)
     assert slow[0] == 5
     assert ran.verdict.outcome == "passed", ran.verdict.result["error"]
     assert ran.verdict.result["registers"]["verified"] is True
 
 
 @pytest.mark.long
-def test_a_killed_engine_leaves_an_incomplete_run(floor: Floor) -> None:
-    with Engine.start(floor.request(fault("engine_killed", step=4)), BenchHooks) as engine:
+def test_a_killed_engine_leaves_an_incomplete_run(fault_runs: FaultRuns) -> None:
+    with Engine.start(fault_runs.request(fault("engine_killed", step=4)), BenchHooks) as engine:
         events = engine.events()
         with raises_code(DeviceFaultError, "run.engine_ended"):
             list(events)
-    (path,) = (floor.folder / "runs").glob("*.h5")
+    (path,) = (fault_runs.folder / "runs").glob("*.h5")
     assert finish_incomplete(path.parent) == [path]
     result = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
     assert (result["outcome"], result["passed"]) == ("incomplete", False)
     assert sum(len(block) for block in open_log(path).blocks()) > 200
-    left = how_the_bench_was_left(floor)
+    left = how_the_bench_was_left(fault_runs)
     assert (left["enabled"], left["moving"], left["fault"]) == (False, False, "WATCHDOG"), "the table stops itself"
 
 
-def how_the_bench_was_left(floor: Floor) -> dict[str, Any]:
+def how_the_bench_was_left(fault_runs: FaultRuns) -> dict[str, Any]:
     """What a bench writes that outlives its engine: until then its watchdog has had its time."""
-    file = floor.folder / "bench.json"
+    file = fault_runs.folder / "bench.json"
     deadline = time.monotonic() + 60.0
     while time.monotonic() < deadline:
         with suppress(OSError, ValueError):
@@ -101,17 +101,17 @@ def how_the_bench_was_left(floor: Floor) -> dict[str, Any]:
     raise AssertionError("the bench has left no word")
 
 
-def test_a_killed_window_is_a_safe_stop(floor: Floor) -> None:
-    engine = Engine.start(floor.request(stages=("rate", "six_position")))
+def test_a_killed_window_is_a_safe_stop(fault_runs: FaultRuns) -> None:
+    engine = Engine.start(fault_runs.request(stages=("rate", "six_position")))
     for event in engine.events():
         if isinstance(event, StepStarted) and event.stage:
             break
     engine.hang_up()
     engine.process.join(120.0)
-    report = json.loads((floor.folder / "bench.json").read_text(encoding="utf-8"))
+    report = json.loads((fault_runs.folder / "bench.json").read_text(encoding="utf-8"))
     assert not report["enabled"]
     assert not report["moving"]
-    (path,) = (floor.folder / "runs").glob("SN-*.json")
+    (path,) = (fault_runs.folder / "runs").glob("SN-*.json")
     assert json.loads(path.read_text(encoding="utf-8"))["outcome"] == "stopped"
 
 
@@ -132,13 +132,13 @@ def test_a_killed_window_is_a_safe_stop(floor: Floor) -> None:
         ('[[fault]]\nkind = "stall"\ntime_s = [5.0, 1.0]', "earliest, latest"),
     ],
 )
-def test_a_plan_that_cannot_be_is_told_with_its_mend(tmp_path: Path, text: str, words: str) -> None:
+def test_an_impossible_plan_is_reported_with_a_remedy(tmp_path: Path, text: str, words: str) -> None:
     path = tmp_path / "plan.toml"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigurationError) as told:
+    with pytest.raises(ConfigurationError) as raised:
         load_fault_plan(path)
-    assert str(path) in str(told.value)
-    assert words in str(told.value)
+    assert str(path) in str(raised.value)
+    assert words in str(raised.value)
 
 
 def test_drawn_times_are_the_same_for_the_same_seed() -> None:

@@ -1,4 +1,4 @@
-"""Faults of the table and its link: stopped when it must be, told with cause and mend, never a verdict."""
+"""Faults of the table and its link: the run stops safely and reports cause and remedy, never a verdict."""
 
 import struct
 import sys
@@ -9,7 +9,7 @@ from calstation.devices.links.modbus_link import ModbusLink, ModbusRefusalError
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.sequencer.events import StepStarted
 from tests.connection.fake_links import server, tcp_pdu
-from tests.faults.conftest import Floor, fault
+from tests.faults.conftest import FaultRuns, fault
 
 pytestmark = pytest.mark.long
 
@@ -30,9 +30,9 @@ pytestmark = pytest.mark.long
     ],
 )
 def test_a_fault_of_the_table_stops_the_run(
-    floor: Floor, kind: str, value: float | None, words: tuple[str, ...]
+    fault_runs: FaultRuns, kind: str, value: float | None, words: tuple[str, ...]
 ) -> None:
-    floor.run(fault(kind, value)).assert_stopped("table: ", *words)
+    fault_runs.run(fault(kind, value)).assert_stopped("table: ", *words)
 
 
 @pytest.mark.parametrize("profile", ["cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"])
@@ -49,10 +49,10 @@ def test_a_fault_of_the_table_stops_the_run(
     ],
 )
 def test_a_fault_stops_the_run_on_every_protocol(
-    floor: Floor, profile: str, kind: str, value: float | None, words: tuple[str, ...]
+    fault_runs: FaultRuns, profile: str, kind: str, value: float | None, words: tuple[str, ...]
 ) -> None:
-    floor.table = profile
-    ran = floor.run(fault(kind, value))
+    fault_runs.table = profile
+    ran = fault_runs.run(fault(kind, value))
     ran.assert_stopped("table: ", *words)
     if "fault" in words:
         no_cause = profile == "acutronic_acl"
@@ -60,15 +60,15 @@ def test_a_fault_stops_the_run_on_every_protocol(
         assert ran.fault.code.startswith("table.latched_")
 
 
-def test_a_drive_that_refuses_stops_the_run_though_the_other_obeys(floor: Floor) -> None:
-    floor.table = "cia402_drives"
-    ran = floor.run(fault("refuse_table", 4))
+def test_a_refusing_drive_stops_the_run_although_the_other_obeys(fault_runs: FaultRuns) -> None:
+    fault_runs.table = "cia402_drives"
+    ran = fault_runs.run(fault("refuse_table", 4))
     ran.assert_stopped("table: ", "cannot do it in its present state", "drive's display")
 
 
-def test_a_table_without_a_watchdog_that_answers_no_more_ends_its_move_and_rests(floor: Floor) -> None:
-    floor.table = "mn_ascii"
-    ran = floor.run(fault("mute_table", 400))
+def test_a_silent_table_without_a_watchdog_completes_its_move_and_rests(fault_runs: FaultRuns) -> None:
+    fault_runs.table = "mn_ascii"
+    ran = fault_runs.run(fault("mute_table", 400))
     assert ran.verdict.outcome == "fault"
     assert "is not answered" in ran.fault.text
     assert not ran.bench["moving"]
@@ -83,32 +83,32 @@ def test_a_table_without_a_watchdog_that_answers_no_more_ends_its_move_and_rests
         ({"kind": "drive_fault"}, ("fault 'drive'", "calstation table reset")),
     ],
 )
-def test_a_table_that_must_not_move_is_not_moved_and_its_fault_stays(
-    floor: Floor, planned: dict[str, str], words: tuple[str, ...]
+def test_a_table_with_a_latched_fault_is_not_moved(
+    fault_runs: FaultRuns, planned: dict[str, str], words: tuple[str, ...]
 ) -> None:
-    ran = floor.run(planned)
+    ran = fault_runs.run(planned)
     ran.assert_stopped("table: ", *words)
     assert not [event for event in ran.events if isinstance(event, StepStarted)]
-    assert ran.bench["fault"] == ("DRIVE" if planned["kind"] == "drive_fault" else "NONE"), "nobody reset it"
+    assert ran.bench["fault"] == ("DRIVE" if planned["kind"] == "drive_fault" else "NONE"), "it was not reset"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
-def test_wrong_checks_on_the_wire_are_asked_again(floor: Floor) -> None:
-    ran = floor.run(fault("garble_table", 2), stages=("rate",), table_transport="rtu")
+def test_requests_with_wrong_checksums_are_repeated(fault_runs: FaultRuns) -> None:
+    ran = fault_runs.run(fault("garble_table", 2), stages=("rate",), table_transport="rtu")
     assert ran.verdict.outcome == "passed"
     assert "garble_table" in ran.bench["obeyed"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
-def test_a_line_where_every_check_is_wrong_stops_the_run(floor: Floor) -> None:
-    """As at a wrong baud: of all that the table says nothing is sound, and its own watchdog stops it."""
-    ran = floor.run(fault("garble_table", 100_000), table_transport="rtu")
+def test_a_line_with_only_wrong_checksums_stops_the_run(fault_runs: FaultRuns) -> None:
+    """As at a wrong baud: every answer of the table is damaged, and its own watchdog stops it."""
+    ran = fault_runs.run(fault("garble_table", 100_000), table_transport="rtu")
     ran.assert_stopped("Table: ", "cannot be read on", "Check cable, power and unit number")
     assert ran.bench["fault"] == "WATCHDOG"
 
 
 @pytest.mark.parametrize("code", [1, 2, 3, 4, 5, 6, 7, 8, 10, 11])
-def test_every_modbus_exception_is_told_with_a_mend_and_only_a_busy_device_is_asked_again(code: int) -> None:
+def test_every_modbus_exception_has_a_remedy_and_only_a_busy_device_is_asked_again(code: int) -> None:
     asked: list[bytes] = []
 
     def answer(heard: bytes) -> bytes:
@@ -125,7 +125,7 @@ def test_every_modbus_exception_is_told_with_a_mend_and_only_a_busy_device_is_as
         asked.clear()
         with pytest.raises(ModbusRefusalError):
             link.write(5, [1], repeat=False)
-        assert len(asked) == 1, "what must not be done twice is never sent twice"
+        assert len(asked) == 1, "a command that must not be repeated is sent once"
         link.close()
 
 

@@ -11,7 +11,7 @@ from calstation.registers import journal as register_journal
 from calstation.results.resolving import resolve
 from calstation.runs.resume import resumable
 from calstation.sequencer.events import Message, StepStarted, Trace
-from tests.faults.conftest import SERIAL, Floor, fault
+from tests.faults.conftest import SERIAL, FaultRuns, fault
 from tests.helpers import complaint
 from tests.site_folder import PRODUCT, QUICK
 
@@ -30,24 +30,24 @@ pytestmark = pytest.mark.long
     ],
 )
 def test_a_fault_of_the_unit_stops_the_run(
-    floor: Floor, kind: str, value: float | None, words: tuple[str, ...]
+    fault_runs: FaultRuns, kind: str, value: float | None, words: tuple[str, ...]
 ) -> None:
-    ran = floor.run(fault(kind, value))
+    ran = fault_runs.run(fault(kind, value))
     ran.assert_stopped("IMU: ", *words)
     assert len(ran.repeated) <= 3, "bounded"
 
 
 @pytest.fixture
-def floats(floor: Floor) -> Floor:
-    """A floor whose unit sends float32 and no status: nothing but the numbers themselves tells that they are none."""
+def floats(fault_runs: FaultRuns) -> FaultRuns:
+    """A unit that sends float32 and no status: only the numbers themselves show that they are invalid."""
     loose = {"within": 2e-2, "sigma_below": 1e-2}
-    floor.product = {
+    fault_runs.product = {
         **PRODUCT,
         "imu": "vectornav_vn100",
         "bench_grade": "mems",
         "limits": {"gyro_scale": loose, "accel_scale": loose},
     }
-    return floor
+    return fault_runs
 
 
 @pytest.mark.parametrize(
@@ -58,15 +58,15 @@ def floats(floor: Floor) -> Floor:
         ("freeze_channel", 4, "", ("accel y shows the same value", "switch the unit off and on")),
     ],
 )
-def test_a_unit_of_floats_that_shows_nothing_of_use_stops_the_run(
-    floats: Floor, kind: str, value: float, reason: str, words: tuple[str, ...]
+def test_a_unit_with_useless_float_output_stops_the_run(
+    floats: FaultRuns, kind: str, value: float, reason: str, words: tuple[str, ...]
 ) -> None:
     ran = floats.run(fault(kind, value))
     ran.assert_stopped("IMU: ", *words)
     assert ran.repeated == ([reason] * 3 if reason else [])
 
 
-def test_samples_that_are_no_number_are_marked_and_their_step_is_repeated(floats: Floor) -> None:
+def test_non_numeric_samples_are_marked_and_their_step_is_repeated(floats: FaultRuns) -> None:
     ran = floats.run(fault("invalid_imu", 0.2))
     assert ran.verdict.outcome == "passed", ran.events[-3:]
     assert ran.repeated == ["invalid"]
@@ -78,7 +78,7 @@ def test_samples_that_are_no_number_are_marked_and_their_step_is_repeated(floats
     assert not valid[spoilt].any()
     traced = [event.output for event in ran.events if isinstance(event, Trace)]
     assert traced
-    assert all(np.isfinite(output).all() for output in traced), "a window draws what it is told"
+    assert all(np.isfinite(output).all() for output in traced), "a window draws every trace"
 
 
 @pytest.mark.parametrize(
@@ -88,8 +88,8 @@ def test_samples_that_are_no_number_are_marked_and_their_step_is_repeated(floats
         ("saturate_imu", 600.0, ("saturates although the table is at rest", "what shakes the unit")),
     ],
 )
-def test_output_of_no_use_is_told_before_anything_moves(
-    floats: Floor, kind: str, value: float, words: tuple[str, ...]
+def test_useless_output_is_reported_before_anything_moves(
+    floats: FaultRuns, kind: str, value: float, words: tuple[str, ...]
 ) -> None:
     ran = floats.run({"kind": kind, "value": value})
     ran.assert_stopped("IMU: ", *words)
@@ -104,10 +104,10 @@ def test_output_of_no_use_is_told_before_anything_moves(
         ({"kind": "garble_imu", "value": 600.0}, ("check baud",)),
     ],
 )
-def test_a_wrong_unit_mounting_or_baud_is_told_before_any_stage(
-    floor: Floor, planned: dict[str, str], words: tuple[str, ...]
+def test_a_wrong_unit_mounting_or_baud_is_reported_before_any_stage(
+    fault_runs: FaultRuns, planned: dict[str, str], words: tuple[str, ...]
 ) -> None:
-    floor.run(planned).assert_stopped("IMU: ", *words)
+    fault_runs.run(planned).assert_stopped("IMU: ", *words)
 
 
 @pytest.mark.parametrize("time_s", [4.0, 4.7])
@@ -120,106 +120,108 @@ def test_a_wrong_unit_mounting_or_baud_is_told_before_any_stage(
     ],
 )
 def test_the_rest_before_a_repeated_step_is_watched_too(
-    floor: Floor, kind: str, value: float, reason: str, time_s: float
+    fault_runs: FaultRuns, kind: str, value: float, reason: str, time_s: float
 ) -> None:
-    ran = floor.run(fault("drop_frames", 3, step=9), fault(kind, value, step=11, time_s=time_s))
+    ran = fault_runs.run(fault("drop_frames", 3, step=9), fault(kind, value, step=11, time_s=time_s))
     assert ran.verdict.outcome == "passed"
     assert ran.repeated == ["gap", reason]
 
 
-def test_noise_on_the_line_for_a_moment_costs_a_step(floor: Floor) -> None:
-    ran = floor.run(fault("garble_imu", 0.8, step=9))
+def test_noise_on_the_line_for_a_moment_costs_a_step(fault_runs: FaultRuns) -> None:
+    ran = fault_runs.run(fault("garble_imu", 0.8, step=9))
     assert ran.verdict.outcome == "passed"
     assert len(ran.repeated) == 1
 
 
-def test_an_adapter_that_was_unplugged_works_again_when_it_is_back(floor: Floor) -> None:
-    floor.run(fault("hang_up_imu")).assert_stopped("port")
-    assert floor.run().verdict.outcome == "passed"
+def test_a_replugged_adapter_works_again(fault_runs: FaultRuns) -> None:
+    fault_runs.run(fault("hang_up_imu")).assert_stopped("port")
+    assert fault_runs.run().verdict.outcome == "passed"
 
 
-def test_a_wrong_latitude_is_seen_by_the_gyros_before_anything_is_written(floor: Floor) -> None:
+def test_gyros_detect_a_wrong_latitude_before_anything_is_written(fault_runs: FaultRuns) -> None:
     rests = {**PRODUCT["schedule"], "six_position": {"dwell_s": 10.0, **QUICK}}
-    floor.product = {**PRODUCT, "schedule": rests}
-    ran = floor.run({"kind": "wrong_latitude", "value": -2.0}, stages=("rate", "six_position", "azimuth_flip"))
+    fault_runs.product = {**PRODUCT, "schedule": rests}
+    ran = fault_runs.run({"kind": "wrong_latitude", "value": -2.0}, stages=("rate", "six_position", "azimuth_flip"))
     ran.assert_stopped("site.latitude_deg of the station file is 32.25", "as at latitude 34.", "correct latitude")
     assert ran.fault.code == "site.latitude_contradicts"
     assert ran.verdict.result["stages"] == ["rate", "six_position"]
     assert not ran.verdict.result["registers"]
     assert [c["name"] for c in ran.verdict.result["checks"] if not c["passed"]] == ["latitude"]
-    assert not register_journal.history(floor.folder / "runs", SERIAL)
+    assert not register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert ran.verdict.result["advice"] != "resume"
-    assert resumable(floor.folder / "runs") == []
+    assert resumable(fault_runs.folder / "runs") == []
 
 
-def test_a_wrong_latitude_is_seen_when_nothing_but_the_proof_can_tell(floor: Floor) -> None:
-    ran = floor.run({"kind": "wrong_latitude", "value": 5.0}, stages=("rate",))
+def test_the_verification_detects_a_wrong_latitude(fault_runs: FaultRuns) -> None:
+    ran = fault_runs.run({"kind": "wrong_latitude", "value": 5.0}, stages=("rate",))
     ran.assert_stopped("vertical earth rate", "old registers were restored", "latitude")
     assert (ran.fault.code, ran.fault.values["check"]) == ("verification.wrong", "earth_rate_up")
-    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert entry.closing == "restored"
 
 
-def test_a_stage_whose_rests_tell_no_latitude_names_it_where_it_does_not_fit_together(floor: Floor) -> None:
-    ran = floor.run({"kind": "wrong_latitude", "value": -20.75}, stages=("rate",))
+def test_an_inconsistent_stage_without_a_latitude_estimate_names_the_latitude(fault_runs: FaultRuns) -> None:
+    ran = fault_runs.run({"kind": "wrong_latitude", "value": -20.75}, stages=("rate",))
     assert ran.verdict.outcome == "failed"
-    (told,) = [e.values for e in ran.events if isinstance(e, Message) and e.id == "latitude_untold"]
-    assert told == ran.verdict.result["latitude_untold"] == {"stage": "rate", "latitude": 13.5}
-    assert resolve(Path(ran.verdict.log)).messages[-1] == ("latitude_untold", told)
+    (unknown,) = [e.values for e in ran.events if isinstance(e, Message) and e.id == "latitude_untold"]
+    assert unknown == ran.verdict.result["latitude_untold"] == {"stage": "rate", "latitude": 13.5}
+    assert resolve(Path(ran.verdict.log)).messages[-1] == ("latitude_untold", unknown)
 
 
 @pytest.mark.parametrize("degrees", [-10.0, 10.0])
-def test_gyros_that_do_not_feel_the_earth_need_gravity_and_latitude_that_agree(floor: Floor, degrees: float) -> None:
-    floor.product = {**PRODUCT, "imu": "bench_mems"}
+def test_gyros_that_cannot_resolve_earth_rate_need_consistent_gravity_and_latitude(
+    fault_runs: FaultRuns, degrees: float
+) -> None:
+    fault_runs.product = {**PRODUCT, "imu": "bench_mems"}
     with pytest.raises(ConfigurationError, match=r"Add the local gravity") as missing:
-        floor.run(stages=("six_position",))
+        fault_runs.run(stages=("six_position",))
     assert complaint(missing.value) == "site.gravity_mps2 site.gravity_missing"
-    floor.site = {"gravity_mps2": 9.79547}
+    fault_runs.site = {"gravity_mps2": 9.79547}
     with pytest.raises(ConfigurationError, match=r"Correct gravity, latitude or height") as contradicting:
-        floor.run({"kind": "wrong_latitude", "value": degrees}, stages=("six_position",))
+        fault_runs.run({"kind": "wrong_latitude", "value": degrees}, stages=("six_position",))
     assert complaint(contradicting.value) == "site.gravity_mps2 site.gravity_contradicts"
-    assert not list((floor.folder / "runs").glob("*.h5"))
+    assert not list((fault_runs.folder / "runs").glob("*.h5"))
 
 
-def test_a_wrong_gravity_is_never_a_pass(floor: Floor) -> None:
-    ran = floor.run({"kind": "wrong_gravity", "value": 0.03}, stages=("six_position",))
+def test_a_wrong_gravity_is_never_a_pass(fault_runs: FaultRuns) -> None:
+    ran = fault_runs.run({"kind": "wrong_gravity", "value": 0.03}, stages=("six_position",))
     assert ran.verdict.outcome == "failed"
     assert not ran.verdict.result["registers"]
     missed = [check["name"] for check in ran.verdict.result["checks"] if not check["passed"]]
     assert {"accel_scale_x within", "accel_scale_y within", "accel_scale_z within"} <= set(missed)
 
 
-def test_a_brown_out_over_the_write_is_a_fault_and_the_unit_keeps_its_registers(floor: Floor) -> None:
+def test_a_brown_out_during_the_write_is_a_fault_and_keeps_the_registers(fault_runs: FaultRuns) -> None:
     # Behind the mark, the biases and the gyros' matrix, which is then lost.
-    ran = floor.run({"kind": "brown_out_write", "value": 75.0})
+    ran = fault_runs.run({"kind": "brown_out_write", "value": 75.0})
     ran.assert_stopped(
         "before the commit. The unit was restarted and holds its old registers.", "Check the unit's supply"
     )
     assert ran.bench["flash_cycles"] == 0
-    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert (entry.closing, entry.cycles) == ("kept", 0)
     assert ran.verdict.result["registers"]["verified"] is False
 
 
-def test_a_unit_whose_page_is_lost_in_a_brown_out_is_told_by_what_it_refuses(floor: Floor) -> None:
+def test_a_register_page_lost_in_a_brown_out_is_reported_by_the_refusal(fault_runs: FaultRuns) -> None:
     loose = {"within": 2e-2, "sigma_below": 1e-2}
     limits = {"gyro_scale": loose, "accel_scale": loose}
-    floor.product = {**PRODUCT, "imu": "dsp_modbus", "bench_grade": "mems", "limits": limits}
-    ran = floor.run({"kind": "brown_out_write", "value": 20.0})
+    fault_runs.product = {**PRODUCT, "imu": "dsp_modbus", "bench_grade": "mems", "limits": limits}
+    ran = fault_runs.run({"kind": "brown_out_write", "value": 20.0})
     ran.assert_stopped("IMU: Register 118 is refused: no such register", "Check its supply (a unit that restarts")
     assert ran.bench["flash_cycles"] == 0
 
 
-def test_a_brown_out_over_the_commit_is_recognised_and_settled_at_the_next_start(floor: Floor) -> None:
-    runs = floor.folder / "runs"
-    floor.run({"kind": "brown_out_commit", "value": 60.0}).assert_stopped("holds its old registers")
-    floor.run({"kind": "brown_out_commit", "value": 128.0}).assert_stopped("new registers, not yet verified")
-    refused = floor.run()
+def test_a_brown_out_during_the_commit_is_recovered_at_the_next_start(fault_runs: FaultRuns) -> None:
+    runs = fault_runs.folder / "runs"
+    fault_runs.run({"kind": "brown_out_commit", "value": 60.0}).assert_stopped("holds its old registers")
+    fault_runs.run({"kind": "brown_out_commit", "value": 128.0}).assert_stopped("new registers, not yet verified")
+    refused = fault_runs.run()
     refused.assert_stopped("was interrupted", "registers finish")
     offers = [e.values["offers"] for e in refused.events if isinstance(e, Message) and e.id == "transfer_open"]
     assert offers == [["finish", "restore"]]
-    assert floor.run(unfinished="finish").verdict.outcome == "passed"
+    assert fault_runs.run(unfinished="finish").verdict.outcome == "passed"
     closings = [transfer.closing for transfer in register_journal.history(runs, SERIAL)]
     assert closings == ["kept", "done", "done"]
-    flash = Path(floor.folder / "flash.bin").read_bytes()
+    flash = Path(fault_runs.folder / "flash.bin").read_bytes()
     assert int.from_bytes(flash[:4], "little") == 3 == register_journal.cycles(runs, SERIAL)

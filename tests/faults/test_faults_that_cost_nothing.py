@@ -1,4 +1,4 @@
-"""One run through all that a run gets over: spoilt steps repeated, the rest not even noticed, and then a PASS."""
+"""One run through every fault that a run survives: invalid steps are repeated, and the unit passes."""
 
 import time
 from collections.abc import Iterator
@@ -11,7 +11,7 @@ import pytest
 from calstation.records.log import open_log
 from calstation.results.resolving import resolve
 from calstation.sequencer.events import Event, StepStarted
-from tests.faults.conftest import Floor, Ran, fault
+from tests.faults.conftest import FaultRuns, Ran, fault
 
 pytestmark = pytest.mark.long
 
@@ -44,16 +44,16 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ran]:
             patch.setattr(time, "time", lambda: now() - 3600.0)
 
     with pytest.MonkeyPatch.context() as patch:
-        floor = Floor(tmp_path_factory.mktemp("floor"))
-        yield floor.run(*_FAULTS, stages=("rate", "six_position"), on_event=on_event)
+        fault_runs = FaultRuns(tmp_path_factory.mktemp("fault_runs"))
+        yield fault_runs.run(*_FAULTS, stages=("rate", "six_position"), on_event=on_event)
     assert stepped
 
 
-def test_everything_did_happen(ran: Ran) -> None:
+def test_every_planned_fault_occurred(ran: Ran) -> None:
     assert ran.bench["obeyed"] == [planned["kind"] for planned in _FAULTS]
 
 
-def test_it_ends_in_a_verdict_that_is_right(ran: Ran) -> None:
+def test_the_verdict_is_right(ran: Ran) -> None:
     result = ran.verdict.result
     assert ran.verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
     assert result["registers"]["verified"] is True
@@ -61,17 +61,17 @@ def test_it_ends_in_a_verdict_that_is_right(ran: Ran) -> None:
 
 
 @pytest.mark.parametrize("reason", ["gap", "saturated"])
-def test_spoilt_steps_are_repeated(ran: Ran, reason: str) -> None:
+def test_steps_with_invalid_samples_are_repeated(ran: Ran, reason: str) -> None:
     assert reason in ran.repeated
 
 
-def test_what_was_spoilt_is_counted_once_each(ran: Ran) -> None:
+def test_each_disturbance_is_counted_once(ran: Ran) -> None:
     """Corrupt, dropped, reset and silent: a gap each; noise, twice, overtaken, wrap, mute and slow: none."""
     assert sorted(ran.repeated) == ["gap"] * 4 + ["saturated"]
     assert ran.verdict.result["log"]["gaps"] == 4
 
 
-def test_samples_of_a_spoilt_step_are_marked_until_it_is_repeated(ran: Ran) -> None:
+def test_samples_of_an_interrupted_step_are_invalid_until_it_is_repeated(ran: Ran) -> None:
     blocks = [block for block in open_log(Path(ran.verdict.log)).blocks() if block.stage == "rate"]
     valid = np.concatenate([block.valid for block in blocks])
     steps = np.concatenate([block.step for block in blocks])

@@ -9,11 +9,11 @@ ROOT = Path(__file__).parents[2]
 MANUAL = (ROOT / "docs" / "reference" / "faults.md").read_text(encoding="utf-8")
 
 
-def test_every_kind_is_in_it() -> None:
+def test_the_manual_has_every_kind_of_fault() -> None:
     assert [kind for kind in KINDS if f"`{kind}`" not in MANUAL] == []
 
 
-def test_every_test_that_it_names_is_there() -> None:
+def test_every_test_named_in_the_manual_exists() -> None:
     named = re.findall(r"`((?:tests/\w+/)?test_\w+\.py)`", MANUAL)
     assert len(named) > 10
     folders = [ROOT / "tests" / name for name in ("faults", "station")]

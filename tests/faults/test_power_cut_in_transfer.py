@@ -21,10 +21,10 @@ SIZES = {"gyro_bias": 1e-5, "accel_bias": 1e-2, "accel_quadratic": 1e-6, "inner_
 
 
 def values(kind: str, factor: float) -> dict[str, float]:
-    """For every register that a kind of unit has, as it keeps them."""
+    """A value for every register of a kind of unit, rounded as the unit stores it."""
     names = registers(KINDS[kind]).parameters
-    told = {n: factor * (i + 1) * (-1) ** i * SIZES.get(n.rsplit("_", 1)[0], 1e-5) for i, n in enumerate(names)}
-    return registers(KINDS[kind]).rounded(told)
+    values = {n: factor * (i + 1) * (-1) ** i * SIZES.get(n.rsplit("_", 1)[0], 1e-5) for i, n in enumerate(names)}
+    return registers(KINDS[kind]).rounded(values)
 
 
 class Station:
@@ -146,7 +146,7 @@ def test_the_power_cut_at_every_byte(tmp_path: Path, kind: str) -> None:
     further=st.lists(st.tuples(st.sampled_from(["finish", "restore"]), st.floats(0.0, 1.0)), max_size=4),
     last=st.sampled_from(["finish", "restore"]),
 )
-def test_the_power_cut_again_and_again_while_it_is_mended(
+def test_repeated_power_cuts_during_recovery(
     tmp_path_factory: pytest.TempPathFactory,
     kind: str,
     first: float,

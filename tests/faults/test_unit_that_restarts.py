@@ -1,4 +1,4 @@
-"""A unit that restarts by itself, on each protocol: a sound one is never condemned, and costs no flash cycle more."""
+"""A unit that restarts by itself, on each protocol: a good unit never fails and its flash is not written again."""
 
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ from calstation.errors import ConfigurationError
 from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
 from calstation.simulation.fault_plan import load_fault_plan
-from tests.faults.conftest import SERIAL, Floor, Ran
+from tests.faults.conftest import SERIAL, FaultRuns, Ran
 from tests.registers.operations import Errands
 from tests.runs.test_manual_rig import PRODUCT as BY_HAND
 from tests.site_folder import PRODUCT
@@ -20,27 +20,27 @@ IMUS = ("bench_nav", "dsp_modbus", "vectornav_vn100")
 LOOSE = {"within": 2e-2, "sigma_below": 1e-2}
 
 
-def with_imu(floor: Floor, imu: str) -> Floor:
-    """A floor whose unit speaks another protocol."""
+def with_imu(fault_runs: FaultRuns, imu: str) -> FaultRuns:
+    """Runs with a unit of another protocol."""
     if imu != "bench_nav":
         limits = {"gyro_scale": LOOSE, "accel_scale": LOOSE}
-        floor.product = {**PRODUCT, "imu": imu, "bench_grade": "mems", "limits": limits}
-    return floor
+        fault_runs.product = {**PRODUCT, "imu": imu, "bench_grade": "mems", "limits": limits}
+    return fault_runs
 
 
 def restart(stage: str, *times: float) -> list[dict[str, Any]]:
-    """So many seconds after a stage or a look has begun."""
+    """A restart some seconds after a stage or a capture has begun."""
     return [{"kind": "reset_imu", "stage": stage, "time_s": time} for time in times]
 
 
-def assert_proved(floor: Floor, ran: Ran) -> None:
+def assert_proved(fault_runs: FaultRuns, ran: Ran) -> None:
     """A PASS like any other: proved, and written once."""
     assert ran.verdict.outcome == "passed", ran.events[-3:]
     assert "reset_imu" in ran.bench["obeyed"]
     registers = ran.verdict.result["registers"]
     assert (registers["verified"], registers["proved_on"]) == (True, "corrected_output")
     assert ran.bench["flash_cycles"] == 1
-    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert (entry.closing, entry.cycles) == ("done", 1)
 
 
@@ -51,61 +51,61 @@ def looks_repeated(ran: Ran) -> int:
 @pytest.mark.parametrize(
     ("imu", "reason"), [("bench_nav", "gap"), ("dsp_modbus", "gap"), ("vectornav_vn100", "no_data")]
 )
-def test_in_mid_run_its_step_is_repeated(floor: Floor, imu: str, reason: str) -> None:
-    ran = with_imu(floor, imu).run(*restart("rate", 6.0))
-    assert_proved(floor, ran)
+def test_a_restart_during_a_stage_repeats_the_step(fault_runs: FaultRuns, imu: str, reason: str) -> None:
+    ran = with_imu(fault_runs, imu).run(*restart("rate", 6.0))
+    assert_proved(fault_runs, ran)
     assert ran.repeated == [reason]
     assert ran.verdict.result["log"]["gaps"] == 1
 
 
 @pytest.mark.parametrize("moment", [0.3, 3.0, 8.0, 14.0, 20.0, 26.0])
 @pytest.mark.parametrize("imu", IMUS)
-def test_while_its_new_registers_are_looked_at_it_is_looked_at_again(floor: Floor, imu: str, moment: float) -> None:
-    ran = with_imu(floor, imu).run(*restart("verifying", moment))
-    assert_proved(floor, ran)
+def test_a_restart_during_the_verification_repeats_the_capture(fault_runs: FaultRuns, imu: str, moment: float) -> None:
+    ran = with_imu(fault_runs, imu).run(*restart("verifying", moment))
+    assert_proved(fault_runs, ran)
     assert looks_repeated(ran) <= 1
 
 
 @pytest.mark.parametrize("imu", IMUS)
-def test_before_its_registers_are_written_it_is_looked_at_again(floor: Floor, imu: str) -> None:
-    ran = with_imu(floor, imu).run(*restart("reference", 9.0))
-    assert_proved(floor, ran)
+def test_a_restart_before_the_write_repeats_the_reference_capture(fault_runs: FaultRuns, imu: str) -> None:
+    ran = with_imu(fault_runs, imu).run(*restart("reference", 9.0))
+    assert_proved(fault_runs, ran)
     assert looks_repeated(ran) == 1
 
 
 @pytest.mark.parametrize("imu", IMUS)
-def test_again_and_again_it_is_a_fault_that_leaves_the_decision_open(floor: Floor, imu: str) -> None:
-    ran = with_imu(floor, imu).run(*restart("verifying", *range(6, 60, 6)))
+def test_repeated_restarts_are_a_fault_that_leaves_the_decision_open(fault_runs: FaultRuns, imu: str) -> None:
+    ran = with_imu(fault_runs, imu).run(*restart("verifying", *range(6, 60, 6)))
     ran.assert_stopped("IMU: the unit restarted while its new registers were verified", "check its supply")
     assert ran.bench["flash_cycles"] == 1
-    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert (entry.closing, entry.steps[-1]) == (None, "restarted")
-    again = floor.run()
+    again = fault_runs.run()
     again.assert_stopped("was interrupted", "registers finish")
-    assert floor.run(unfinished="finish").verdict.outcome == "passed"
-    first, _ = register_journal.history(floor.folder / "runs", SERIAL)
+    assert fault_runs.run(unfinished="finish").verdict.outcome == "passed"
+    first, _ = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert (first.closing, first.cycles) == ("done", 1)
 
 
 @pytest.mark.parametrize("imu", IMUS)
-def test_at_rest_its_output_is_taken_anew(floor: Floor, imu: str) -> None:
-    errands = Errands(with_imu(floor, imu).request(orders=[{"order": "reset_imu", "at": 17.0}]))
+def test_a_restart_at_rest_repeats_the_capture(fault_runs: FaultRuns, imu: str) -> None:
+    errands = Errands(with_imu(fault_runs, imu).request(orders=[{"order": "reset_imu", "at": 17.0}]))
     assert errands.write({"accel_bias_x": 5e-3}, at_rest=True).proof == "rest"
-    assert Ran(floor.folder).bench["obeyed"] == ["reset_imu"]
-    (entry,) = register_journal.history(floor.folder / "runs", SERIAL)
+    assert Ran(fault_runs.folder).bench["obeyed"] == ["reset_imu"]
+    (entry,) = register_journal.history(fault_runs.folder / "runs", SERIAL)
     assert (entry.closing, entry.cycles) == ("done", 1)
 
 
 @pytest.mark.parametrize("imu", ["bench_mems", "dsp_modbus"])
-def test_carried_by_hand_its_position_is_asked_for_again(floor: Floor, imu: str) -> None:
-    floor.product, floor.table = {**PRODUCT, **BY_HAND, "imu": imu}, "hand_rails"
-    floor.site = {"gravity_mps2": 9.79547}
-    floor.product["limits"] = {"gyro_scale": LOOSE, "accel_scale": LOOSE}
-    ran = floor.run(*restart("verifying", 5.0), stages=("multi_position",))
-    assert_proved(floor, ran)
+def test_a_restart_on_a_manual_rig_requests_the_position_again(fault_runs: FaultRuns, imu: str) -> None:
+    fault_runs.product, fault_runs.table = {**PRODUCT, **BY_HAND, "imu": imu}, "hand_rails"
+    fault_runs.site = {"gravity_mps2": 9.79547}
+    fault_runs.product["limits"] = {"gyro_scale": LOOSE, "accel_scale": LOOSE}
+    ran = fault_runs.run(*restart("verifying", 5.0), stages=("multi_position",))
+    assert_proved(fault_runs, ran)
 
 
-def test_a_plan_counts_no_steps_of_a_look(tmp_path: Path) -> None:
+def test_a_plan_does_not_count_steps_of_a_capture(tmp_path: Path) -> None:
     path = tmp_path / "plan.toml"
     path.write_text('[[fault]]\nkind = "reset_imu"\nstage = "verifying"\nstep = 2\n', encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"'verifying' has no steps\. Give time_s"):

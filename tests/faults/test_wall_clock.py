@@ -16,7 +16,7 @@ from calstation.results.history import History
 from calstation.runs.engine import Engine
 from calstation.runs.incomplete import close_incomplete, finish_incomplete
 from calstation.sequencer.events import Event, StepStarted, Verdict
-from tests.faults.conftest import SERIAL, Floor
+from tests.faults.conftest import SERIAL, FaultRuns
 from tests.helpers import raises_code
 
 pytestmark = [
@@ -57,12 +57,12 @@ def wall_clock(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("by", [DAYS, -DAYS], ids=["forward", "back"])
-def test_a_run_ends_as_if_the_clock_had_never_been_set(floor: Floor, wall_clock: WallClock, by: timedelta) -> None:
-    runs = floor.folder / "runs"
+def test_setting_the_clock_does_not_change_a_run(fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta) -> None:
+    runs = fault_runs.folder / "runs"
     begun = datetime.now(UTC)
     steps = 0
     last: Event | None = None
-    with Engine.start(floor.request()) as engine:
+    with Engine.start(fault_runs.request()) as engine:
         for event in engine.events():
             last = event
             if not isinstance(event, StepStarted) or not event.stage:
@@ -72,7 +72,7 @@ def test_a_run_ends_as_if_the_clock_had_never_been_set(floor: Floor, wall_clock:
                 wall_clock.step(by)
             elif steps == 5:
                 (log,) = runs.glob("*.h5")
-                assert finish_incomplete(runs) == [], "nobody takes it for dead"
+                assert finish_incomplete(runs) == [], "it does not count as dead"
                 assert History(runs).refresh() == 0
                 with raises_code(ConfigurationError, "run.still_running"):
                     close_incomplete(log)
@@ -91,13 +91,15 @@ def test_a_run_ends_as_if_the_clock_had_never_been_set(floor: Floor, wall_clock:
 
 
 @pytest.mark.parametrize("by", [DAYS, -DAYS], ids=["forward", "back"])
-def test_a_killed_run_is_seen_to_be_dead_at_once(floor: Floor, wall_clock: WallClock, by: timedelta) -> None:
-    with Engine.start(floor.request()) as engine:
+def test_a_killed_run_is_recognised_as_dead_at_once(
+    fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta
+) -> None:
+    with Engine.start(fault_runs.request()) as engine:
         for event in engine.events():
             if isinstance(event, StepStarted) and event.stage:
                 wall_clock.step(by)
                 break
         engine.process.kill()
         engine.process.join(30.0)
-    (log,) = (floor.folder / "runs").glob("*.h5")
+    (log,) = (fault_runs.folder / "runs").glob("*.h5")
     assert finish_incomplete(log.parent) == [log]

@@ -140,7 +140,7 @@ def test_the_driver_speaks_to_libmodbus(server_program: Path, transport: str) ->
 
 
 @transports
-def test_exceptions_of_libmodbus_are_told_and_writes_are_made_once(server_program: Path, transport: str) -> None:
+def test_exceptions_of_libmodbus_are_reported_and_writes_are_made_once(server_program: Path, transport: str) -> None:
     with libmodbus(server_program, transport) as port:
         link = ModbusLink(port, 1, 2.0, SERIAL)
         try:
@@ -161,16 +161,16 @@ def test_exceptions_of_libmodbus_are_told_and_writes_are_made_once(server_progra
             link.close()
 
 
-def mbpoll(bench: Any, *told: str) -> "subprocess.CompletedProcess[str]":
-    """Run mbpoll on the bench's table: `told` are its options, and the values to write."""
+def mbpoll(bench: Any, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    """Run mbpoll on the bench's table: `arguments` are its options, and the values to write."""
     at = bench.endpoints["table"]
     if bench.endpoints["table_transport"] == "tcp":
         host, port = at.split(":")
         where = ["-m", "tcp", "-p", port]
     else:
         host, where = at, ["-m", "rtu", "-b", "115200", "-P", "none"]
-    options = [word for word in told if not word.startswith("=")]
-    values = [word[1:] for word in told if word.startswith("=")]
+    options = [word for word in arguments if not word.startswith("=")]
+    values = [word[1:] for word in arguments if word.startswith("=")]
     command = ["mbpoll", *where, "-a", "1", "-0", "-t", "4", "-o", "2", *options, host, *values]
     return subprocess.run(command, capture_output=True, text=True, check=False, timeout=30)
 
@@ -203,8 +203,8 @@ def test_mbpoll_reads_and_writes_the_bench(start_bench: Any, transport: str) -> 
         assert polled(bench, 17, 1)[0] & 0x1000
         target, rate = 9_000_000, 300_000
         for joint in (34, 54):
-            told = [f"={value}" for value in (target, rate, rate)]
-            assert mbpoll(bench, "-r", str(joint), "-t", "4:int", "-B", *told).returncode == 0
+            arguments = [f"={value}" for value in (target, rate, rate)]
+            assert mbpoll(bench, "-r", str(joint), "-t", "4:int", "-B", *arguments).returncode == 0
         assert mbpoll(bench, "-r", "22", "=1").returncode == 0
         bench.advance(10.0)
         for joint in (30, 50):
@@ -225,9 +225,9 @@ def test_mbpoll_and_the_driver_agree_on_two_drives(start_bench: Any, transport: 
             assert mbpoll(bench, "-a", unit, "-r", "23", "=6").returncode == 0
         assert mbpoll(bench, "-a", "1", "-r", "20", "=31").returncode == 0
         bench.advance(6.0)
-        told = [f"={value}" for value in (9_000_000, 300_000, 300_000)]
+        arguments = [f"={value}" for value in (9_000_000, 300_000, 300_000)]
         for unit in ("1", "2"):
-            assert mbpoll(bench, "-a", unit, "-r", "34", "-t", "4:int", *told).returncode == 0
+            assert mbpoll(bench, "-a", unit, "-r", "34", "-t", "4:int", *arguments).returncode == 0
             for address, value in (("23", "=1"), ("20", "=15"), ("20", "=63")):
                 assert mbpoll(bench, "-a", unit, "-r", address, value).returncode == 0
         bench.advance(2.0)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from hand_recordings import prior_of
 
-from calstation.bench.truth.free_unit import Place, SecondaryTruth, pair_truth, record_pair
+from calstation.bench.truth.free_unit import Mounting, SecondaryTruth, pair_truth, record_pair
 from calstation.bench.truth.grades import draw_imu
 from calstation.bench.truth.imu import ImuTruth
 from calstation.bench.truth.manual_rig import ManualRig, around, push
@@ -55,7 +55,7 @@ def model(imu: ImuTruth, serial: str = "P") -> ImuModel:
 def pair(seed: int, grade: str = "mems", **options: object) -> tuple[ImuTruth, SecondaryTruth]:
     """A primary, and a secondary misaligned by a few degrees and displaced, with a clock offset up to 30 ms."""
     random = np.random.default_rng([seed, 1])
-    place = Place(rotation(random.standard_normal(3) * 0.03), random.uniform(-0.1, 0.1, 3))
+    place = Mounting(rotation(random.standard_normal(3) * 0.03), random.uniform(-0.1, 0.1, 3))
     offset = float(random.uniform(-0.03, 0.03))
     return unit(grade, 2 * seed, **options), SecondaryTruth(unit(grade, 2 * seed + 1, **options), place, offset)
 

@@ -19,7 +19,7 @@ from pair_recordings import (
 )
 from scipy.stats import chi2
 
-from calstation.bench.truth.free_unit import Place, SecondaryTruth
+from calstation.bench.truth.free_unit import Mounting, SecondaryTruth
 from calstation.bench.truth.table import rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common.context import StoredPair
@@ -68,7 +68,7 @@ def test_the_clock_offset_is_found_far_below_a_sample(mems):
 
 def test_a_unit_mounted_upside_down_is_no_error():
     primary, secondary = pair(4)
-    turned = replace(secondary, place=Place(rotation(np.array([np.pi, 0.02, 0.01])), secondary.place.arm))
+    turned = replace(secondary, place=Mounting(rotation(np.array([np.pi, 0.02, 0.01])), secondary.place.arm))
     found = solved(recording(primary, [turned], 4), context_of(primary, [turned]), known(primary))
     error = (vector(found) - truth_of(primary, turned)) / vector(found, "sigma")
     assert np.abs(error).max() < 5.0
@@ -86,7 +86,7 @@ def test_partial_models_are_fitted(what):
         unit.parameters[scales] = shift * 2e-3 if what == "scale" else 0.0
         unit.parameters[group_indices("gyro_bias")] += shift * 0.004
         unit.parameters[group_indices("accel_bias")] -= shift * 0.06
-    alike = SecondaryTruth(other, Place(np.eye(3), np.zeros(3)), 0.004)
+    alike = SecondaryTruth(other, Mounting(np.eye(3), np.zeros(3)), 0.004)
     found = solved(recording(primary, [alike], 5), context_of(primary, [alike]), known(primary), model=what)
     truth, sigma = truth_of(primary, alike), vector(found, "sigma")
     fitted = sigma > 0.0
@@ -113,7 +113,7 @@ def test_secondary_data_are_compensated_with_the_stored_error_and_then_with_the_
     primary, secondary, _ = mems
     random = np.random.default_rng(3)
     omega, force = random.standard_normal((5, 3)), 5.0 * random.standard_normal((5, 3))
-    truth = truth_of(primary, replace(secondary, place=Place(secondary.place.turn, np.zeros(3))))
+    truth = truth_of(primary, replace(secondary, place=Mounting(secondary.place.turn, np.zeros(3))))
     c = compensation(primary.parameters)
     measured = [
         omega @ np.linalg.inv(c.gyro_inverse).T + c.gyro_bias,

@@ -102,7 +102,7 @@ def test_a_partial_run_keeps_registers_and_reports_it(site_folder: SiteFolder, m
     assert registers["new"]["accel_scale_x"] == registers["old"]["accel_scale_x"]
     assert registers["new"]["accel_scale_y"] != registers["old"]["accel_scale_y"]
     assert registers["verified"]
-    (told,) = (message for message in site_folder.told(Message) if message.id == "better_kept")
+    (told,) = (message for message in site_folder.events_of(Message) if message.id == "better_kept")
     for said in (event_sentence(told.id, told.values), sentence(event_text(told.id, told.values))):
         assert said.startswith("accel_scale_x kept: ")
         assert said.endswith(" ppm now.")

@@ -41,7 +41,7 @@ def test_the_sigmas_foretold_are_those_that_the_run_reports(site_folder: SiteFol
     assert final is not None
     for name, parameter in result["parameters"].items():
         assert final[INDEX[name]] == pytest.approx(parameter["sigma"], rel=0.1), name
-    for stage, started in zip(told.stages, site_folder.told(StageStarted), strict=True):
+    for stage, started in zip(told.stages, site_folder.events_of(StageStarted), strict=True):
         assert stage.end - stage.begin == pytest.approx(started.duration, abs=5.0)
 
 

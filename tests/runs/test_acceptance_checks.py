@@ -1,4 +1,4 @@
-"""A product's acceptance checks in a run and in a log solved again, by hand and on the table."""
+"""A product's acceptance checks in a run and in a log solved again, on a manual rig and on the table."""
 
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ HELD = {"level_horizontal", "level_vertical", "motion_angle", "motion_improvemen
 
 
 def hand_log(folder: Path, checks: dict[str, Any]) -> Path:
-    """A MEMS unit carried by hand, as a raw log whose product has these checks and no limits."""
+    """A MEMS unit on a manual rig, as a raw log whose product has these checks and no limits."""
     rig = ManualRig(initial_rest=10.0, rest=3.0)
     imu = draw_imu("mems", np.random.default_rng(3), sample_rate=100.0)
     samples, _ = record(imu, rig, around(np.deg2rad(60.0)), 3)
@@ -74,7 +74,7 @@ def named(result: dict[str, Any]) -> dict[str, dict[str, Any]]:
     return {check["name"]: check for check in result["checks"]}
 
 
-def test_a_recording_by_hand_is_judged_by_its_products_checks(tmp_path: Path) -> None:
+def test_a_recording_of_a_manual_rig_is_judged_by_its_products_checks(tmp_path: Path) -> None:
     result = resolve(hand_log(tmp_path, CHECKS)).result.to_json()
     checks = named(result)
     assert {"gravity_at_rest", "improvement_at_rest", *HELD} <= set(checks)
@@ -88,7 +88,7 @@ def test_a_recording_by_hand_is_judged_by_its_products_checks(tmp_path: Path) ->
     assert checks["motion_improvement"]["value"] < checks["motion_improvement"]["limit"]
 
 
-def test_a_missed_check_fails_the_unit_and_says_where(tmp_path: Path) -> None:
+def test_a_failed_check_fails_the_unit_and_names_its_position(tmp_path: Path) -> None:
     strict = {"gravity_at_rest": {"within": 1e-7}, "near_miss_beyond": 0.5}
     result = resolve(hand_log(tmp_path, strict)).result.to_json()
     assert result["passed"] is False
@@ -101,7 +101,7 @@ def judged(site_folder: SiteFolder) -> SiteFolder:
     return site_folder
 
 
-def test_a_run_is_judged_as_its_log_is_and_by_the_run_before(judged: SiteFolder) -> None:
+def test_a_run_is_judged_like_its_log_and_against_the_previous_run(judged: SiteFolder) -> None:
     first = judged.run("six_position")
     checks = named(first.result)
     assert {"gravity_at_rest", "improvement_at_rest", "level_vertical", "motion_angle"} <= set(checks)

@@ -17,7 +17,7 @@ SILENT_AFTER = 1.0
 
 
 class Ends:
-    """A channel, its listener's end, and what the engine was told."""
+    """A channel, its listener's end, and the calls that the engine received."""
 
     def __init__(self) -> None:
         self.theirs: Connection[Any, Any]
@@ -52,7 +52,7 @@ def ends() -> Iterator[Ends]:
     pair.ours.close()
 
 
-def test_it_carries_both_ways(ends: Ends) -> None:
+def test_events_and_commands_pass_through_the_channel(ends: Ends) -> None:
     ends.ours.emit(Message("homing"))
     assert from_json(ends.check_cancelled()) == Message("homing")
     ends.theirs.send("pause")
@@ -63,13 +63,13 @@ def test_it_carries_both_ways(ends: Ends) -> None:
     assert not ends.lost.is_set()
 
 
-def test_it_notices_that_nobody_listens(ends: Ends) -> None:
+def test_a_closed_pipe_is_a_lost_listener(ends: Ends) -> None:
     ends.theirs.close()
     assert ends.lost.wait(PATIENCE)
     ends.ours.emit(Message("homing"))
 
 
-def test_a_listener_that_talks_nonsense_is_lost(ends: Ends) -> None:
+def test_a_listener_that_sends_nonsense_is_lost(ends: Ends) -> None:
     ends.theirs.send("stopp")
     assert ends.lost.wait(PATIENCE)
     assert ends.commands == []

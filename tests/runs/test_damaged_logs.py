@@ -1,4 +1,4 @@
-"""A run whose log was damaged on its disk: what is left is solved, exported and drawn, and the holes are told."""
+"""A run whose log was damaged on its disk: what is left is solved, exported and drawn, and the gaps are reported."""
 
 import json
 import shutil
@@ -57,7 +57,7 @@ def log(run_log: Path, tmp_path: Path) -> Damaged:
     return Damaged(run_log, tmp_path)
 
 
-def test_a_hole_is_a_gap_and_told(log: Damaged, run_log: Path) -> None:
+def test_damaged_rows_are_a_gap_and_reported(log: Damaged, run_log: Path) -> None:
     row = log.rest("six_position")
     log.hurt(row)
     whole, solved = resolve(run_log).result.to_json(), resolve(log.path)
@@ -74,7 +74,7 @@ def test_a_hole_is_a_gap_and_told(log: Damaged, run_log: Path) -> None:
     assert "damaged" not in whole["log"]
 
 
-def test_only_a_stage_that_lacks_data_then_is_refused(log: Damaged) -> None:
+def test_only_stages_with_missing_data_are_refused(log: Damaged) -> None:
     rate = np.flatnonzero(log.stages == "rate")
     for row in rate[:: len(rate) // 25]:
         log.hurt(int(row), 2)
@@ -94,7 +94,7 @@ def test_only_a_stage_that_lacks_data_then_is_refused(log: Damaged) -> None:
     assert str(solved.messages[0][1]["where"]).endswith(", …")
 
 
-def test_a_stage_of_which_nothing_is_left_is_not_passed_over(log: Damaged) -> None:
+def test_a_stage_without_any_samples_left_is_not_skipped(log: Damaged) -> None:
     rows = np.flatnonzero(log.stages == "six_position")
     log.hurt(int(rows[0]), len(rows))
     with raises_code(InsufficientDataError, "solution.in_log") as refused:
@@ -103,7 +103,7 @@ def test_a_stage_of_which_nothing_is_left_is_not_passed_over(log: Damaged) -> No
     assert resolve(log.path, ("rate",)).result.to_json()["stages"] == ["rate"]
 
 
-def test_the_terminal_says_what_is_left_out(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_line_reports_missing_data(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
     log.hurt(log.rest("six_position"))
     assert run_app(["resolve", str(log.path), "--json", "-"]) == 0
     out, err = capsys.readouterr()
@@ -114,14 +114,14 @@ def test_the_terminal_says_what_is_left_out(log: Damaged, capsys: pytest.Capture
     assert f"{len(log.seq) - HURT} samples, {HURT} damaged rows left out" in " ".join(capsys.readouterr().err.split())
 
 
-def test_an_export_has_all_that_is_left(log: Damaged) -> None:
+def test_an_export_has_all_readable_samples(log: Damaged) -> None:
     log.hurt(log.rest("six_position"))
     target = log.path.with_suffix(".csv")
     assert export_csv(log.path, target).damaged == HURT
     assert resolve(target).result.to_json()["parameters"] == resolve(log.path).result.to_json()["parameters"]
 
 
-def test_samples_behind_a_hole_are_drawn_where_they_are(log: Damaged, tmp_path: Path) -> None:
+def test_samples_after_damaged_rows_are_drawn_at_their_time(log: Damaged, tmp_path: Path) -> None:
     row = log.rest("rate")
     log.hurt(row)
 

@@ -1,4 +1,4 @@
-"""The engine's process: told from outside, killed from outside, left alone."""
+"""The engine's process: commanded, killed, or left without a listener."""
 
 import csv
 import json
@@ -23,7 +23,7 @@ from tests.helpers import raises_code
 from tests.site_folder import SiteFolder
 
 
-def test_events_come_and_commands_go(site_folder: SiteFolder) -> None:
+def test_an_engine_sends_events_and_takes_commands(site_folder: SiteFolder) -> None:
     with Engine.start(site_folder.request("rate")) as engine:
         for event in engine.events():
             if isinstance(event, StepStarted) and event.stage:
@@ -59,7 +59,7 @@ def test_a_killed_engine_leaves_a_log_that_opens_and_is_listed(site_folder: Site
 
 
 def polled(engine: Engine, until: Callable[[list[Event]], bool]) -> list[Event]:
-    """What a window's timer hears until enough was heard."""
+    """Events that a window polls until `enough`."""
     events: list[Event] = []
     deadline = time.monotonic() + 200.0
     while not until(events):
@@ -85,7 +85,7 @@ def test_a_window_polls_a_run_to_its_end(site_folder: SiteFolder) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
-def test_a_dead_engine_is_told_to_a_polling_window_as_one_fault(site_folder: SiteFolder) -> None:
+def test_a_dead_engine_gives_a_polling_window_one_fault(site_folder: SiteFolder) -> None:
     with Engine.start(site_folder.request("rate")) as engine:
         polled(engine, moving)
         assert engine.process.pid is not None
@@ -98,15 +98,15 @@ def test_a_dead_engine_is_told_to_a_polling_window_as_one_fault(site_folder: Sit
 
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
-def test_a_frozen_engine_is_a_fault_and_says_more_when_it_comes_back(site_folder: SiteFolder) -> None:
-    """Its table's watchdog has stopped the table meanwhile, which is what it then tells."""
+def test_a_frozen_engine_is_a_fault_and_may_send_more_later(site_folder: SiteFolder) -> None:
+    """The watchdog has stopped the table meanwhile, which the engine then reports."""
     site_folder.write(watchdog_ms=1000)
     with Engine.start(site_folder.request("rate")) as engine:
         polled(engine, moving)
         assert engine.process.pid is not None
         os.kill(engine.process.pid, signal.SIGSTOP)
-        told = polled(engine, lambda events: any(isinstance(e, Fault) for e in events))
-        assert told[-1].code == "run.engine_silent"  # type: ignore[union-attr]
+        events = polled(engine, lambda events: any(isinstance(e, Fault) for e in events))
+        assert events[-1].code == "run.engine_silent"  # type: ignore[union-attr]
         os.kill(engine.process.pid, signal.SIGCONT)
         rest = polled(engine, lambda events: engine.ended)
         assert "table.latched_watchdog" in [event.code for event in rest if isinstance(event, Fault)]
@@ -185,5 +185,5 @@ def test_a_dead_or_frozen_listener_is_a_safe_stop(site_folder: SiteFolder, fate:
     log = open_log(result.with_suffix(".h5"))
     states = [event["state"] for event in log.events if event["event"] == StateChanged.__name__]
     assert states[-2:] == ["stopping", "stopped"]
-    told = [event["values"] for event in log.events if event.get("id") == "stopped_because"]
-    assert told == [{"reason": reason}]
+    reasons = [event["values"] for event in log.events if event.get("id") == "stopped_because"]
+    assert reasons == [{"reason": reason}]

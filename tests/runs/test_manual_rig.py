@@ -1,4 +1,4 @@
-"""A rig turned by hand is a station like any other: guided on the bench, solved, judged, written, solved again."""
+"""A station with a manual rig: guided on the bench, solved, judged, written, solved again."""
 
 from pathlib import Path
 
@@ -43,7 +43,7 @@ PRODUCT = {
 
 
 class Rig(SiteFolder):
-    """A place whose table is a rig turned by hand."""
+    """A site folder with a manual rig."""
 
     def write(self, product: dict | None = None, **bench: object) -> None:
         super().write({**PRODUCT, **(product or {})}, **bench)
@@ -70,14 +70,14 @@ def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bi
     proof = {check["name"]: check for check in result["registers"]["proof"]}
     assert proof["carried_turn"]["passed"]
     assert not {"outer_turn", "inner_turn"} & set(proof)
-    guided = [event for event in rig.told(PositionGuided) if event.stage]
+    guided = [event for event in rig.events_of(PositionGuided) if event.stage]
     planned = run_summary(rig.request())
     assert {event.state for event in guided} >= {"waiting", "still", "moving", "enough"}
     assert guided[-1].index == guided[-1].count == len(planned.positions)
     done = np.reshape(guided[-1].done, (-1, 3))
     away = np.arccos(np.clip((done * planned.positions).sum(axis=1), -1.0, 1.0))
-    assert np.rad2deg(away).max() < 25.0  # hands stop about where they should
-    assert {m.id for m in rig.told(Message)}.isdisjoint({"homing", "checking_mounting", "finishing"})
+    assert np.rad2deg(away).max() < 25.0  # an operator stops near the position
+    assert {m.id for m in rig.events_of(Message)}.isdisjoint({"homing", "checking_mounting", "finishing"})
     log = open_log(Path(verdict.log))
     blocks = [block for block in log.blocks() if block.stage == "multi_position"]
     assert np.isnan(np.concatenate([block.angles for block in blocks])).all()
@@ -87,7 +87,7 @@ def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bi
     assert again["parameters"] == result["parameters"]
 
 
-def test_what_needs_a_table_is_refused_in_a_sentence_before_anything_is_opened(rig: Rig) -> None:
+def test_stages_that_need_a_table_are_refused_before_anything_is_opened(rig: Rig) -> None:
     with pytest.raises(ConfigurationError, match=r"Rate needs a driven table.*turned by hand"):
         prepare_run(rig.request("rate"))
     with pytest.raises(ConfigurationError, match="Six positions needs a driven table"):
@@ -97,14 +97,14 @@ def test_what_needs_a_table_is_refused_in_a_sentence_before_anything_is_opened(r
         compute_preview(no_tell, rig.request())
 
 
-def test_what_is_carried_needs_rails(rig: Rig) -> None:
+def test_carried_stages_need_a_manual_rig(rig: Rig) -> None:
     driven = tomli_w.dumps({**STATION, "bench": {"seed": 5}})
     rig.station.write_text(driven, encoding="utf-8")
     with pytest.raises(ConfigurationError, match=r"schedule\.multi_position\.manual .* is true, but the table"):
         prepare_run(rig.request())
 
 
-def test_before_the_run_time_and_positions_are_known_and_sigmas_are_not(rig: Rig) -> None:
+def test_the_preview_knows_time_and_positions_but_no_sigmas(rig: Rig) -> None:
     planned = run_summary(rig.request())
     assert planned.by_hand
     assert len(planned.positions) == 20
@@ -117,7 +117,7 @@ def test_before_the_run_time_and_positions_are_known_and_sigmas_are_not(rig: Rig
     assert schedule_options(rig.station, rig.product).offered == ("multi_position",)
 
 
-def test_rails_need_no_port_and_have_no_link_to_test(tmp_path: Path) -> None:
+def test_a_manual_rig_needs_no_port_and_has_no_link_to_test(tmp_path: Path) -> None:
     path = tmp_path / "station.toml"
     file = {**STATION, "table": {"profile": "hand_rails"}, "imu": {"port": "/dev/ttyUSB7"}}
     path.write_text(tomli_w.dumps(file), encoding="utf-8")
@@ -151,8 +151,8 @@ def test_the_shipped_station_and_product_belong_together() -> None:
         (np.eye(3)[[1, 0, 2]], False),
     ],
 )
-def test_a_carried_turn_shows_gyros_that_are_wrong(wrong: np.ndarray, passed: bool) -> None:
-    """Half a turn about x, a little about y on the way: gravity knows where it must lead."""
+def test_a_carried_turn_reveals_wrong_gyros(wrong: np.ndarray, passed: bool) -> None:
+    """Half a turn about x, a little about y meanwhile: gravity shows where it ended."""
     imu = ImuModel("S", 100.0, "rate", 1e-6, 1e-5, 4e-5, 6e-4)
     context = SolveContext(Site(0.6, 0.0, 0.0, None, 9.8), imu, TableModel())
     covariance = np.diag([1e-10 if p.group.startswith("gyro") else 1e-8 for p in PARAMETERS])

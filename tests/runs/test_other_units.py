@@ -1,4 +1,4 @@
-"""A run on units that speak otherwise: the same plan and verdict, their registers written their way and proved."""
+"""A run on units of other protocols: the same plan and verdict, registers written and verified."""
 
 from typing import Any
 

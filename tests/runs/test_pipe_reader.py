@@ -1,4 +1,4 @@
-"""What another process says, whole or not at all: a listener never waits for the rest of a message."""
+"""Messages of another process: a listener never waits for the rest of one."""
 
 import multiprocessing
 import os
@@ -22,27 +22,27 @@ PATIENCE = 60.0
 
 
 def freeze_in_mid_message(there: "Connection[Any, Any]") -> None:
-    """An engine that says one thing, begins another of a megabyte and freezes."""
+    """An engine that sends a message, begins another of a megabyte and freezes."""
     there.send(to_json(Message("homing")))
     os.write(there.fileno(), struct.pack("!i", 1 << 20) + bytes(100_000))
     os.kill(os.getpid(), signal.SIGSTOP)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGSTOP exists only on POSIX systems")
-def test_an_engine_frozen_in_mid_message_holds_nobody_up() -> None:
+def test_an_engine_frozen_within_a_message_does_not_block_the_reader() -> None:
     context = multiprocessing.get_context("spawn")
     here, there = context.Pipe()
     process = context.Process(target=freeze_in_mid_message, args=(there,))
     process.start()
     there.close()
     engine = Engine(process, here)
-    told: list[Event] = []
+    events: list[Event] = []
     deadline = time.monotonic() + PATIENCE
-    while not any(isinstance(event, Fault) for event in told):
+    while not any(isinstance(event, Fault) for event in events):
         assert time.monotonic() < deadline
-        told += engine.poll()  # would never return where it waited for the rest
+        events += engine.poll()  # would never return where it waited for the rest
         time.sleep(0.02)
-    first, fault = told
+    first, fault = events
     assert first == Message("homing")
     assert isinstance(fault, Fault)
     assert fault.code == "run.engine_silent"
@@ -55,7 +55,7 @@ def next_letter(mailbox: PipeReader) -> Any:
     return mailbox.take(PATIENCE)
 
 
-def test_messages_come_whole_and_in_order_then_the_end_for_good() -> None:
+def test_messages_arrive_whole_and_in_order_until_the_end() -> None:
     here, there = Pipe()
     mailbox = PipeReader(here)
     with pytest.raises(Empty):
@@ -73,7 +73,7 @@ def test_messages_come_whole_and_in_order_then_the_end_for_good() -> None:
         here.fileno()
 
 
-def test_hanging_up_is_noticed_at_the_other_end_even_where_nobody_took_anything() -> None:
+def test_hanging_up_is_noticed_at_the_other_end_without_any_read() -> None:
     here, there = Pipe()
     mailbox = PipeReader(here)
     end = threading.Event()

@@ -1,4 +1,4 @@
-"""A run carried on behind its last finished stage: killed, stopped or faulty before, whole and exact after."""
+"""A run resumed after its last finished stage, whether it was killed, stopped or faulty: complete and exact."""
 
 import json
 import os
@@ -66,7 +66,7 @@ def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Verdict
         **more,  # type: ignore[arg-type]
     )
     execute(request, site_folder.events.append, site_folder.control)
-    (verdict,) = site_folder.told(Verdict)
+    (verdict,) = site_folder.events_of(Verdict)
     return verdict
 
 
@@ -85,10 +85,10 @@ def test_a_stopped_run_is_resumed_at_its_last_finished_stage(site_folder: SiteFo
     assert result["resumed_from"] == Path(before.log).name
     assert (result["attempt"], result["operator"]) == (1, "second")
     assert result["log"]["gaps"] == 1
-    assert [(s.stage, s.index, s.count) for s in site_folder.told(StageStarted)] == [("six_position", 1, 2)]
-    assert [s.stage for s in site_folder.told(StageSolved)] == list(STAGES)
-    told = [m.id for m in site_folder.told(Message)]
-    assert told.index("resumed") < told.index("identified") < told.index("checking_mounting")
+    assert [(s.stage, s.index, s.count) for s in site_folder.events_of(StageStarted)] == [("six_position", 1, 2)]
+    assert [s.stage for s in site_folder.events_of(StageSolved)] == list(STAGES)
+    messages = [m.id for m in site_folder.events_of(Message)]
+    assert messages.index("resumed") < messages.index("identified") < messages.index("checking_mounting")
 
     assert Path(verdict.log).parent == Path(before.log).parent
     Path(before.log).unlink()
@@ -116,7 +116,7 @@ def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Ver
 
     request = RunRequest("SN-000042", site_folder.station, site_folder.product, resume=offer.log)
     execute(request, stop, site_folder.control)
-    (third,) = site_folder.told(Verdict)
+    (third,) = site_folder.events_of(Verdict)
     assert (third.outcome, third.result["stages"]) == ("stopped", ["rate"])
     site_folder.events, site_folder.control = [], Control()
     verdict = resumed(site_folder, third.log)
@@ -154,8 +154,8 @@ def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(site_fo
     incomplete = json.loads(log.with_suffix(".json").read_text("utf-8"))
     assert (incomplete["outcome"], incomplete["advice"]) == ("incomplete", "resume")
     assert incomplete["finished_stages"] == ["rate", "six_position"]
-    for told, path in ((incomplete, log), (result, Path(verdict.log))):
-        assert told["duration_s"] == open_log(path).facts().samples / 200.0, "the same thing of every run"
+    for written, path in ((incomplete, log), (result, Path(verdict.log))):
+        assert written["duration_s"] == open_log(path).facts().samples / 200.0, "the same definition for every run"
     again = resolve(Path(verdict.log)).result.to_json()
     assert again["parameters"] == result["parameters"]
     assert again["consistency"] == result["consistency"]
@@ -165,7 +165,7 @@ def test_an_engine_killed_in_the_third_stage_is_resumed_to_the_same_bits(site_fo
 
 
 @pytest.mark.long
-def test_where_every_stage_was_finished_only_the_conclusion_is_left(site_folder: SiteFolder) -> None:
+def test_a_run_with_all_stages_finished_is_only_finalized(site_folder: SiteFolder) -> None:
     def watch(event: Event) -> None:
         if isinstance(event, StageSolved) and event.stage == "six_position":
             site_folder.control.send(Command.STOP)
@@ -177,7 +177,7 @@ def test_where_every_stage_was_finished_only_the_conclusion_is_left(site_folder:
     assert verdict.outcome == "passed"
     assert verdict.result["parameters"] == before.result["parameters"]
     assert verdict.result["registers"]["verified"] is True
-    assert site_folder.told(StageStarted) == []
+    assert site_folder.events_of(StageStarted) == []
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_where_every_stage_was_finished_only_the_conclusion_is_left(site_folder:
         ({"schedule": {**SHORT, "rate": {**SHORT["rate"], "turns": 2}}}, None),
     ],
 )
-def test_what_changed_since_decides(
+def test_changes_since_the_run_decide_whether_it_can_be_resumed(
     site_folder: SiteFolder, before: Verdict, change: dict[str, object], section: str | None
 ) -> None:
     """Limits that changed need a new run; the schedule is the one that the run began with."""
@@ -239,7 +239,7 @@ def test_registers_that_changed_need_a_new_run(
 
 
 @pytest.mark.parametrize("end", ["passed", "nothing finished"])
-def test_what_cannot_be_resumed_says_why(site_folder: SiteFolder, end: str) -> None:
+def test_a_run_that_cannot_be_resumed_gives_the_reason(site_folder: SiteFolder, end: str) -> None:
     short(site_folder)
     log = (site_folder.run("rate") if end == "passed" else stopped_in(site_folder, "rate")).log
     site_folder.events = []
@@ -283,12 +283,12 @@ def test_a_closed_run_is_not_offered_any_more(site_folder: SiteFolder, before: V
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 @pytest.mark.parametrize("touched", [0.0, 4e9], ids=["long ago", "in the future"])
-def test_a_run_is_going_until_it_is_dead_whatever_its_log_was_touched(site_folder: SiteFolder, touched: float) -> None:
+def test_a_run_counts_as_running_until_its_process_is_dead(site_folder: SiteFolder, touched: float) -> None:
     with Engine.start(short(site_folder).request(*STAGES)) as engine:
         while not any(isinstance(event, StepStarted) and event.stage for event in engine.poll()):
             time.sleep(0.01)
         assert engine.process.pid is not None
-        os.kill(engine.process.pid, signal.SIGSTOP)  # it writes no more, and yet lives
+        os.kill(engine.process.pid, signal.SIGSTOP)  # it writes no more, but lives
         (log,) = (site_folder.folder / "runs").glob("*.h5")
         os.utime(log, (touched, touched))
         assert finish_incomplete(log.parent) == []
@@ -303,7 +303,7 @@ def test_a_run_is_going_until_it_is_dead_whatever_its_log_was_touched(site_folde
     assert finish_incomplete(log.parent) == []
 
 
-def test_a_verdict_ends_what_came_before_it(site_folder: SiteFolder, before: Verdict) -> None:
+def test_a_verdict_closes_earlier_runs(site_folder: SiteFolder, before: Verdict) -> None:
     assert resumable(site_folder.folder / "runs")[0].log == Path(before.log)
     assert len(resumable(site_folder.folder / "runs")) == 1
     assert site_folder.run("rate").outcome == "passed"

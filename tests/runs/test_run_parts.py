@@ -53,7 +53,7 @@ def test_every_shipped_product_can_be_run(site_folder: SiteFolder, product: str)
     assert setup.bench_config() is not None
 
 
-def test_a_serial_number_is_one_unit_on_the_bench_and_the_seed_is_kept_as_it_was_given() -> None:
+def test_a_serial_number_is_one_unit_of_the_bench_and_keeps_the_given_seed() -> None:
     def drawn(serial: str, seed: int | None = None) -> int:
         setup = prepare_run(RunRequest(serial, seed=seed))
         assert setup.bench_seed == (seed or 1)
@@ -66,7 +66,7 @@ def test_a_serial_number_is_one_unit_on_the_bench_and_the_seed_is_kept_as_it_was
     assert units == [drawn("SN-000001"), drawn("SN-000002"), drawn("SN-000001", 7)]
 
 
-def test_the_products_that_fit_rails_and_tables_are_told_apart(home: Path) -> None:
+def test_products_for_manual_rigs_and_tables_are_distinguished(home: Path) -> None:
     rails, positions = library.find("stations", "virtual_hand"), library.find("products", "mems_positions")
     assert [name for name, _ in compatible_products(rails, positions)] == ["mems_hand"]
     (home / "products").mkdir()
@@ -115,7 +115,7 @@ def test_stages_in_another_order_than_recorded(site_folder: SiteFolder) -> None:
         solve(lambda: [b for b in blocks if not b.stage], log.meta)
 
 
-def test_a_bench_that_cannot_start_says_why() -> None:
+def test_a_bench_that_cannot_start_reports_the_reason() -> None:
     with pytest.raises(DeviceFaultError, match="grade"):
         BenchHost.start({"grade": "toy"})
 

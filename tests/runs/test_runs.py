@@ -66,7 +66,7 @@ def test_a_unit_outside_its_limits_keeps_its_registers(site_folder: SiteFolder) 
     verdict = site_folder.run("six_position")
     assert verdict.outcome == "failed"
     assert verdict.result["registers"] is None
-    assert any(m.id == "registers_kept" for m in site_folder.told(Message))
+    assert any(m.id == "registers_kept" for m in site_folder.events_of(Message))
     failed = [c["name"] for c in verdict.result["checks"] if not c["passed"]]
     assert failed == ["accel_scale_y within"]
 
@@ -88,8 +88,8 @@ def test_pause_and_resume(site_folder: SiteFolder) -> None:
 
     verdict = site_folder.run("rate", on_event=watch)
     assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
-    assert [e.state for e in site_folder.told(StateChanged)].count("paused") == 1
-    assert len(site_folder.told(StageSolved)[0].parameters) == 3
+    assert [e.state for e in site_folder.events_of(StateChanged)].count("paused") == 1
+    assert len(site_folder.events_of(StageSolved)[0].parameters) == 3
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
@@ -98,7 +98,7 @@ def test_stop_is_safe_and_leaves_a_result(site_folder: SiteFolder, moment: type)
     verdict = site_folder.run("rate", on_event=site_folder.once(moment, Command.STOP))
     assert verdict.outcome == "stopped"
     assert verdict.result["passed"] is False
-    assert [e.state for e in site_folder.told(StateChanged)][-2:] == ["stopping", "stopped"]
+    assert [e.state for e in site_folder.events_of(StateChanged)][-2:] == ["stopping", "stopped"]
     assert open_log(Path(verdict.log)).outcome == "stopped"
 
 
@@ -124,14 +124,14 @@ def test_faults_are_reported_and_leave_a_result(
     assert verdict.outcome == "fault"
     assert code is None or site_folder.fault().code == code
     assert verdict.result["error"] == site_folder.fault().text
-    assert [e.state for e in site_folder.told(StateChanged)][-1] == "fault"
+    assert [e.state for e in site_folder.events_of(StateChanged)][-1] == "fault"
 
 
 def test_lost_frames_repeat_a_step(site_folder: SiteFolder) -> None:
     site_folder.write(orders=[{"order": "drop_frames", "value": 3, "at": 35.0}])
     verdict = site_folder.run("rate")
     assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
-    assert [m.values["reason"] for m in site_folder.told(Message) if m.id == "step_repeated"] == ["gap"]
+    assert [m.values["reason"] for m in site_folder.events_of(Message) if m.id == "step_repeated"] == ["gap"]
     assert verdict.result["log"]["gaps"] == 1
 
 
@@ -141,7 +141,7 @@ def test_rtu_and_serial_line_over_pseudo_terminals(site_folder: SiteFolder) -> N
     assert site_folder.run("six_position").outcome == "passed"
 
 
-def test_no_limits_no_run(site_folder: SiteFolder) -> None:
+def test_a_run_needs_limits(site_folder: SiteFolder) -> None:
     site_folder.write({"limits": {}})
     with pytest.raises(ConfigurationError, match="limits"):
         site_folder.run("rate")
@@ -149,7 +149,7 @@ def test_no_limits_no_run(site_folder: SiteFolder) -> None:
 
 @pytest.fixture
 def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
-    """A unit whose samples have gone through its registers."""
+    """A unit whose registers are applied to its samples."""
     home = site_folder.folder / "home"
     (home / "imus").mkdir(parents=True)
     shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
@@ -158,13 +158,13 @@ def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFold
     return site_folder
 
 
-def test_a_stream_behind_the_registers_has_them_read_and_logged_first(behind: SiteFolder) -> None:
+def test_registers_applied_to_the_stream_are_read_and_logged_first(behind: SiteFolder) -> None:
     verdict = behind.run("six_position")
     assert verdict.outcome == "passed"
     assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
 
 
-def test_what_nobody_committed_is_not_in_force_behind_the_registers(
+def test_uncommitted_registers_are_not_applied_to_the_stream(
     behind: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def left_by_another_program(devices: Devices, *rest: Any) -> None:
@@ -177,15 +177,15 @@ def test_what_nobody_committed_is_not_in_force_behind_the_registers(
 
 
 @pytest.mark.long
-def test_a_failed_unit_is_advised_by_how_often_it_failed_and_then_not_taken_any_more(site_folder: SiteFolder) -> None:
+def test_advice_depends_on_the_number_of_failures_until_attempts_are_used_up(site_folder: SiteFolder) -> None:
     site_folder.write({"attempts_allowed": 3, "advice": ["reseat", "repeat"]}, out_of_limits=True)
-    told = []
+    advice = []
     for attempt in (1, 2, 3):
         verdict = site_folder.run("six_position")
         assert (verdict.outcome, verdict.result["attempt"]) == ("failed", attempt)
-        told.append(verdict.result["advice"])
+        advice.append(verdict.result["advice"])
         site_folder.events.clear()
-    assert told == ["reseat", "repeat", "set_aside"]
+    assert advice == ["reseat", "repeat", "set_aside"]
     with raises_code(ConfigurationError, "run.attempts_used"):
         site_folder.run("six_position")
     request = replace(site_folder.request("six_position"), beyond_attempts=True)
@@ -211,7 +211,7 @@ def test_a_result_names_its_files_and_what_was_not_compared(
 
 
 @pytest.mark.long
-def test_every_outcome_is_handed_over_and_found_again(site_folder: SiteFolder) -> None:
+def test_every_outcome_is_handed_over_and_listed(site_folder: SiteFolder) -> None:
     site_folder.run("six_position")
     site_folder.run("rate", on_event=site_folder.once(StepStarted, Command.STOP))
     site_folder.control, site_folder.events = Control(), []
@@ -232,7 +232,7 @@ def test_every_outcome_is_handed_over_and_found_again(site_folder: SiteFolder) -
 
 
 @pytest.mark.long
-def test_a_hand_over_folder_that_is_missing_fails_no_run(site_folder: SiteFolder) -> None:
+def test_a_missing_hand_over_folder_does_not_fail_a_run(site_folder: SiteFolder) -> None:
     station = site_folder.station.read_text("utf-8")
     site_folder.station.write_text(f'{station}\n[handover]\nfolder = "share"\n', encoding="utf-8")
     execute(site_folder.request("six_position"), site_folder.events.append, site_folder.control)
@@ -251,7 +251,7 @@ def test_a_stop_before_the_first_register_is_a_stop(site_folder: SiteFolder) -> 
     verdict = site_folder.run("six_position", on_event=site_folder.once(StageSolved, Command.STOP))
     assert verdict.outcome == "stopped"
     assert verdict.result["registers"] is None
-    assert not [m for m in site_folder.told(Message) if m.id == "registers_transfer"]
+    assert not [m for m in site_folder.events_of(Message) if m.id == "registers_transfer"]
 
 
 def test_a_stop_during_the_transfer_waits_for_its_end(site_folder: SiteFolder) -> None:
@@ -260,12 +260,14 @@ def test_a_stop_during_the_transfer_waits_for_its_end(site_folder: SiteFolder) -
             site_folder.control.send(Command.STOP)
 
     verdict = site_folder.run("six_position", on_event=watch)
-    told = [m.id for m in site_folder.told(Message)]
-    assert told.index("registers_transfer") < told.index("transfer_finished") < told.index("transfer_unproved")
+    messages = [m.id for m in site_folder.events_of(Message)]
+    assert (
+        messages.index("registers_transfer") < messages.index("transfer_finished") < messages.index("transfer_unproved")
+    )
     registers = verdict.result["registers"]
     assert (verdict.outcome, registers["verified"]) == ("stopped", False)
     assert registers["new"] != registers["old"]
-    assert [e.state for e in site_folder.told(StateChanged)][-2:] == ["stopping", "stopped"]
+    assert [e.state for e in site_folder.events_of(StateChanged)][-2:] == ["stopping", "stopped"]
 
 
 def test_a_stop_while_the_devices_are_opened_is_a_stop_with_a_result(site_folder: SiteFolder) -> None:
@@ -274,4 +276,4 @@ def test_a_stop_while_the_devices_are_opened_is_a_stop_with_a_result(site_folder
     assert (verdict.outcome, verdict.result["stages"]) == ("stopped", [])
     assert (verdict.result["advice"], verdict.result["stop_reason"]) == ("repeat", "operator")
     assert open_log(Path(verdict.log)).outcome == "stopped"
-    assert not site_folder.told(StateChanged)
+    assert not site_folder.events_of(StateChanged)

@@ -7,14 +7,14 @@ from tests.site_folder import SiteFolder
 
 
 @pytest.mark.parametrize(
-    ("stage", "told"),
+    ("stage", "error"),
     [
         ("gimbal", "stabilises on the corrected rates"),
         ("cross_calibration", "IMUs on one body recorded together"),
     ],
 )
-def test_a_stage_that_needs_other_hardware_is_refused_at_once(site_folder: SiteFolder, stage: str, told: str) -> None:
-    with pytest.raises(ConfigurationError, match=told):
+def test_a_stage_that_needs_other_hardware_is_refused_at_once(site_folder: SiteFolder, stage: str, error: str) -> None:
+    with pytest.raises(ConfigurationError, match=error):
         site_folder.run(stage)
     assert not (site_folder.folder / "runs").exists()
 

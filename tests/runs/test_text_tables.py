@@ -1,4 +1,4 @@
-"""A run on tables of text, and on two drives: the same plan, the same verdict, behind another protocol."""
+"""A run on tables with text protocols, and on two drives: the same plan and the same verdict."""
 
 import pytest
 import tomli_w

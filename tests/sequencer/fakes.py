@@ -50,7 +50,7 @@ UNIT = UnitTask("SN-1", MODEL, PreflightLimits(r"SN-\d+", GRAVITY))
 
 
 class FakeClock:
-    """Time that passes only when somebody sleeps; `scripts` act at their time."""
+    """Time that passes only during a sleep; `scripts` act at their time."""
 
     tick = 0.05
 
@@ -77,7 +77,7 @@ class FakeClock:
 
 @dataclass
 class FakeTable:
-    """Moves both joints at constant rate; writes down what it was told."""
+    """Moves both joints at constant rate; records its commands."""
 
     clock: FakeClock
     homed: bool = True
@@ -87,7 +87,7 @@ class FakeTable:
     dead: bool = False
     stuck: bool = False
     enabled: bool = False
-    told: list[str] = field(default_factory=list)
+    commands: list[str] = field(default_factory=list)
     origin: tuple[float, float] = (0.0, 0.0)
     target: tuple[float, float] = (0.0, 0.0)
     rate: float = 1.0
@@ -128,20 +128,20 @@ class FakeTable:
         )
 
     def enable(self) -> None:
-        self.told.append("enable")
+        self.commands.append("enable")
         self.enabled = True
 
     def disable(self) -> None:
         self._answer()
-        self.told.append("disable")
+        self.commands.append("disable")
         self.enabled = False
 
     def home(self) -> None:
-        self.told.append("home")
+        self.commands.append("home")
         self.homed = True
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        self.told.append(f"move {math.degrees(outer):.0f} {math.degrees(inner):.0f}")
+        self.commands.append(f"move {math.degrees(outer):.0f} {math.degrees(inner):.0f}")
         if self.on_move is not None:
             self.on_move()
         self.origin, self.begun = self.angles_at(self.clock.time), self.clock.time
@@ -149,7 +149,7 @@ class FakeTable:
 
     def stop(self) -> None:
         self._answer()
-        self.told.append("stop")
+        self.commands.append("stop")
         self.origin = self.target = self.angles_at(self.clock.time)
 
     def reset_fault(self) -> None:
@@ -174,7 +174,7 @@ class FakeImu:
     """Noise-free samples of the fake table's motion at `RATE`; its corrected gyros show `gain` times the raw ones.
 
     One that has restarted shows its raw output; one that is `mute` then sends nothing, or what `babble` says, until it
-    is told to stream. A `deaf` one answers nothing.
+    is commanded to stream. A `deaf` one answers nothing.
     """
 
     clock: FakeClock
@@ -203,7 +203,7 @@ class FakeImu:
         self.corrected, self.off = corrected, False
 
     def restart(self) -> None:
-        """What nobody ordered: some samples are missing, its counter begins again, it is not ready for a second."""
+        """Restart: some samples are missing, the counter begins again, the unit is not ready for a second."""
         self.corrected, self.off = False, self.mute
         self.drop = 3
         self.ready_at = self.clock.time + 1.0
@@ -376,7 +376,7 @@ class Scene:
         """Keep the data."""
         self.proved.append(data)
 
-    def told(self, kind: type) -> list[Any]:
+    def events_of(self, kind: type) -> list[Any]:
         """Events of a kind."""
         return [event for event in self.events if isinstance(event, kind)]
 

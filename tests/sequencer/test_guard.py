@@ -66,7 +66,7 @@ def test_moves_outside_the_limits_are_refused(move: Move, code: str) -> None:
         check_move(status(), LIMITS, move)  # type: ignore[arg-type]
 
 
-def test_the_tables_own_travel_counts_too() -> None:
+def test_the_travel_of_the_table_itself_is_checked() -> None:
     narrow = JointLimits((-0.5, -2.0), (0.5, 2.0))
     with raises_code(ConfigurationError, "motion.target_outside") as caught:
         check_move(status(limits=narrow), LIMITS, GOOD)  # type: ignore[arg-type]

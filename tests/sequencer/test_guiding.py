@@ -41,8 +41,8 @@ ON_ITS_SIDE = tuple((QUARTER, QUARTER + 0.5 * k * QUARTER) for k in range(8))
 ALL_ROUND = ((0.0, 0.0), *ROUND, *TURNED, *ON_ITS_SIDE, (0.0, 0.0))
 
 
-class Carried(FakeImu):
-    """A unit in somebody's hands, with a little noise; every turn takes a second."""
+class CarriedImu(FakeImu):
+    """A unit turned by an operator, with a little noise; every turn takes a second."""
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene.clock, scene.table)
@@ -70,8 +70,8 @@ class Carried(FakeImu):
         return np.concatenate([gyro / MODEL.gyro_lsb, force / MODEL.accel_lsb])
 
 
-class Heard(list[Any]):
-    """Events, of which somebody at the rails hears what is asked."""
+class CarryRequests(list[Any]):
+    """Events; a simulated operator is asked at every carry."""
 
     def __init__(self, ask: Callable[[StepStarted], None]) -> None:
         super().__init__()
@@ -83,8 +83,8 @@ class Heard(list[Any]):
             self._ask(event)
 
 
-class ByHand(Scene):
-    """A scene with rails; hands do what is asked half a second later, or what `instead` says at a position."""
+class ManualScene(Scene):
+    """A scene with a manual rig, turned half a second after each request unless `instead` holds another action."""
 
     def __init__(self, poses: tuple[Pose, ...] = FOUR) -> None:
         def steps() -> Iterator[Step]:
@@ -92,10 +92,10 @@ class ByHand(Scene):
                 yield Carry(*pose, REST, 3.0, index, len(poses))
 
         super().__init__(StagePlan("multi_position", steps), by_hand=True)
-        self.imu = self.hand = Carried(self)
+        self.imu = self.hand = CarriedImu(self)
         rails = load_table_profile(library.shipped_folder() / "tables" / "hand_rails.toml")
         self.table = ManualTable(rails)  # type: ignore[assignment]
-        self.events = Heard(self.ask)
+        self.events = CarryRequests(self.ask)
         self.instead: dict[int, Callable[[Pose], None]] = {}
 
     def ask(self, event: StepStarted) -> None:
@@ -115,31 +115,31 @@ class ByHand(Scene):
 
 
 def words(scene: Scene, index: int) -> list[str]:
-    """The states told of a position, each once."""
-    told = [e.state for e in scene.told(PositionGuided) if e.stage and e.index == index]
-    return [state for k, state in enumerate(told) if k == 0 or told[k - 1] != state]
+    """The states reported of a position, each once."""
+    states = [e.state for e in scene.events_of(PositionGuided) if e.stage and e.index == index]
+    return [state for k, state in enumerate(states) if k == 0 or states[k - 1] != state]
 
 
 def test_the_run_waits_for_every_rest_and_drives_nothing() -> None:
-    scene = ByHand()
-    assert scene.run().state is State.PASSED, scene.told(Fault)
+    scene = ManualScene()
+    assert scene.run().state is State.PASSED, scene.events_of(Fault)
     assert words(scene, 1) == ["waiting", "still", "enough"]
     for index in (2, 3, 4):
         assert words(scene, index) == ["enough", "moving", "still", "enough"]
-    asked = [e for e in scene.told(StepStarted) if e.stage]
+    asked = [e for e in scene.events_of(StepStarted) if e.stage]
     assert {e.kind for e in asked} == {"carry"}
     assert [e.label[4] for e in asked] == [1.0, 2.0, 3.0, 4.0]
     assert list(np.unique(scene.samples("step"))) == [e.step for e in asked]
     assert scene.samples("valid").all()
     assert np.isnan(scene.samples("angles")).all()
     assert np.array_equal(np.diff(scene.samples("seq")), np.ones(len(scene.samples("seq")) - 1))
-    assert not scene.told(TableMoved)
+    assert not scene.events_of(TableMoved)
 
 
-def test_the_picture_has_gravity_what_is_done_and_what_is_asked() -> None:
-    scene = ByHand()
+def test_guidance_shows_gravity_done_and_requested_positions() -> None:
+    scene = ManualScene()
     scene.run()
-    last = [e for e in scene.told(PositionGuided) if e.stage][-1]
+    last = [e for e in scene.events_of(PositionGuided) if e.stage][-1]
     assert (last.index, last.count, last.state) == (4, 4, "enough")
     assert (last.outer, last.inner) == FOUR[3]
     assert (last.outer_before, last.inner_before) == FOUR[2]
@@ -153,16 +153,16 @@ def test_the_picture_has_gravity_what_is_done_and_what_is_asked() -> None:
 
 
 def test_progress_counts_every_position() -> None:
-    scene = ByHand()
+    scene = ManualScene()
     scene.run()
-    fractions = [e.fraction for e in scene.told(StageProgress)]
+    fractions = [e.fraction for e in scene.events_of(StageProgress)]
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
-    assert scene.told(StageProgress)[-1].remaining == 0.0
+    assert scene.events_of(StageProgress)[-1].remaining == 0.0
 
 
-def test_who_lets_go_too_late_is_told_once_more_and_nothing_is_lost() -> None:
-    scene = ByHand()
+def test_a_late_release_repeats_the_request_and_loses_nothing() -> None:
+    scene = ManualScene()
 
     def touched(pose: Pose) -> None:
         scene.later(0.5, lambda: scene.hand.turn(pose))
@@ -172,11 +172,11 @@ def test_who_lets_go_too_late_is_told_once_more_and_nothing_is_lost() -> None:
     assert scene.run().state is State.PASSED
     assert words(scene, 2) == ["enough", "moving", "still", "repeat", "still", "enough"]
     assert scene.samples("valid").all()
-    assert not [m for m in scene.told(Message) if m.id == "step_repeated"]
+    assert not [m for m in scene.events_of(Message) if m.id == "step_repeated"]
 
 
-def test_a_gap_while_it_is_carried_asks_for_the_position_again_and_returns_nowhere() -> None:
-    scene = ByHand()
+def test_a_gap_during_a_carry_requests_the_position_again() -> None:
+    scene = ManualScene()
 
     def cut(pose: Pose) -> None:
         scene.later(0.5, lambda: scene.hand.turn(pose))
@@ -184,16 +184,16 @@ def test_a_gap_while_it_is_carried_asks_for_the_position_again_and_returns_nowhe
 
     scene.instead[3] = cut
     assert scene.run().state is State.PASSED
-    (repeated,) = [m for m in scene.told(Message) if m.id == "step_repeated"]
+    (repeated,) = [m for m in scene.events_of(Message) if m.id == "step_repeated"]
     assert repeated.values["reason"] == "gap"
-    asked = [e for e in scene.told(StepStarted) if e.stage]
+    asked = [e for e in scene.events_of(StepStarted) if e.stage]
     assert [e.label[4] for e in asked] == [1.0, 2.0, 3.0, 3.0, 4.0]
     assert {e.kind for e in asked} == {"carry"}
-    assert len(np.reshape(scene.told(PositionGuided)[-1].done, (-1, 3))) == 2  # of the check behind the stage
+    assert len(np.reshape(scene.events_of(PositionGuided)[-1].done, (-1, 3))) == 2  # of the check after the stage
 
 
-def test_a_pause_is_no_rest_and_the_position_is_asked_for_again() -> None:
-    scene = ByHand()
+def test_a_pause_is_not_a_rest_and_the_position_is_requested_again() -> None:
+    scene = ManualScene()
 
     def pause(pose: Pose) -> None:
         scene.later(0.5, lambda: scene.hand.turn(pose))
@@ -202,53 +202,53 @@ def test_a_pause_is_no_rest_and_the_position_is_asked_for_again() -> None:
 
     scene.instead[2] = pause
     assert scene.run().state is State.PASSED
-    assert [e.state for e in scene.told(StateChanged)][1:-1] == ["running", "pausing", "paused", "running"]
+    assert [e.state for e in scene.events_of(StateChanged)][1:-1] == ["running", "pausing", "paused", "running"]
     valid, time = scene.samples("valid"), scene.samples("time")
     assert 6.5 < (~valid).sum() / RATE < 8.0
     assert time[-1] - time[np.flatnonzero(~valid)[-1]] > 3 * REST
 
 
 def test_enough_ends_the_stage_once_the_positions_lie_all_around() -> None:
-    scene = ByHand(ALL_ROUND)
+    scene = ManualScene(ALL_ROUND)
     scene.instead[2] = lambda pose: (
         scene.control.send(Command.ENOUGH),
         scene.later(0.5, lambda: scene.hand.turn(pose)),
     )
     assert scene.run().state is State.PASSED
-    (ended,) = scene.told(StageEnded)
+    (ended,) = scene.events_of(StageEnded)
     assert ended.reason == "operator"
-    last = [e for e in scene.told(PositionGuided) if e.stage][-1]
+    last = [e for e in scene.events_of(PositionGuided) if e.stage][-1]
     assert last.suffices
     assert 12 < last.index < len(ALL_ROUND)
 
 
 def test_a_stop_ends_the_waiting() -> None:
-    scene = ByHand()
+    scene = ManualScene()
     scene.instead[2] = lambda pose: scene.later(30.0, lambda: scene.control.send(Command.STOP))
     assert scene.run().state is State.STOPPED
     assert scene.finalized == 0
 
 
-def test_no_power_home_direction_or_turn_is_asked_of_rails() -> None:
-    scene = ByHand()
+def test_a_manual_rig_needs_no_power_home_direction_or_turn() -> None:
+    scene = ManualScene()
     scene.hand.way[0] = (0.0, (math.pi, 0.0))  # upside down: no direction is declared
     scene.hand.pose = lambda time, own=scene.hand.pose: own(time) + np.array([math.pi, 0.0])  # type: ignore[method-assign]
     assert scene.run().state is State.PASSED
-    told = [m.id for m in scene.told(Message)]
-    assert "checking_gravity" in told
-    assert not {"homing", "checking_mounting", "finishing"} & set(told)
+    messages = [m.id for m in scene.events_of(Message)]
+    assert "checking_gravity" in messages
+    assert not {"homing", "checking_mounting", "finishing"} & set(messages)
 
 
-def test_gravity_of_a_wrong_length_is_a_fault_before_anybody_is_asked() -> None:
-    scene = ByHand()
+def test_gravity_of_a_wrong_size_is_a_fault_before_any_position() -> None:
+    scene = ManualScene()
     scene.unit = replace(scene.unit, preflight=replace(scene.unit.preflight, gravity=9.0))
     assert scene.run().state is State.FAULT
-    assert scene.told(Fault)[0].code == "preflight.gravity_size"
-    assert not scene.told(StepStarted)
+    assert scene.events_of(Fault)[0].code == "preflight.gravity_size"
+    assert not scene.events_of(StepStarted)
 
 
 def test_the_restarted_unit_is_turned_over_between_two_rests() -> None:
-    scene = ByHand()
+    scene = ManualScene()
     scene.run()
     (data,) = scene.proved
     first, second = data.rests
@@ -256,5 +256,5 @@ def test_the_restarted_unit_is_turned_over_between_two_rests() -> None:
     assert data.turns == ()
     turned = (data.carried[:, :3] * data.period).sum(axis=0)
     assert abs(np.linalg.norm(turned) - math.pi) < 0.05
-    checks = [e for e in scene.told(PositionGuided) if not e.stage]
+    checks = [e for e in scene.events_of(PositionGuided) if not e.stage]
     assert {(e.index, e.count) for e in checks} == {(1, 2), (2, 2)}

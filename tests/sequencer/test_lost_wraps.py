@@ -25,7 +25,7 @@ TICK = 0.05
 
 @dataclass
 class ShortCounter(FakeImu):
-    """The fake unit behind a counter of 8 bits; samples are `late` on the way, s."""
+    """The fake unit with a counter of 8 bits; samples arrive `late` s late."""
 
     count: SampleCount = field(default_factory=lambda: SampleCount(FRAME))
     late: float = 0.0
@@ -71,7 +71,7 @@ class Line:
 
 
 @pytest.mark.parametrize("lost", [5, 100, 255, 256, 300, 512, 3 * 256 + 40])
-def test_whatever_number_is_lost_is_missed(lost: int) -> None:
+def test_any_number_of_lost_samples_is_counted(lost: int) -> None:
     line = Line()
     line.lose(lost)
     assert line.pass_(10.0) == lost
@@ -79,7 +79,7 @@ def test_whatever_number_is_lost_is_missed(lost: int) -> None:
     assert line.acquisition.gaps == 1
 
 
-def test_every_lost_wrap_is_missed_once() -> None:
+def test_every_lost_wrap_is_counted_once() -> None:
     line = Line()
     for _ in range(3):
         line.lose(256)
@@ -87,14 +87,14 @@ def test_every_lost_wrap_is_missed_once() -> None:
     assert line.steps == [257] * 3
 
 
-def test_a_computer_that_was_busy_has_lost_nothing() -> None:
+def test_a_busy_computer_counts_no_samples_as_lost() -> None:
     line = Line()
     line.clock.sleep(2.56)
     assert line.pass_(5.0) == 0
     assert line.steps == []
 
 
-def test_samples_that_take_longer_on_the_way_are_not_lost() -> None:
+def test_delayed_samples_are_not_counted_as_lost() -> None:
     line = Line()
     for late in (0.5, 1.0, 2.0, 0.0):
         line.imu.late = late
@@ -102,7 +102,7 @@ def test_samples_that_take_longer_on_the_way_are_not_lost() -> None:
     assert line.steps == []
 
 
-def test_time_goes_on_with_the_counter() -> None:
+def test_time_continues_with_the_counter() -> None:
     line = Line()
     line.lose(256)
     line.pass_(1.0)

@@ -34,21 +34,21 @@ def code(ended: Ended) -> str:
 
 
 def states(scene: Scene) -> list[str]:
-    return [event.state for event in scene.told(StateChanged)]
+    return [event.state for event in scene.events_of(StateChanged)]
 
 
 def test_a_run_passes_and_leaves_the_axes_off() -> None:
     scene = Scene()
     assert scene.run().state is State.PASSED
     assert states(scene) == ["preparing", "running", "passed"]
-    assert scene.table.told[0] == "enable"
-    assert scene.table.told[-1] == "disable"
+    assert scene.table.commands[0] == "enable"
+    assert scene.table.commands[-1] == "disable"
     assert scene.finalized == 1
 
 
 def test_samples_carry_stage_step_and_angles() -> None:
     scene = Scene()
-    scene.passes = False  # no turns behind the last stage: the fake remembers its last move alone
+    scene.passes = False  # no turns after the last stage: the fake remembers only its last move
     scene.run()
     blocks = scene.solving.blocks["rate"]
     assert {block.stage for block in blocks} == {"rate"}
@@ -77,7 +77,7 @@ def test_each_rest_lasts_its_time_in_imu_time() -> None:
     assert 3.0 <= resting[-1] - resting[0] + 0.1 < 3.4
 
 
-def test_outside_the_limits_is_failed() -> None:
+def test_a_unit_outside_its_limits_fails() -> None:
     scene = Scene()
     scene.passes = False
     assert scene.run().state is State.FAILED
@@ -88,7 +88,7 @@ def test_stop_in_every_state_is_a_safe_stop() -> None:
         scene = Scene()
         scene.clock.at(moment, lambda scene=scene: scene.control.send(Command.STOP))
         assert scene.run().state is State.STOPPED
-        assert scene.table.told[-2:] == ["stop", "disable"]
+        assert scene.table.commands[-2:] == ["stop", "disable"]
         assert scene.finalized == 0
 
 
@@ -96,7 +96,7 @@ def test_stop_before_anything_was_prepared() -> None:
     scene = Scene()
     scene.control.send(Command.STOP)
     assert scene.run().state is State.STOPPED
-    assert not [told for told in scene.table.told if told.startswith("move")]
+    assert not [command for command in scene.table.commands if command.startswith("move")]
 
 
 def in_stage(scene: Scene, delay: float, action: object) -> None:
@@ -131,10 +131,10 @@ def test_pause_and_resume_repeats_the_step_from_its_start() -> None:
     in_stage(scene, 1.0, pause)
     assert scene.run().state is State.PASSED
     assert states(scene)[1:-1] == ["running", "pausing", "paused", "running"]
-    told = scene.table.told
-    i = told.index("stop")
-    assert told[i - 1] == "move 90 0"
-    assert told[i + 1 : i + 3] == ["move 0 0", "move 90 0"]
+    commands = scene.table.commands
+    i = commands.index("stop")
+    assert commands[i - 1] == "move 90 0"
+    assert commands[i + 1 : i + 3] == ["move 0 0", "move 90 0"]
     step = np.concatenate([b.step for b in scene.solving.blocks["rate"]])
     valid = np.concatenate([b.valid for b in scene.solving.blocks["rate"]])
     first = step[0]
@@ -154,7 +154,7 @@ def test_pause_during_a_rest_repeats_the_move_that_led_there_and_the_rest() -> N
 
     in_stage(scene, 5.0, pause)
     assert scene.run().state is State.PASSED
-    steps = [(s.kind, s.label[:1]) for s in scene.told(StepStarted) if s.stage]
+    steps = [(s.kind, s.label[:1]) for s in scene.events_of(StepStarted) if s.stage]
     turn, rest = ("move", ("turn",)), ("dwell", ())
     assert steps == [turn, rest, ("move", ("return",)), rest, turn, rest, turn, rest]
 
@@ -163,7 +163,7 @@ def test_lost_samples_repeat_the_step() -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.imu, "drop", 2))
     assert scene.run().state is State.PASSED
-    repeated_steps = [m for m in scene.told(Message) if m.id == "step_repeated"]
+    repeated_steps = [m for m in scene.events_of(Message) if m.id == "step_repeated"]
     assert [m.values["reason"] for m in repeated_steps] == ["gap"]
 
 
@@ -173,14 +173,14 @@ def test_an_imu_that_falls_silent_is_a_fault_after_bounded_repeats() -> None:
     ended = scene.run()
     assert ended.state is State.FAULT
     assert code(ended) == "stream.not_started"
-    assert scene.table.told[-2:] == ["stop", "disable"]
+    assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
 def test_saturation_repeats_the_step() -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.imu, "saturated", True))
     assert scene.run().state is State.PASSED
-    assert [m.values["reason"] for m in scene.told(Message) if m.id == "step_repeated"] == ["saturated"]
+    assert [m.values["reason"] for m in scene.events_of(Message) if m.id == "step_repeated"] == ["saturated"]
 
 
 @pytest.mark.parametrize(
@@ -198,12 +198,12 @@ def test_a_table_that_fails_is_a_fault_and_a_safe_stop(attribute: str, value: ob
     ended = scene.run()
     assert ended.state is State.FAULT
     assert code(ended) == expected
-    assert scene.told(Fault)[0].exit_code == 3
+    assert scene.events_of(Fault)[0].exit_code == 3
     if attribute != "dead":
-        assert scene.table.told[-2:] == ["stop", "disable"]
+        assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_safe_stop_takes_every_step_whatever_breaks() -> None:
+def test_a_safe_stop_tries_every_step_after_any_failure() -> None:
     scene = Scene()
 
     def broken() -> None:
@@ -211,7 +211,7 @@ def test_a_safe_stop_takes_every_step_whatever_breaks() -> None:
 
     scene.table.stop = broken  # type: ignore[method-assign]
     assert safe_stop(scene.table, scene.clock) == [Text.of("os.other", words="no descriptor")]
-    assert scene.table.told == ["disable"]
+    assert scene.table.commands == ["disable"]
 
 
 def test_a_stalled_move_times_out() -> None:
@@ -259,13 +259,13 @@ def test_an_unhomed_table_is_homed() -> None:
     scene = Scene()
     scene.table.homed = False
     assert scene.run().state is State.PASSED
-    assert scene.table.told[:2] == ["enable", "home"]
+    assert scene.table.commands[:2] == ["enable", "home"]
 
 
 def test_warm_up_waits() -> None:
     scene = Scene(warm_up=30.0, warm_up_slope=0.5)
     assert scene.run().state is State.PASSED
-    assert scene.told(Message)[0].id == "identified"
+    assert scene.events_of(Message)[0].id == "identified"
     cold = Scene()
     cold.run()
     assert scene.clock.time > cold.clock.time + 29.0
@@ -276,7 +276,7 @@ def test_a_plan_outside_the_limits_is_refused_before_anything_moves() -> None:
     ended = scene.run()
     assert isinstance(ended.error, ConfigurationError)
     assert ended.error.code == "motion.target_outside"
-    assert scene.table.told == ["stop", "disable"]
+    assert scene.table.commands == ["stop", "disable"]
 
 
 @pytest.mark.parametrize(
@@ -290,7 +290,7 @@ def test_a_plan_outside_the_limits_is_refused_before_anything_moves() -> None:
 def test_a_repeated_plan_ends_by_its_rule(rule: StopRule, reason: str, rounds: int | None) -> None:
     scene = Scene(repeated(rule))
     assert scene.run().state is State.PASSED
-    (ended,) = scene.told(StageEnded)
+    (ended,) = scene.events_of(StageEnded)
     assert ended.reason == reason
     assert rounds is None or ended.rounds == rounds
 
@@ -299,19 +299,19 @@ def test_the_operator_ends_a_repeated_plan() -> None:
     scene = Scene(repeated(StopRule()))
     in_stage(scene, 2.5, lambda: scene.control.send(Command.ENOUGH))
     assert scene.run().state is State.PASSED
-    assert scene.told(StageEnded)[0].reason == "operator"
+    assert scene.events_of(StageEnded)[0].reason == "operator"
 
 
 def test_progress_rises_to_one() -> None:
     scene = Scene()
     scene.run()
-    fractions = [p.fraction for p in scene.told(StageProgress)]
+    fractions = [p.fraction for p in scene.events_of(StageProgress)]
     assert fractions == sorted(fractions)
     assert fractions[0] == 0.0
     assert fractions[-1] == pytest.approx(1.0)
 
 
-def test_the_journal_keeps_what_happened() -> None:
+def test_the_log_keeps_all_events() -> None:
     scene = Scene()
     scene.run()
     kinds = [event["event"] for event in scene.journal.events]
@@ -319,21 +319,21 @@ def test_the_journal_keeps_what_happened() -> None:
     assert "TableMoved" not in kinds
 
 
-def test_a_resumed_run_does_only_what_is_left() -> None:
+def test_a_resumed_run_does_only_the_remaining_stages() -> None:
     scene = Scene()
     first = scene.solving.finish()
     scene.run(solved=(first,))
-    (started,) = scene.told(StageStarted)
+    (started,) = scene.events_of(StageStarted)
     assert (started.index, started.count) == (1, 2)
     assert scene.solutions[0] is first
     assert len(scene.solutions) == 2
 
 
-def test_a_resumed_run_with_nothing_left_is_checked_and_concluded() -> None:
+def test_a_resumed_run_without_remaining_stages_is_checked_and_finalized() -> None:
     scene = Scene()
     scene.task = replace(scene.task, stages=())
     assert scene.run(solved=(scene.solving.finish(),)).state is State.PASSED
-    assert any(m.id == "checking_mounting" for m in scene.told(Message))
+    assert any(m.id == "checking_mounting" for m in scene.events_of(Message))
     assert scene.finalized == 1
 
 
@@ -348,7 +348,7 @@ def test_a_stop_that_comes_before_the_registers_are_written_is_a_stop() -> None:
     scene.solving.finish = solve  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
     assert scene.finalized == 0
-    assert scene.table.told[-2:] == ["stop", "disable"]
+    assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
 def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unverified() -> None:
@@ -369,8 +369,8 @@ def test_a_stop_during_the_transfer_waits_for_its_end_and_leaves_it_unverified()
     assert scene.run().state is State.STOPPED
     assert transferred == [True]
     assert scene.proved == []
-    assert "transfer_unproved" in [message.id for message in scene.told(Message)]
-    assert scene.table.told[-2:] == ["stop", "disable"]
+    assert "transfer_unproved" in [message.id for message in scene.events_of(Message)]
+    assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
 def test_the_restarted_unit_is_captured_in_data_that_no_log_holds() -> None:
@@ -397,7 +397,7 @@ def test_a_unit_with_corrected_output_is_captured_before_and_after() -> None:
     assert np.allclose(fresh.rests, fresh.reference.rests, atol=1e-3)
     for own, before in zip(fresh.turns, fresh.reference.turns, strict=True):
         assert np.allclose(own.angle, before.angle, atol=1e-3)
-    assert scene.imu.started[-2:] == [True, False], "the raw stream is on again behind it"
+    assert scene.imu.started[-2:] == [True, False], "the raw stream is on again afterwards"
 
 
 @pytest.mark.parametrize("spoilt", [1, 2, 3])
@@ -408,22 +408,22 @@ def test_a_turn_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
     def drop() -> None:
         """Samples get lost in a turn to 180° and each time that it is made again."""
         if scene.finalized:
-            moves.append(len(scene.table.told) - 1)
-            turning = scene.table.told[-1] == "move 180 0"
-            if turning and scene.table.told[moves[0] :].count("move 180 0") <= spoilt:
+            moves.append(len(scene.table.commands) - 1)
+            turning = scene.table.commands[-1] == "move 180 0"
+            if turning and scene.table.commands[moves[0] :].count("move 180 0") <= spoilt:
                 scene.imu.drop = 2
 
     scene.table.on_move = drop
     ended = scene.run()
-    told = [words for words in scene.table.told[moves[0] :] if words.startswith("move")]
+    moved = [words for words in scene.table.commands[moves[0] :] if words.startswith("move")]
     again = ["move 180 0", "move 90 0"] * spoilt
     if spoilt == 3:
         assert code(ended) == "stream.lossy"
-        assert told[2:] == again[:-1]
+        assert moved[2:] == again[:-1]
         assert scene.proved == []
         return
     assert ended.state is State.PASSED
-    assert told[2 : 2 + len(again) + 1] == [*again, "move 180 0"]
+    assert moved[2 : 2 + len(again) + 1] == [*again, "move 180 0"]
     (fresh,) = scene.proved
     axes = np.array([turned.angle for turned in fresh.turns]) / (2.0 * np.pi)
     assert np.allclose(np.abs(axes), np.eye(3)[[0, 1, 2]], atol=2e-3)
@@ -439,8 +439,8 @@ def test_a_stop_while_the_restarted_unit_is_captured_reports_an_unverified_trans
     scene.finalize = finalize  # type: ignore[method-assign]
     assert scene.run().state is State.STOPPED
     assert scene.proved == []
-    told = [message.id for message in scene.told(Message)]
-    assert told[-2:] == ["verifying", "transfer_unproved"]
+    messages = [message.id for message in scene.events_of(Message)]
+    assert messages[-2:] == ["verifying", "transfer_unproved"]
 
 
 def test_a_unit_without_registers_has_passed_when_it_is_inside_the_limits() -> None:
@@ -448,22 +448,22 @@ def test_a_unit_without_registers_has_passed_when_it_is_inside_the_limits() -> N
     scene.writes = False
     assert scene.run().state is State.PASSED
     assert scene.proved == []
-    assert "verifying" not in [m.id for m in scene.told(Message)]
-    assert ("verify",) not in [e.label for e in scene.told(StepStarted)]
+    assert "verifying" not in [m.id for m in scene.events_of(Message)]
+    assert ("verify",) not in [e.label for e in scene.events_of(StepStarted)]
 
 
 def test_a_stop_without_the_operator_gives_its_reason() -> None:
     scene = Scene()
     scene.clock.at(4.0, lambda: scene.control.send(Command.STOP, "listener_lost"))
     assert scene.run().state is State.STOPPED
-    assert [m.values for m in scene.told(Message) if m.id == "stopped_because"] == [{"reason": "listener_lost"}]
+    assert [m.values for m in scene.events_of(Message) if m.id == "stopped_because"] == [{"reason": "listener_lost"}]
 
 
-def test_non_numeric_output_is_spoilt_and_its_step_repeated() -> None:
+def test_non_numeric_samples_are_invalid_and_their_step_is_repeated() -> None:
     scene = Scene()
     scene.clock.at(16.0, lambda: setattr(scene.imu, "nan", True))
     assert scene.run().state is State.PASSED
-    assert [m.values["reason"] for m in scene.told(Message) if m.id == "step_repeated"] == ["invalid"]
+    assert [m.values["reason"] for m in scene.events_of(Message) if m.id == "step_repeated"] == ["invalid"]
     blocks = scene.solving.blocks["rate"]
     bad = [block for block in blocks if np.isnan(block.counts).any()]
     assert len(bad) == 1
@@ -475,9 +475,9 @@ def test_a_channel_without_its_noise_is_reported_as_stuck() -> None:
     noisy = replace(MODEL, gyro_arw=1e-7)  # one count of noise at 100 Hz
     scene.unit = replace(scene.unit, model=noisy)
     assert scene.run().state is State.FAULT
-    (fault,) = scene.told(Fault)
+    (fault,) = scene.events_of(Fault)
     assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro x"})
-    assert scene.table.told[-1] == "disable"
+    assert scene.table.commands[-1] == "disable"
 
 
 def test_a_unit_that_is_not_ready_yet_may_show_nothing_but_zeros() -> None:
@@ -485,7 +485,7 @@ def test_a_unit_that_is_not_ready_yet_may_show_nothing_but_zeros() -> None:
     scene.unit = replace(scene.unit, model=replace(MODEL, gyro_arw=1e-7))
     scene.imu.ready_at = 1e9
     assert scene.run().state is State.FAULT
-    (fault,) = scene.told(Fault)
+    (fault,) = scene.events_of(Fault)
     assert fault.code == "preflight.not_ready"
 
 
@@ -493,7 +493,7 @@ def test_a_channel_of_floats_is_stuck_however_small_its_noise_is_in_counts() -> 
     scene = Scene()
     scene.unit = replace(scene.unit, span=Span(step=np.zeros(6)))
     assert scene.run().state is State.FAULT
-    (fault,) = scene.told(Fault)
+    (fault,) = scene.events_of(Fault)
     assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro x"})
 
 
@@ -501,9 +501,9 @@ def test_non_numeric_output_is_reported_before_the_axes_are_switched_on() -> Non
     scene = Scene()
     scene.clock.at(1.0, lambda: setattr(scene.imu, "nan", True))
     assert scene.run().state is State.FAULT
-    (fault,) = scene.told(Fault)
+    (fault,) = scene.events_of(Fault)
     assert fault.code == "preflight.non_numeric"
-    assert "enable" not in scene.table.told
+    assert "enable" not in scene.table.commands
 
 
 def test_output_that_saturates_in_the_small_turns_is_reported() -> None:
@@ -512,9 +512,9 @@ def test_output_that_saturates_in_the_small_turns_is_reported() -> None:
     turns = np.deg2rad(1.0) / MODEL.gyro_lsb
     scene.unit = replace(scene.unit, span=Span(high=np.array([turns] * 3 + [2.0 * rest] * 3)))
     assert scene.run().state is State.FAULT
-    (fault,) = scene.told(Fault)
+    (fault,) = scene.events_of(Fault)
     assert fault.code == "preflight.saturated"
-    assert scene.table.told[-1] == "disable"
+    assert scene.table.commands[-1] == "disable"
 
 
 def test_a_gyro_far_from_what_its_profile_expects_is_reported_before_it_turns() -> None:
@@ -522,6 +522,6 @@ def test_a_gyro_far_from_what_its_profile_expects_is_reported_before_it_turns() 
     high = np.array([1.0, -0.1, 1.0])
     scene.unit = replace(scene.unit, preflight=replace(scene.unit.preflight, rate_high=high))
     assert scene.run().state is State.FAULT
-    (fault,) = scene.told(Fault)
+    (fault,) = scene.events_of(Fault)
     assert (fault.code, fault.values["axis"]) == ("preflight.gyro_rate", "y")
-    assert not scene.told(StageStarted)
+    assert not scene.events_of(StageStarted)

@@ -31,7 +31,7 @@ def test_a_plan_ends_at_its_finish() -> None:
     ("rule", "seconds"),
     [(StopRule(rounds=4), 4.0), (StopRule(duration=6.5), 7.0), (StopRule(targets={"gyro_bias": 1.0}), 1.0)],
 )
-def test_an_endless_plan_is_previewed_as_far_as_its_rule(rule: StopRule, seconds: float) -> None:
+def test_the_preview_of_an_endless_plan_ends_by_its_rule(rule: StopRule, seconds: float) -> None:
     assert plan_time(endless(), rule, (0.0, 0.0)) == pytest.approx(seconds)
     last = [step for step, _ in planned(endless(), rule, (0.0, 0.0))][-1]
     assert isinstance(last, RoundEnd)
@@ -73,7 +73,7 @@ def test_polled_angles_lie_on_the_sample_of_their_time(latency: float) -> None:
     assert np.abs(angles[polled] - truth[polled])[2:].max() < 1e-6
 
 
-def test_a_poll_that_was_repeated_on_the_way_gives_no_angle() -> None:
+def test_a_slow_poll_gives_no_angle() -> None:
     clock = FakeClock()
     table = FakeTable(clock)
     blocks: list[SampleBlock] = []
@@ -124,7 +124,7 @@ def test_the_mean_shown_ignores_non_numeric_samples() -> None:
     imu.nan = True
     clock.sleep(0.1)
     assert acquisition.drain().invalid
-    assert not blocks[0].valid.any(), "the first sample is none, what follows belongs to a spoilt step"
+    assert not blocks[0].valid.any(), "the first sample is not a number, the others belong to an interrupted step"
     assert acquisition.recent is not None
     assert acquisition.recent[0][5] == pytest.approx(9.8, abs=1e-4)
     imu.nan = True

@@ -8,7 +8,7 @@ from calstation.sequencer.control import ENDED, TRANSITIONS, IllegalTransitionEr
 
 
 @given(st.lists(st.sampled_from(State)))
-def test_any_walk_stays_on_the_table(wishes: list[State]) -> None:
+def test_any_sequence_of_transitions_is_allowed_by_the_state_table(wishes: list[State]) -> None:
     state = State.IDLE
     for wish in wishes:
         allowed = wish in TRANSITIONS[state]

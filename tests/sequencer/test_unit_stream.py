@@ -17,7 +17,7 @@ GAIN = 1.01
 
 
 def asked() -> Scene:
-    """A unit whose corrected output must be asked for."""
+    """A unit that streams corrected output on command."""
     scene = Scene()
     scene.unit = replace(scene.unit, corrected=Output.ASKED)
     scene.imu.gain = GAIN
@@ -39,8 +39,8 @@ def after(scene: Scene, kind: type[Event], delay: float, action: Callable[[], An
     scene.events = Watched()
 
 
-def told(scene: Scene) -> list[str]:
-    return [message.id for message in scene.told(Message)]
+def messages(scene: Scene) -> list[str]:
+    return [message.id for message in scene.events_of(Message)]
 
 
 def turned(data: Any) -> list[float]:
@@ -59,7 +59,7 @@ def test_a_restart_during_the_capture_begins_it_again(delay: float, mute: bool) 
     assert turned(fresh) == pytest.approx([GAIN] * 3, abs=2e-4)
     assert turned(fresh.reference) == pytest.approx([1.0] * 3, abs=2e-4)
     assert scene.imu.started[-3:] == [True, True, False]
-    assert told(scene).count("look_repeated") <= 1
+    assert messages(scene).count("look_repeated") <= 1
 
 
 @pytest.mark.parametrize("mute", [False, True])
@@ -75,7 +75,7 @@ def test_a_restart_before_the_transfer_repeats_the_capture(mute: bool) -> None:
     assert scene.run().state is State.PASSED, scene.events[-3:]
     (fresh,) = scene.proved
     assert turned(fresh.reference) == pytest.approx([1.0] * 3, abs=2e-4)
-    assert told(scene).index("look_repeated") < told(scene).index("verifying")
+    assert messages(scene).index("look_repeated") < messages(scene).index("verifying")
 
 
 def test_repeated_restarts_are_a_fault_and_nothing_is_verified() -> None:
@@ -90,9 +90,9 @@ def test_repeated_restarts_are_a_fault_and_nothing_is_verified() -> None:
     assert ended.state is State.FAULT
     assert ended.error.code == "stream.restarts_after_write"
     assert scene.proved == []
-    assert told(scene).count("look_repeated") == 3
-    assert told(scene)[-1] == "transfer_unproved"
-    assert scene.table.told[-2:] == ["stop", "disable"]
+    assert messages(scene).count("look_repeated") == 3
+    assert messages(scene)[-1] == "transfer_unproved"
+    assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
 def test_a_unit_that_is_never_ready_again_is_a_fault() -> None:
@@ -110,7 +110,7 @@ def test_frames_lost_in_a_capture_do_not_repeat_it_and_its_output_is_requested_a
     scene = asked()
     after(scene, Message, 9.0, lambda: setattr(scene.imu, "drop", 2), "verifying")
     assert scene.run().state is State.PASSED
-    assert "look_repeated" not in told(scene)
+    assert "look_repeated" not in messages(scene)
     assert turned(scene.proved[0]) == pytest.approx([GAIN] * 3, abs=2e-4)
     assert scene.imu.started[-3:] == [True, True, False]
 
@@ -122,7 +122,7 @@ def test_a_unit_that_streams_on_command_is_commanded_again_during_a_run(delay: f
     scene.imu.mute, scene.imu.babble = True, babble
     after(scene, StageStarted, delay, scene.imu.restart)
     assert scene.run().state is State.PASSED, scene.events[-3:]
-    assert [m.values["reason"] for m in scene.told(Message) if m.id == "step_repeated"] == ["no_data"]
+    assert [m.values["reason"] for m in scene.events_of(Message) if m.id == "step_repeated"] == ["no_data"]
     assert scene.imu.started[:1] == [False]
 
 
@@ -175,7 +175,7 @@ def test_a_unit_that_does_not_come_back_is_a_fault(change: dict[str, Any], code:
     ended = scene.run()
     assert ended.state is State.FAULT
     assert ended.error.code == code
-    assert scene.table.told[-2:] == ["stop", "disable"]
+    assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
 def test_a_stop_does_not_wait_for_a_unit_that_does_not_answer() -> None:
@@ -190,10 +190,10 @@ def test_a_stop_does_not_wait_for_a_unit_that_does_not_answer() -> None:
     scene.imu.wake = wake  # type: ignore[method-assign, assignment]
     after(scene, StageStarted, 1.0, scene.imu.restart)
     assert scene.run().state is State.STOPPED
-    assert scene.table.told[-2:] == ["stop", "disable"]
+    assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
-def test_a_table_fault_meanwhile_does_not_wait_for_it_either() -> None:
+def test_a_table_fault_does_not_wait_for_a_unit_that_does_not_answer() -> None:
     scene = Scene()
     scene.imu.mute = True
 

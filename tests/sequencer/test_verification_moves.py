@@ -1,4 +1,4 @@
-"""The way on which a unit is looked at, on any table: what it excites, that it is within reach and closed."""
+"""The verification path on any table: what it excites, and that it is within travel and closed."""
 
 import numpy as np
 import pytest
@@ -90,6 +90,6 @@ def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
         assert apart == pytest.approx(round(apart), abs=1e-6)
 
 
-def test_gyros_that_show_little_are_turned_slowly() -> None:
+def test_gyros_of_a_small_range_are_turned_slowly() -> None:
     path = verification_path((0.0, 0.0), TableGeometry(limits=WIDE), WIDE, fastest=0.5)
     assert {leg.move.rate for leg in path.legs} == {0.5}

@@ -10,10 +10,10 @@ from calstation.simulation.method_study import KIND_OF, run_method_study
 
 @pytest.mark.parametrize("stage", list(KIND_OF))
 def test_errors_agree_with_their_sigmas(stage: str) -> None:
-    told: list[tuple[int, int]] = []
-    study = run_method_study(stage, "mems", 4, lambda *done: told.append(done))
+    progress: list[tuple[int, int]] = []
+    study = run_method_study(stage, "mems", 4, lambda *done: progress.append(done))
     assert study["passed"], study["groups"]
-    assert told[-1] == (4, 4)
+    assert progress[-1] == (4, 4)
     assert json.loads(json.dumps(study)) == study
 
 

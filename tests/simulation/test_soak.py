@@ -1,4 +1,4 @@
-"""The soak: the same plans for the same seed, every kind in turn, and a judge that knows the truth."""
+"""The soak: equal plans for equal seeds, every fault in turn, and judgement by the bench's truth."""
 
 import json
 from collections import Counter
@@ -8,8 +8,11 @@ from typing import Any
 
 import pytest
 
+from calstation.bench import BenchConfig
 from calstation.cli.app import run_app
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
+from calstation.physics import INDEX
+from calstation.results import Result
 from calstation.simulation.fault_plan import KINDS
 from calstation.simulation.soak_judge import Judged, _left_alone, _set_up, _wrong
 from calstation.simulation.soak_plan import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, plans, write_request
@@ -27,20 +30,20 @@ def judged(**changes: Any) -> Judged:
     return replace(run, **changes)
 
 
-def test_plans_are_the_same_for_the_same_seed_and_deal_every_kind_in_turn() -> None:
+def test_equal_seeds_give_equal_plans_in_which_every_fault_occurs_before_any_repeats() -> None:
     assert list(plans(30, 4)) == list(plans(30, 4)) != list(plans(30, 5))
     deck = len(STAGE_FAULTS) + len(OTHER_FAULTS)
-    dealt = [fault for planned in plans(200, 4) for fault in planned.faults]
-    assert len(dealt) > 2 * deck
-    assert set(Counter(dealt[:deck]).values()) == {1}
-    listened = {"operator_stop", "window_killed"}
-    kinds = {kind for kind, _ in (*STAGE_FAULTS, *OTHER_FAULTS)} - listened
+    drawn = [fault for planned in plans(200, 4) for fault in planned.faults]
+    assert len(drawn) > 2 * deck
+    assert set(Counter(drawn[:deck]).values()) == {1}
+    from_listener = {"operator_stop", "window_killed"}
+    kinds = {kind for kind, _ in (*STAGE_FAULTS, *OTHER_FAULTS)} - from_listener
     assert kinds < set(KINDS)
-    another_unit_or_disk = {"single_bank_flash", "disk_full", "runs_folder_gone"}
-    assert set(KINDS) - kinds == another_unit_or_disk
+    not_in_a_soak = {"single_bank_flash", "disk_full", "runs_folder_gone"}
+    assert set(KINDS) - kinds == not_in_a_soak
 
 
-def test_what_is_wrong_lost_unsafe_or_hung_makes_a_soak_unsound() -> None:
+def test_a_wrong_lost_unsafe_or_hung_run_makes_a_soak_unsound() -> None:
     assert Soak([judged()]).sound
     for bad in (
         judged(wrong=("passed with gyro_bias_x off by 7.0 sigma",)),
@@ -57,41 +60,44 @@ def test_what_is_wrong_lost_unsafe_or_hung_makes_a_soak_unsound() -> None:
     assert (counts["recovered"], counts["stopped_safely"]) == (0, 1)
 
 
-def test_the_judge_knows_the_truth(tmp_path: Path) -> None:
-    from calstation.bench.config import BenchConfig
-    from calstation.physics.parameters import INDEX
+def result_of(outcome: str, **sections: Any) -> Result:
+    """A result with these sections."""
+    needed = {"schema": "calstation.result/1", "unit": {"serial": "SN-1"}, "stages": [], "log": {"file": "a.h5"}}
+    return Result.from_json({**needed, "outcome": outcome, "parameters": {}, **sections})
 
+
+def test_verdicts_are_judged_by_the_truth(tmp_path: Path) -> None:
     request = write_request(GOOD, tmp_path, ("rate", "six_position"))
     setup = resolve_configuration(request)
-    truth = BenchConfig.model_validate(setup.bench_config()).truth().imu.parameters
-    row = {"value": float(truth[INDEX["accel_bias_x"]]), "sigma": 1e-4}
-    check = {"name": "accel_bias_x within", "value": row["value"], "limit": [-0.0074, 0.0074], "unit": "m/s²"}
-    check["passed"] = True
-    result: dict[str, Any] = {"parameters": {"accel_bias_x": row}, "checks": [check]}
-    assert _wrong(GOOD, request, result, "passed", ()) == []
-    row["value"] += 7e-4
-    (what,) = _wrong(GOOD, request, result, "passed", ())
-    assert "accel_bias_x off by 7.0 sigma" in what
-    check["limit"], row["value"] = [-1e-9, 1e-9], float(truth[INDEX["accel_bias_x"]])
-    (what,) = _wrong(GOOD, request, result, "passed", ())
-    assert "outside its limits" in what
-    failed = {**result, "checks": [{**check, "passed": False}]}
-    assert not _wrong(GOOD, request, failed, "failed", ()), "the truth itself is outside this limit"
-    failed = {**result, "checks": [{**check, "limit": [-1.0, 1.0], "passed": False}]}
-    assert _wrong(GOOD, request, failed, "failed", ())
-    assert _wrong(GOOD, request, failed, "failed", ("jam",))
-    assert not _wrong(GOOD, request, failed, "failed", ("wrong_gravity",))
-    assert _wrong(GOOD, request, result, "passed", ("wrong_gravity",)) == ["passed with wrong_gravity"]
-    assert not _wrong(replace(GOOD, faulty_unit=True), request, failed, "failed", ())
-    assert _wrong(GOOD, request, {}, "hung", ())
+    truth = float(BenchConfig.model_validate(setup.bench_config()).truth().parameters[INDEX["accel_bias_x"]])
+
+    def wrong(
+        happened: tuple[str, ...] = (), *, error: float = 0.0, limit: float = 0.0074, failed: bool = False, faulty=False
+    ) -> list[str]:
+        row = {"value": truth + error, "sigma": 1e-4}
+        check = {"name": "accel_bias_x within", "value": row["value"], "limit": [-limit, limit], "unit": "m/s²"}
+        outcome = "failed" if failed else "passed"
+        result = result_of(outcome, parameters={"accel_bias_x": row}, checks=[{**check, "passed": not failed}])
+        return _wrong(replace(GOOD, faulty_unit=faulty), request, result, outcome, happened)
+
+    assert wrong() == []
+    assert wrong(error=7e-4) == ["passed with accel_bias_x off by 7.0 sigma"]
+    assert wrong(limit=1e-9) == ["passed with accel_bias_x outside its limits"]
+    assert not wrong(limit=1e-9, failed=True), "the truth itself is outside this limit"
+    assert wrong(limit=1.0, failed=True)
+    assert wrong(("jam",), limit=1.0, failed=True)
+    assert not wrong(("wrong_gravity",), limit=1.0, failed=True)
+    assert wrong(("wrong_gravity",)) == ["passed with wrong_gravity"]
+    assert not wrong(limit=1.0, failed=True, faulty=True)
+    assert _wrong(GOOD, request, None, "hung", ())
 
 
-def test_a_run_that_comes_to_no_verdict_needs_a_reason(tmp_path: Path) -> None:
+def test_a_run_without_a_verdict_needs_a_reason(tmp_path: Path) -> None:
     request = write_request(GOOD, tmp_path, ("rate",))
 
     def wrong(*faults: tuple[str, float | None], faulty: bool = False) -> list[str]:
         planned = replace(GOOD, faults=faults, faulty_unit=faulty)
-        return _wrong(planned, request, {"error": "table: x"}, "fault", [kind for kind, _ in faults])
+        return _wrong(planned, request, result_of("fault", error="table: x"), "fault", [kind for kind, _ in faults])
 
     assert wrong() == wrong(("drop_frames", 3)) == ["no verdict without need: table: x"]
     assert not wrong(("silence_imu", 600))
@@ -122,14 +128,14 @@ def setups(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ResolvedConfig
     }
 
 
-def test_only_a_table_without_a_watchdog_may_keep_its_axes_on_when_its_engine_dies(
+def test_only_tables_without_a_watchdog_may_keep_axes_on_after_the_engine_died(
     setups: dict[str, ResolvedConfiguration],
 ) -> None:
-    alone = {name for name, setup in setups.items() if _left_alone(setup.table)}
-    assert alone == {"two drives", "ATL", "ACL", "MN"}
+    kept_on = {name for name, setup in setups.items() if _left_alone(setup.table)}
+    assert kept_on == {"two drives", "ATL", "ACL", "MN"}
 
 
-def test_what_a_device_does_not_have_is_no_fault_of_it(setups: dict[str, ResolvedConfiguration]) -> None:
+def test_a_fault_that_a_device_cannot_have_does_not_count(setups: dict[str, ResolvedConfiguration]) -> None:
     for kind, without in (
         ("watchdog_off", {"two drives", "ATL", "ACL", "MN"}),
         ("never_ready", {"VN-100"}),

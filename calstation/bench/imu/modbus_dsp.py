@@ -122,8 +122,8 @@ class DspUnit(ImuUnit):
             size = 8 if first < 16 else 4
             if first <= address < first + size:
                 padded = text.encode("ascii", "replace").ljust(16, b"\0")
-                place = 2 * (address - first)
-                return int.from_bytes(padded[place : place + 2], "big")
+                at = 2 * (address - first)
+                return int.from_bytes(padded[at : at + 2], "big")
         if address == STREAM:
             return (CORRECTED if self.corrected else RAW) if self.streaming else OFF
         if address == COMMIT:
@@ -160,7 +160,7 @@ class DspUnit(ImuUnit):
             raise _Refused(ILLEGAL_VALUE)
 
     def correction(self) -> Correction:
-        """See `ImuUnit.correction`; the formulas and places are the module's."""
+        """See `ImuUnit.correction`; the module gives formulas and addresses."""
         gyros, accels = self._words[1], self._words[2]
         columns = [_float(gyros[2 * k + 1], gyros[2 * k]) for k in range(9)]
         error = np.array([[columns[3 * column + row] for column in range(3)] for row in range(3)])

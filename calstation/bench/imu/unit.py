@@ -8,14 +8,7 @@ import numpy as np
 from calstation.bench.config import BenchConfig
 from calstation.bench.imu.correction import Correction, Requantiser
 from calstation.bench.imu.flash import Flash, PowerCut
-from calstation.bench.imu.frames import (
-    READY,
-    REPLY_SYNC,
-    SATURATED,
-    CommandParser,
-    pack,
-    stream_frames,
-)
+from calstation.bench.imu.frames import READY, REPLY_SYNC, SATURATED, CommandParser, pack, stream_frames
 from calstation.bench.table import SIZE, WRITABLE, OutOfRange, Refusal, TableRegisters
 from calstation.bench.truth import StreamOutput
 from calstation.physics import FloatArray
@@ -26,8 +19,8 @@ FIRMWARE = "1.0.0"
 #: Calibration registers, float32.
 REGISTERS = 30
 
-# Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27: the
-# sensors' errors, measured = (I + M) true + b, force with K force² besides, which the corrected stream takes off.
+# Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27. The
+# corrected stream removes these errors: measured = (I + M) true + b, for the force plus K force².
 
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, READ_WORDS, WRITE_WORDS, ERROR = 1, 2, 3, 4, 5, 6, 7, 8, 0xFF
 BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5

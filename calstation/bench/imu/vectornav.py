@@ -28,7 +28,7 @@ _IMU_RATE = 800.0
 _REACH = np.repeat([np.deg2rad(2000.0), 16.0 * 9.80665], 3)
 
 #: First of a register's twelve numbers in flash, where C is kept without its ones.
-_PLACES = {84: 0, 25: 12}
+_OFFSETS = {84: 0, 25: 12}
 _ONES = (0, 4, 8)
 
 BAD_CHECK, BAD_COMMAND, TOO_FEW, TOO_MANY, BAD_VALUE, BAD_REGISTER, READ_ONLY = 3, 4, 5, 6, 7, 8, 9
@@ -68,7 +68,7 @@ class VectorNavUnit(ImuUnit):
         return frames.tobytes()
 
     def correction(self) -> Correction:
-        """See `ImuUnit.correction`; the formula is the module's."""
+        """See `ImuUnit.correction`; the module gives the formula."""
         gyro, accel = (np.array(self._numbers(register)) for register in (84, 25))
         return Correction(
             gyro=gyro[:9].reshape(3, 3),
@@ -93,11 +93,11 @@ class VectorNavUnit(ImuUnit):
         return answer
 
     def _line(self, line: str, time: float) -> bytes:
-        words, _, told = line[line.find("$") + 1 :].rpartition("*")
+        words, _, check = line[line.find("$") + 1 :].rpartition("*")
         if "$" not in line or not words.startswith("VN"):
             return b""
         try:
-            sound = told == "XX" or int(told, 16) == check_line(words)
+            sound = check == "XX" or int(check, 16) == check_line(words)
         except ValueError:
             sound = False
         try:
@@ -123,30 +123,30 @@ class VectorNavUnit(ImuUnit):
             return BAD_COMMAND
         if not rest:
             return TOO_FEW
-        return self._tell(int(rest[0])) if command == "VNRRG" else self._set(int(rest[0]), rest)
+        return self._read_register(int(rest[0])) if command == "VNRRG" else self._write_register(int(rest[0]), rest)
 
-    def _tell(self, register: int) -> str | int:
+    def _read_register(self, register: int) -> str | int:
         texts = {1: MODEL, 3: self._serial, 4: FIRMWARE, 6: "0"}
         if register in texts:
             return f"VNRRG,{register:02d},{texts[register]}"
-        if register not in _PLACES:
+        if register not in _OFFSETS:
             return BAD_REGISTER
         return f"VNRRG,{register:02d}," + ",".join(f"{value:+.6E}" for value in self._numbers(register))
 
     def _numbers(self, register: int) -> list[float]:
-        held = self.registers[_PLACES[register] :][:12].copy()
+        held = self.registers[_OFFSETS[register] :][:12].copy()
         held[list(_ONES)] += np.float32(1.0)
         return [float(value) for value in held]
 
-    def _set(self, register: int, told: list[str]) -> str | int:
-        fields = told[1:]
+    def _write_register(self, register: int, words: list[str]) -> str | int:
+        fields = words[1:]
         if register == 6:
-            return "VNWRG," + ",".join(told) if fields == ["0"] else BAD_VALUE
+            return "VNWRG," + ",".join(words) if fields == ["0"] else BAD_VALUE
         if register == 75:
-            return self._set_output(told)
+            return self._set_output(words)
         if register in (1, 3, 4):
             return READ_ONLY
-        if register not in _PLACES:
+        if register not in _OFFSETS:
             return BAD_REGISTER
         if len(fields) != 12:
             return TOO_FEW if len(fields) < 12 else TOO_MANY
@@ -155,17 +155,17 @@ class VectorNavUnit(ImuUnit):
             return BAD_VALUE
         self._draw_power(sum(map(len, fields)))
         numbers[list(_ONES)] -= np.float32(1.0)
-        self.registers[_PLACES[register] : _PLACES[register] + 12] = numbers
-        return "VNWRG," + ",".join(told)
+        self.registers[_OFFSETS[register] : _OFFSETS[register] + 12] = numbers
+        return "VNWRG," + ",".join(words)
 
-    def _set_output(self, told: list[str]) -> str | int:
-        if len(told) < 4:
+    def _set_output(self, words: list[str]) -> str | int:
+        if len(words) < 4:
             return TOO_FEW
-        mode, divisor = int(told[1]), int(told[2])
+        mode, divisor = int(words[1]), int(words[2])
         if mode not in (0, 1) or (mode == 1 and _IMU_RATE / divisor != self._config.sample_rate_hz):
             return BAD_VALUE
-        wanted = [word.upper().zfill(len(known)) for word, known in zip(told[3:], _OUTPUT, strict=False)]
+        wanted = [word.upper().zfill(len(known)) for word, known in zip(words[3:], _OUTPUT, strict=False)]
         if wanted not in (_OUTPUT, _COMPENSATED_OUTPUT):
             return BAD_VALUE
         self.streaming, self.corrected = mode == 1, wanted == _COMPENSATED_OUTPUT
-        return "VNWRG," + ",".join(told)
+        return "VNWRG," + ",".join(words)

@@ -5,7 +5,6 @@ import os
 import select
 import socket
 import sys
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 #: Kernel buffer of the line, bytes: a reader with a larger backlog stops the bench's time.
@@ -33,7 +32,7 @@ def open_raw() -> tuple[int, int, str]:
     return master, slave, os.ttyname(slave)
 
 
-class Line(ABC):
+class _Line:
     """A line to one client; it waits for a slow reader, so that no samples are lost.
 
     `endpoint` is what a client opens, `sent` the bytes handed to the present client, `slow` the delays of the next
@@ -46,21 +45,9 @@ class Line(ABC):
         self.slow: list[float] = []
         self._talk = talk
 
-    @abstractmethod
-    async def open(self) -> None:
-        """Begin to serve."""
-
-    @abstractmethod
     async def send(self, data: bytes) -> None:
         """Hand bytes to the operating system; they are lost without a client."""
-
-    @abstractmethod
-    def hang_up(self) -> None:
-        """Disconnect the client."""
-
-    @abstractmethod
-    async def close(self) -> None:
-        """Stop serving."""
+        raise NotImplementedError
 
     async def _reply(self, replies: list[bytes]) -> None:
         for reply in replies:
@@ -69,7 +56,7 @@ class Line(ABC):
             await self.send(reply)
 
 
-class SocketLine(Line):
+class SocketLine(_Line):
     """A TCP listener on 127.0.0.1, which serves the client that connected last."""
 
     def __init__(self, talk: Talk) -> None:
@@ -84,7 +71,7 @@ class SocketLine(Line):
         self.endpoint = f"socket://{host}:{port}"
 
     async def send(self, data: bytes) -> None:
-        """See `Line`."""
+        """Hand bytes to the client, waiting for it."""
         writer = self._writer
         if writer is None or not data:
             return
@@ -96,12 +83,12 @@ class SocketLine(Line):
             self._drop(writer)
 
     def hang_up(self) -> None:
-        """See `Line`."""
+        """Disconnect the client."""
         if self._writer is not None:
             self._drop(self._writer)
 
     async def close(self) -> None:
-        """See `Line`."""
+        """Disconnect the client and stop listening."""
         self.hang_up()
         if self._server is not None:
             self._server.close()
@@ -128,7 +115,7 @@ class SocketLine(Line):
         writer.close()
 
 
-class TerminalLine(Line):
+class TerminalLine(_Line):
     """A pseudo-terminal (posix); bytes are lost while no process has it open."""
 
     def __init__(self, talk: Talk) -> None:
@@ -142,7 +129,7 @@ class TerminalLine(Line):
         self._task = asyncio.create_task(self._read())
 
     async def send(self, data: bytes) -> None:
-        """See `Line`."""
+        """Hand bytes to the terminal, waiting for its reader."""
         while data and self._attended():
             try:
                 written = os.write(self._master, data)
@@ -192,3 +179,6 @@ class TerminalLine(Line):
                 data = b""
             await self._reply(answer(data))
             await asyncio.sleep(POLL)
+
+
+Line = SocketLine | TerminalLine

@@ -1,4 +1,4 @@
-"""The table's controller behind a Modbus server: TCP, or RTU over a pseudo-terminal.
+"""A Modbus server of the table's controller: TCP, or RTU over a pseudo-terminal.
 
 pymodbus changes its server classes in minor releases; only this module uses them.
 """
@@ -78,11 +78,7 @@ class TableLink:
         loop.add_reader(near, _carry(near, far))
         loop.add_reader(far, _carry(far, near))
         server = ModbusSerialServer(
-            self._devices(),
-            port=near_path,
-            baudrate=BAUD,
-            trace_pdu=self._trace,
-            trace_packet=self._spoil,
+            self._devices(), port=near_path, baudrate=BAUD, trace_pdu=self._trace, trace_packet=self._spoil
         )
         await server.serve_forever(background=True)
         self._server = server
@@ -152,7 +148,7 @@ class TableLink:
     def _trace(self, sending: bool, pdu: ModbusPDU) -> ModbusPDU:
         if not sending and self.mute > 0:
             self.mute -= 1
-            return None  # type: ignore[return-value]  # the server takes it for no request
+            return None  # type: ignore[return-value]  # the server ignores the request
         return pdu
 
 

@@ -86,12 +86,7 @@ class TableMachine:
     """
 
     def __init__(
-        self,
-        drive: TableDrive,
-        limits: TableLimits,
-        *,
-        interlock_closed: bool = True,
-        watchdog: float = 2.0,
+        self, drive: TableDrive, limits: TableLimits, *, interlock_closed: bool = True, watchdog: float = 2.0
     ) -> None:
         self.drive = drive
         self.limits = limits
@@ -122,7 +117,7 @@ class TableMachine:
 
     def trip(self, fault: Fault, time: float) -> None:
         """Decelerate, drop the enable, latch the fault; the first fault stays."""
-        self._halt(time)
+        self.stop(time)
         self.power = Power.DISABLED
         if self.fault is Fault.NONE:
             self.fault = fault
@@ -145,13 +140,13 @@ class TableMachine:
             self.know_zero()
 
     def know_zero(self) -> None:
-        """The encoders tell angles from home: homed, or absolute ones."""
+        """Count encoder angles from home: after homing, or with absolute encoders."""
         self.homed = True
         self._zero = np.zeros(2)
 
     def jam(self, time: float) -> None:
         """Block the joints until a reset; the controller does not detect it."""
-        self._halt(time)
+        self.stop(time)
         self.jammed = True
 
     def settled(self, time: float) -> bool:
@@ -170,20 +165,20 @@ class TableMachine:
         command = word & 0x0F
         if not command & 0x02 or not command & 0x04:
             # Disable voltage, or quick stop: decelerate and switch off.
-            self._halt(time)
+            self.stop(time)
             self.power = Power.DISABLED
         elif command & 0x07 == 0x06:
-            self._halt(time)
+            self.stop(time)
             self.power = Power.READY
         elif command == 0x07:
-            self._halt(time)
+            self.stop(time)
             if self.power is not Power.DISABLED:
                 self.power = Power.ON
         elif command == 0x0F and self.power in (Power.READY, Power.ON) and self._interlock_closed:
             self.power = Power.ENABLED
             self.feed(host_time)
         if word & 0x100:
-            self._halt(time)
+            self.stop(time)
 
     def home(self, time: float) -> None:
         """Start towards home, slowly. Raises NotPermitted."""
@@ -193,11 +188,7 @@ class TableMachine:
         self._homing = True
 
     def move(
-        self,
-        time: float,
-        targets: tuple[float, float],
-        rates: tuple[float, float],
-        accelerations: tuple[float, float],
+        self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
     ) -> None:
         """Start both joints; repeating the present move has no effect. Raises a `Refusal`."""
         for joint in (0, 1):
@@ -221,7 +212,7 @@ class TableMachine:
     def _start_joint(
         self, time: float, joint: int, target: float, beyond: float, rate: float, acceleration: float
     ) -> bool:
-        """Start a joint towards `beyond` its target; False if it is already on its way there."""
+        """Start a joint, `beyond` its target if not 0; False if it already moves there."""
         self._allow(joint, target, rate, acceleration)
         if not self.homed:
             raise NotPermitted
@@ -245,10 +236,6 @@ class TableMachine:
             self._permit(time, self.drive.profiles[joint].end)
         else:
             self._start_joint(time, joint, end, 0.0, abs(rate), acceleration)
-
-    def stop(self, time: float) -> None:
-        """Decelerate to rest, stay enabled."""
-        self._halt(time)
 
     def positions(self, time: float) -> FloatArray:
         """Encoder angles of the joints, rad, shape (2,)."""
@@ -289,6 +276,7 @@ class TableMachine:
         if not ready or halted or time < (self.drive.end if end is None else end):
             raise NotPermitted
 
-    def _halt(self, time: float) -> None:
+    def stop(self, time: float) -> None:
+        """Decelerate to rest, stay enabled."""
         self._homing = False
         self.drive.stop(time, (self.limits.acceleration,) * 2)

@@ -10,7 +10,7 @@ from calstation.bench.table.machine import Clocks, OutOfRange, TableMachine
 
 MODEL_AT, SERIAL_AT, TEXT_WORDS = 0, 8, 8
 CONTROL, STATUS, FAULT, INTERLOCK, WATCHDOG, HEARTBEAT, COMMAND = 16, 17, 18, 19, 20, 21, 22
-#: First register of each joint, and the places of its values from there.
+#: First register of each joint, and the offsets of its values.
 JOINTS = (30, 50)
 POSITION, RATE, TARGET, TARGET_RATE, TARGET_ACCELERATION, LOW, HIGH = 0, 2, 4, 6, 8, 10, 12
 JOINT_WORDS = 14

@@ -1,6 +1,6 @@
 from .drive import EncoderTruth as EncoderTruth
 from .drive import TableDrive as TableDrive
-from .free_unit import Place as Place
+from .free_unit import Mounting as Mounting
 from .free_unit import SecondaryTruth as SecondaryTruth
 from .free_unit import pair_truth as pair_truth
 from .free_unit import record_pair as record_pair

@@ -26,17 +26,14 @@ class TableDrive:
     """Motion and encoders of both joints, from true angles at power-on, rad; `seed` draws the encoders' errors."""
 
     def __init__(
-        self,
-        encoder: EncoderTruth,
-        angles: tuple[float, float] = (0.0, 0.0),
-        seed: int | np.random.SeedSequence = 0,
+        self, encoder: EncoderTruth, angles: tuple[float, float] = (0.0, 0.0), seed: int | np.random.SeedSequence = 0
     ) -> None:
         self._encoder = encoder
         self._random = np.random.default_rng(seed)
         # At rest since before time 0: a table is settled when it is switched on.
         self.profiles = [JointProfile.rest(angle, -1.0) for angle in angles]
         offsets = encoder.stop_sigma * self._random.standard_normal(2)
-        # Per joint: start and end of the way the error changes on (rad), and the error there (rad).
+        # Per joint: angles between which the error changes, and the errors there, rad.
         self._course = [(angle, angle, float(e), float(e)) for angle, e in zip(angles, offsets, strict=True)]
 
     @property
@@ -50,11 +47,7 @@ class TableDrive:
         return max(profile.quiet(SETTLED) for profile in self.profiles)
 
     def move(
-        self,
-        time: float,
-        targets: tuple[float, float],
-        rates: tuple[float, float],
-        accelerations: tuple[float, float],
+        self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
     ) -> None:
         """Start both joints towards `targets` (rad) at `time` (s), each with its own trapezoid."""
         for joint, target in enumerate(targets):

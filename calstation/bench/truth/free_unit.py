@@ -16,7 +16,7 @@ _CHUNK = 20_000
 
 
 @dataclass(frozen=True)
-class Place:
+class Mounting:
     """Position and orientation of a unit on the body.
 
     `turn` : from the unit's frame to the body's, shape (3, 3); `arm` : of the unit's reference point, in the body's
@@ -36,7 +36,9 @@ class Field:
     velocity_sigma: float = 0.0
 
 
-def ideal_increments(imu: ImuTruth, motion: FreeMotion, place: Place, field: Field, borders: FloatArray) -> FloatArray:
+def ideal_increments(
+    imu: ImuTruth, motion: FreeMotion, mounting: Mounting, field: Field, borders: FloatArray
+) -> FloatArray:
     """Increments of the six channels between `borders` (s, shape (n + 1,)) without noise, rad and m/s, shape (n, 6)."""
     model = imu.error_model()
     result = np.empty((len(borders) - 1, 6))
@@ -45,20 +47,20 @@ def ideal_increments(imu: ImuTruth, motion: FreeMotion, place: Place, field: Fie
         width = np.diff(cut)
         times = (cut[:-1, None] + width[:, None] * _NODES).ravel()
         force, rate, acceleration = motion.states(times, field.up_force, field.earth)
-        rates = _outputs(model, force, rate, acceleration, place)
+        rates = _outputs(model, force, rate, acceleration, mounting)
         weighted = rates.reshape(len(width), 3, 6) * (_WEIGHTS[:, None] * width[:, None, None])
         result[first : first + len(width)] = weighted.sum(axis=1)
     return result
 
 
 def _outputs(
-    model: FloatArray, force: FloatArray, rate: FloatArray, acceleration: FloatArray, place: Place
+    model: FloatArray, force: FloatArray, rate: FloatArray, acceleration: FloatArray, mounting: Mounting
 ) -> FloatArray:
     """The six channels from force, ω and ω' of the body's point, shape (n, 6)."""
-    force = force + np.cross(rate, np.cross(rate, place.arm)) + np.cross(acceleration, place.arm)
-    f, w, a = (v @ place.turn for v in (force, rate, acceleration))
+    force = force + np.cross(rate, np.cross(rate, mounting.arm)) + np.cross(acceleration, mounting.arm)
+    f, w, a = (v @ mounting.turn for v in (force, rate, acceleration))
     sensed = f.copy()
-    for i in range(3):  # each accelerometer at its own place, row 9 + i of the model, senses along e_i
+    for i in range(3):  # accelerometer i, at row 9 + i of the model, senses along e_i
         site = model[9 + i]
         sensed[:, i] += (np.cross(w, np.cross(w, site)) + np.cross(a, site))[:, i]
     gyro = w @ model[0:3].T + model[6]
@@ -76,7 +78,7 @@ class FreeStream:
     def __init__(
         self,
         imu: ImuTruth,
-        place: Place,
+        mounting: Mounting,
         field: Field,
         vibration: np.random.Generator,
         noise: np.random.Generator,
@@ -85,7 +87,7 @@ class FreeStream:
     ) -> None:
         self.interval = 1.0 / imu.sample_rate
         self.produced = 0
-        self._imu, self._place, self._field = imu, place, field
+        self._imu, self._mounting, self._field = imu, mounting, field
         self._random, self._noise = vibration, noise
         self._begin = begin
         self._vibration = Vibration(field.velocity_sigma, self.interval, vibration)
@@ -94,10 +96,9 @@ class FreeStream:
     def produce(self, count: int, motion: FreeMotion) -> StreamOutput:
         """The next `count` samples of a body with this motion."""
         borders = np.asarray(
-            self._begin + np.arange(self.produced, self.produced + count + 1) * self.interval,
-            dtype=np.float64,
+            self._begin + np.arange(self.produced, self.produced + count + 1) * self.interval, dtype=np.float64
         )
-        increments = ideal_increments(self._imu, motion, self._place, self._field, borders)
+        increments = ideal_increments(self._imu, motion, self._mounting, self._field, borders)
         if self._vibration.active:
             velocity = self._vibration.velocities(self._random.standard_normal((count, 6)))
             increments[:, 3:] += np.diff(velocity, axis=0)
@@ -111,7 +112,7 @@ class FreeStream:
 def sampled(
     imu: ImuTruth,
     motion: FreeMotion,
-    place: Place,
+    mounting: Mounting,
     field: Field,
     count: int,
     seed: int | np.random.SeedSequence,
@@ -120,19 +121,19 @@ def sampled(
 ) -> tuple[FloatArray, BoolArray]:
     """Counts, shape (count, 6), and saturation, shape (count,), of samples that start at `begin` s of the motion."""
     random = np.random.default_rng(seed)
-    output = FreeStream(imu, place, field, random, random, begin=begin).produce(count, motion)
+    output = FreeStream(imu, mounting, field, random, random, begin=begin).produce(count, motion)
     return output.counts, output.saturated
 
 
-AT_POINT = Place(np.eye(3), np.zeros(3))
+AT_POINT = Mounting(np.eye(3), np.zeros(3))
 
 
 @dataclass(frozen=True)
 class SecondaryTruth:
-    """A further IMU: the unit, its place, and what is added to its time to get the primary's, s."""
+    """A further IMU: the unit, its mounting, and what is added to its time to get the primary's, s."""
 
     imu: ImuTruth
-    place: Place
+    mounting: Mounting
     offset: float = 0.0
 
 
@@ -154,7 +155,7 @@ def record_pair(
     seeds = root.spawn(1 + len(secondaries))
     counts, _ = sampled(primary, motion, AT_POINT, field, count, seeds[0])
     others = [
-        sampled(s.imu, motion, s.place, field, count, own, begin=s.offset)[0]
+        sampled(s.imu, motion, s.mounting, field, count, own, begin=s.offset)[0]
         for s, own in zip(secondaries, seeds[1:], strict=True)
     ]
     return counts, np.stack(others, axis=1) if others else np.empty((count, 0, 6))
@@ -166,13 +167,13 @@ def pair_truth(primary: ImuTruth, secondary: SecondaryTruth) -> dict[str, FloatA
     Measured by the primary y = M₁ x + b₁, by the secondary M₂ Tᵀ x + b₂ with T from its frame to the body's, so
     C = M₂ Tᵀ M₁⁻¹ and b = b₂ − C b₁.
     """
-    found: dict[str, FloatArray] = {"lever": secondary.place.arm, "clock_offset": np.array(secondary.offset)}
+    found: dict[str, FloatArray] = {"lever": secondary.mounting.arm, "clock_offset": np.array(secondary.offset)}
     for sensor in ("gyro", "accel"):
         first, second = (
             np.eye(3) + group_matrix(imu.parameters, f"{sensor}_scale", f"{sensor}_misalign")
             for imu in (primary, secondary.imu)
         )
-        C = second @ secondary.place.turn.T @ np.linalg.inv(first)
+        C = second @ secondary.mounting.turn.T @ np.linalg.inv(first)
         found[f"{sensor}_matrix"] = C
         found[f"{sensor}_bias"] = group_vector(secondary.imu.parameters, f"{sensor}_bias") - C @ group_vector(
             primary.parameters, f"{sensor}_bias"

@@ -2,9 +2,8 @@
 
     C_body^base = R(axis₁, q₁) · R(axis₂, q₂) · R(axis₃, q₃), joints from the base to the body
 
-The loop acts on the corrected rates c = (I + K)⁻¹ (measured − b̂): an integrator with a bandwidth of some hertz removes
-their difference from the demanded rate. An error of K or b̂ therefore appears not in c but in the joints, which drift;
-so does the gyros' noise. Locked joints follow their own profile.
+The loop integrates the difference of the corrected rates c = (I + K)⁻¹ (measured − b̂) from the demanded rate. An error
+of K or b̂ therefore appears not in c but in the joints, which drift. Locked joints follow their own profile.
 """
 
 from dataclasses import dataclass
@@ -181,8 +180,7 @@ def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> Float
     """Rates of the joints x y z that turn the body with `omega` (rad/s, in the body), rad/s, shape (3,)."""
     S = np.zeros((3, 3))
     to_body = np.eye(3)
-    for place in range(2, -1, -1):
-        axis = order[place]
+    for axis in order[::-1]:
         S[:, axis] = to_body[:, axis]
         to_body = to_body @ _turn_matrix(axis, joints[axis]).T
     rates = np.empty(3)
@@ -194,8 +192,8 @@ def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> Float
 def attitude(order: IntArray, joints: FloatArray) -> FloatArray:
     """C_body^base of the joints x y z, rad, shape (3, 3)."""
     C = np.eye(3)
-    for place in range(3):
-        C = C @ _turn_matrix(order[place], joints[order[place]])
+    for axis in order:
+        C = C @ _turn_matrix(axis, joints[axis])
     return C
 
 
@@ -229,8 +227,7 @@ def _simulate(
             middle = 0.5 * (course[n + 1] + course[n])
             omega = np.zeros(3)
             to_body = np.eye(3)
-            for place in range(2, -1, -1):
-                axis = order[place]
+            for axis in order[::-1]:
                 omega += to_body[:, axis] * step[axis]
                 to_body = to_body @ _turn_matrix(axis, middle[axis]).T
             joints[:] = course[n + 1]

@@ -66,7 +66,7 @@ def _measured_rates(
     body_motion(chain, outer, inner, vectors)
     force, w, a = vectors[0], vectors[1], vectors[2]
     for i in range(3):
-        # Row i of ω×(ω×r) + ω'×r at the place of accelerometer i, which senses along e_i alone.
+        # Row i of ω×(ω×r) + ω'×r at accelerometer i, which senses along e_i alone.
         x, y, z = model[9 + i, 0], model[9 + i, 1], model[9 + i, 2]
         along = w[0] * x + w[1] * y + w[2] * z
         j, k = (i + 1) % 3, (i + 2) % 3

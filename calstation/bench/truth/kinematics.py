@@ -1,9 +1,7 @@
 """Joint trajectories in closed form: trapezoids of limited acceleration, seen through the drive's resonance.
 
-The command u(t) is piecewise of constant acceleration. The joint follows it as a load on a spring, y = u − d
-with d'' + 2ζω d' + ω² d = u'', so that its acceleration is continuous and each move ends in a decaying
-oscillation. Each segment of constant command acceleration has the textbook solution of a damped oscillator
-under a constant load, hence angle, rate and acceleration at arbitrary times with no integration.
+The command u(t) is piecewise of constant acceleration. The joint follows it as a load on a spring, y = u − d with
+d'' + 2ζω d' + ω² d = u'', a damped oscillation about a constant load on each segment.
 """
 
 from collections.abc import Callable

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, tremor
-from calstation.bench.truth.free_unit import Field, FreeStream, Place, sampled
+from calstation.bench.truth.free_unit import Field, FreeStream, Mounting, sampled
 from calstation.bench.truth.imu import ImuTruth, StreamOutput
 from calstation.bench.truth.simulate import Simulated
 from calstation.bench.truth.table import earth_rate_n, normal_gravity, rotation
@@ -68,7 +68,7 @@ def record(
     hand_seed, sensor_seed = root.spawn(2)
     motion, duration = push(rig, poses, np.random.default_rng(hand_seed))
     count = int(duration * imu.sample_rate)
-    counts, _ = sampled(imu, motion, Place(np.eye(3), np.asarray(rig.arm)), rig.field, count, sensor_seed)
+    counts, _ = sampled(imu, motion, Mounting(np.eye(3), np.asarray(rig.arm)), rig.field, count, sensor_seed)
     seq = np.arange(count)
     recorded = Simulated(
         stage="multi_position",
@@ -174,7 +174,7 @@ class HandStream:
 
     def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:
         vibration, noise, own = (np.random.default_rng(part) for part in seed.spawn(3))
-        self._samples = FreeStream(imu, Place(np.eye(3), np.asarray(rig.arm)), rig.field, vibration, noise)
+        self._samples = FreeStream(imu, Mounting(np.eye(3), np.asarray(rig.arm)), rig.field, vibration, noise)
         self._random = own
         self._base = foot(rig, own)
         self._hands = Hands(rig, own)

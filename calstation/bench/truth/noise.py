@@ -31,13 +31,6 @@ def draw_instability(instability: FloatArray, random: np.random.Generator) -> Fl
     return sigma * random.standard_normal((len(instability), len(INSTABILITY_TIMES)))
 
 
-def instability_covariance(instability: float, lag: FloatArray) -> FloatArray:
-    """Autocovariance of the bias at `lag` s, shape of `lag`, unit of `instability` squared."""
-    times = np.array(INSTABILITY_TIMES)
-    decay = np.exp(-np.abs(np.asarray(lag))[..., None] / times)
-    return np.asarray(instability_variance(instability) * decay.sum(axis=-1))
-
-
 def instability_steps(instability: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
     """Decay per sample, shape (m,), and driven sigma, shape (k, m), of the bank for B of shape (k,)."""
     decay = np.exp(-interval / np.array(INSTABILITY_TIMES))

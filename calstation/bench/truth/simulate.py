@@ -12,6 +12,11 @@ from calstation.bench.truth.stream import SensorStream
 from calstation.bench.truth.table import TableTruth
 from calstation.physics import Dwell, FloatArray, IntArray, Move, RoundEnd, Step
 
+#: Time between encoder readings, s.
+POLL_INTERVAL = 0.05
+#: Of the unit, °C.
+TEMPERATURE = 25.0
+
 
 @dataclass(frozen=True)
 class BenchTruth:
@@ -54,25 +59,15 @@ class Simulated:
 class Simulator:
     """Runs stage after stage on one bench; time, joints, noise, counter and step carry on.
 
-    Equal seeds and plans give equal samples. `poll_interval` is the time between encoder readings, s, `temperature`
-    constant, °C.
+    Equal seeds and plans give equal samples.
     """
 
-    def __init__(
-        self,
-        truth: BenchTruth,
-        seed: int | np.random.SeedSequence,
-        *,
-        poll_interval: float = 0.05,
-        start_angles: tuple[float, float] = (0.0, 0.0),
-        temperature: float = 25.0,
-    ) -> None:
+    def __init__(self, truth: BenchTruth, seed: int | np.random.SeedSequence) -> None:
         root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
         stream_seed, encoder_seed = root.spawn(2)
         self._stream = SensorStream(truth.imu, truth.table, stream_seed)
-        self._drive = TableDrive(truth.encoder, start_angles, encoder_seed)
-        self._every = max(1, round(poll_interval * truth.imu.sample_rate))
-        self._temperature = temperature
+        self._drive = TableDrive(truth.encoder, seed=encoder_seed)
+        self._every = max(1, round(POLL_INTERVAL * truth.imu.sample_rate))
         self._step = 0
 
     @property
@@ -91,10 +86,7 @@ class Simulator:
             if isinstance(step, Move):
                 self._step += 1
                 self._drive.move(
-                    self.time,
-                    (step.outer, step.inner),
-                    (step.rate, step.rate),
-                    (step.acceleration, step.acceleration),
+                    self.time, (step.outer, step.inner), (step.rate, step.rate), (step.acceleration, step.acceleration)
                 )
                 parts.append(self._produce(max(self._drive.settled - self.time, 0.0)))
             elif isinstance(step, Dwell):
@@ -112,7 +104,7 @@ class Simulator:
             counts=counts,
             angles=angles,
             step=numbers,
-            temperature=np.full(len(seq), self._temperature),
+            temperature=np.full(len(seq), TEMPERATURE),
         )
 
     def _ends(self, seq: IntArray) -> FloatArray:
