@@ -21,7 +21,7 @@ from calstation.gui.logs.source_bar import ENDINGS, SourceBar
 from calstation.gui.logs.stage_choice import StageChoice
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import on_language_change, term
+from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import (
     EmptyState,
     JobRow,
@@ -312,14 +312,14 @@ class OfflinePage(Page):
         if self.log is None:
             return self.tr("Open a log first")
         if self._working:
-            return self.tr("Wait for the current job to finish, or cancel it")
+            return say("window.busy_job")
         if not self.stages.in_range:
             return self.tr("The range holds no stage; widen it")
         return "" if self.stages.chosen else self.tr("Tick a stage to solve")
 
     def _update(self) -> None:
         """Allow what is possible now; tooltips say why the rest is not."""
-        wait = self.tr("Wait for the current job to finish, or cancel it") if self._working else ""
+        wait = say("window.busy_job") if self._working else ""
         for widget in (self.source, self.range, self.stages):
             enable(widget, wait)
         enable(self.solve_button, self._why_not_solve())

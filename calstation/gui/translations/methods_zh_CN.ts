@@ -115,22 +115,6 @@
         <translation>接收产品 {0} s 的实时数据，显示标定前后的对比；转台不动，也不写入任何内容</translation>
     </message>
     <message>
-        <source>The connected unit is {0}, but the answer was found for {1}: put that unit into the fixture, or solve a recording of this one.</source>
-        <translation>当前连接的产品是 {0}，而结果是由 {1} 求得的：请装上 {1}，或解算 {0} 的数据。</translation>
-    </message>
-    <message>
-        <source>This recording is of {0}; the answer was found for {1}.</source>
-        <translation>这段数据属于 {0}，而结果是由 {1} 求得的。</translation>
-    </message>
-    <message>
-        <source>The registers of the unit have already corrected these data: they are shown as received, and the answer is not applied a second time.</source>
-        <translation>产品已用其寄存器修正了输出数据：此处按原样显示，不再重复应用结果。</translation>
-    </message>
-    <message>
-        <source>This unit does not report its serial number; the answer was found for {0}.</source>
-        <translation>该产品无法报告序列号；结果是由 {0} 求得的。</translation>
-    </message>
-    <message>
         <source>Unit {0}, {1:.0f} s of data, received at {2}</source>
         <translation>产品 {0}，实时数据 {1:.0f} s，接收于 {2}</translation>
     </message>
@@ -325,16 +309,8 @@
         <translation>正在回放数据</translation>
     </message>
     <message>
-        <source>Wait for the current job to finish, or cancel it</source>
-        <translation>请等当前任务完成，或取消它</translation>
-    </message>
-    <message>
         <source>Goes to the operator page, which guides from position to position</source>
         <translation>转到操作员页面，逐个位置引导</translation>
-    </message>
-    <message>
-        <source>The table of this station is no manual rig. Choose a station with one on the Station page, for example &apos;{0}&apos;, which is simulated.</source>
-        <translation>本工位没有手动工装。请在工位页面选择带手动工装的工位，例如软件模拟的“{0}”。</translation>
     </message>
     <message>
         <source>Drawing</source>

@@ -267,10 +267,6 @@
         <translation>导出结果…</translation>
     </message>
     <message>
-        <source>Wait for the current job to finish, or cancel it</source>
-        <translation>请等当前任务完成，或取消它</translation>
-    </message>
-    <message>
         <source>Export log…</source>
         <translation>导出记录…</translation>
     </message>

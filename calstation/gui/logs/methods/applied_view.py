@@ -140,9 +140,8 @@ class AppliedView(QWidget):
 
     def _update(self) -> None:
         self._stack.setCurrentIndex(1 if self.watch.busy else 0 if self.applied is None else 2)
-        self._working.say(
-            self.tr("Receiving data from the unit") if self._at_device else self.tr("Applying the answer"), ""
-        )
+        work = self.tr("Receiving data from the unit") if self._at_device else self.tr("Applying the answer")
+        self._working.say(work, "")
         busy = self.tr("Data are being received from the unit.") if self._at_device else ""
         tip = self.tr("Receives {0} s of data and shows them before and after; nothing moves, nothing is written")
         why_not = say("window.busy_run") if self._app.engine_link.running else busy
@@ -153,33 +152,19 @@ class AppliedView(QWidget):
         """What the user must know about the unit that the samples belong to."""
         a, serial = self.applied, self._answer.recording.serial if self._answer is not None else ""
         if self._other is not None:
-            return self.tr(
-                "The connected unit is {0}, but the answer was found for {1}: put that unit into the fixture, or solve "
-                "a recording of this one."
-            ).format(self._other.serial, serial)
+            return say("applied.other_unit", connected=self._other.serial, serial=serial)
         if a is None:
             return ""
         if a.serial != serial:
-            return self.tr("This recording is of {0}; the answer was found for {1}.").format(a.serial, serial)
-        cautions = []
-        if a.corrected:
-            cautions.append(
-                self.tr(
-                    "The registers of the unit have already corrected these data: they are shown as received, and the "
-                    "answer is not applied a second time."
-                )
-            )
-        if not a.named:
-            cautions.append(
-                self.tr("This unit does not report its serial number; the answer was found for {0}.").format(serial)
-            )
-        return " ".join(cautions)
+            return say("applied.other_recording", recorded=a.serial, serial=serial)
+        corrected = say("applied.corrected") if a.corrected else ""
+        unnamed = "" if a.named else say("applied.unnamed", serial=serial)
+        return f"{corrected} {unnamed}".strip()
 
     def _draw(self, a: Applied) -> None:
         received = self.tr("Unit {0}, {1:.0f} s of data, received at {2}")
-        self.name_label.setText(
-            str(a.path) if a.path is not None else received.format(a.serial, float(a.time[-1]), self._received)
-        )
+        received = received.format(a.serial, float(a.time[-1]), self._received)
+        self.name_label.setText(received if a.path is None else str(a.path))
         force, rate = self.tr("| f | − g at rest, rms"), self.tr("rate at rest, rms")
         for figure, caption, rms, size, unit in (
             (self.force_figure, force, a.length_rms, MICRO_G, "µg"),

@@ -150,7 +150,7 @@ class MethodPanel(QWidget):
 
     def _update(self) -> None:
         """Allow what is possible now; tooltips say why the rest is not."""
-        wait = self.tr("Wait for the current job to finish, or cancel it") if self.busy else ""
+        wait = say("window.busy_job") if self.busy else ""
         if self.isVisible():
             enable(self.source, wait)
         enable(self.solve_button, "" if self.path is not None else self.tr("Open a recording first, or make one"))
@@ -164,10 +164,7 @@ class MethodPanel(QWidget):
         if self.app.engine_link.running:
             return say("window.busy_run")
         if manual_product() is None or not uses_manual_rig(self.app.station_path):
-            return self.tr(
-                "The table of this station is no manual rig. Choose a station with one on the Station page, for "
-                "example '{0}', which is simulated."
-            ).format(MANUAL_STATION)
+            return say("window.no_manual_rig", station=MANUAL_STATION)
         return ""
 
     def _solving_text(self) -> str:
