@@ -111,6 +111,6 @@ def test_a_group_that_has_arrived_says_so_and_lines_stay_small(qtbot: QtBot) -> 
     plot.start({"gyro_bias": 1e-7})
     for k in range(20_000):
         plot.take(float(k), {"gyro_bias": 1e-4 / (k + 1), "accel_bias": 1.0})
-    assert plot.arrived("gyro_bias")
-    assert not plot.arrived("accel_bias")
-    assert len(plot._times["gyro_bias"]) <= 2001
+    assert plot.lines["gyro_bias"].reached
+    assert "accel_bias" not in plot.lines
+    assert len(plot.lines["gyro_bias"].times) <= 2001

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QWidget
 
 from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
-from calstation.gui.operator import advice
+from calstation.gui.operator import FiguresTable, advice, clear
 from calstation.gui.text import (
     KINDS,
     duration_text,
@@ -19,7 +19,6 @@ from calstation.gui.text import (
     term,
 )
 from calstation.gui.widgets import ElidedLabel, StateBadge, button, column, enable, label, row, theme
-from calstation.physics import aligned
 from calstation.records import IndexedRun, RunRecord
 from calstation.results import Result
 
@@ -28,7 +27,7 @@ _MOST_FAILED = 8
 
 @dataclass(frozen=True)
 class Actions:
-    """What may be done with a run: `running` and `closing` a run hold everything up, `resumable` is of this run."""
+    """What may be done: `running` and `closing` a run block everything, `resumable` is of the run shown."""
 
     running: bool = False
     closing: bool = False
@@ -36,13 +35,7 @@ class Actions:
 
 
 class RunDetails(QFrame):
-    """Shows a run; its buttons emit what is wanted of it."""
-
-    result_wanted = Signal()
-    log_wanted = Signal()
-    folder_wanted = Signal()
-    resume_wanted = Signal()
-    close_wanted = Signal()
+    """Shows a run; the page connects the buttons."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -55,17 +48,18 @@ class RunDetails(QFrame):
         self.badge = StateBadge(theme.SECTION)
         self.reason_label = label(name="history_reason_label", wrap=True)
         self.failed_label = label(name="history_failed_label", wrap=True)
-        self._facts, self._figures = QGridLayout(), QGridLayout()
-        for grid in (self._facts, self._figures):
-            grid.setHorizontalSpacing(2 * theme.GRID)
-            grid.setVerticalSpacing(theme.GRID // 2)
+        self._figures, self._facts = FiguresTable(), QGridLayout()
+        self._facts.setHorizontalSpacing(2 * theme.GRID)
+        self._facts.setVerticalSpacing(theme.GRID // 2)
+        self._facts.setColumnStretch(1, 1)
+        self._facts.setColumnStretch(3, 1)
         self.trend = Trend()
         self.trend.setMinimumHeight(22 * theme.GRID)
-        self._result_button = button("history_result_button", lambda: self.tr("Result"), self.result_wanted)
-        self._log_button = button("history_log_button", lambda: self.tr("Log"), self.log_wanted)
-        self._folder_button = button("history_folder_button", lambda: self.tr("Folder"), self.folder_wanted)
-        self._resume_button = button("history_resume_button", lambda: self.tr("Resume"), self.resume_wanted)
-        self._close_button = button("history_close_button", pressed=self.close_wanted)
+        self.result_button = button("history_result_button", lambda: self.tr("Result"))
+        self.log_button = button("history_log_button", lambda: self.tr("Log"))
+        self.folder_button = button("history_folder_button", lambda: self.tr("Folder"))
+        self.resume_button = button("history_resume_button", lambda: self.tr("Resume"))
+        self.close_button = button("history_close_button")
         self._lay_out()
         on_language_change(self, self._show)
 
@@ -100,32 +94,22 @@ class RunDetails(QFrame):
 
     def _lay_out(self) -> None:
         content = QWidget()
-        column(
-            self.reason_label,
-            self.failed_label,
-            self._figures,
-            self._facts,
-            None,
-            on=content,
-            spacing=2 * theme.GRID,
-            margins=(0, 0, theme.GRID, 0),
-        )
+        items = (self.reason_label, self.failed_label, self._figures, self._facts, None)
+        column(*items, on=content, spacing=2 * theme.GRID, margins=(0, 0, theme.GRID, 0))
         scroll = QScrollArea()
+        scroll.setProperty("kind", "clear")
         scroll.setWidget(content)
         scroll.setWidgetResizable(True)
         scroll.setFrameShape(QFrame.Shape.NoFrame)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        for widget in (content, scroll.viewport()):
-            widget.setAutoFillBackground(False)
-        wide = 2 * theme.GRID
         column(
             row((self._serial, 1), self.badge),
             (scroll, 5),
             (self.trend, 3),
-            row((self._resume_button, 1), (self._close_button, 1)),
-            row((self._result_button, 1), (self._log_button, 1), (self._folder_button, 1)),
+            row((self.resume_button, 1), (self.close_button, 1)),
+            row((self.result_button, 1), (self.log_button, 1), (self.folder_button, 1)),
             on=self,
-            margins=(wide, wide, wide, wide),
+            margins=(2 * theme.GRID,) * 4,
         )
 
     def _show(self) -> None:
@@ -143,8 +127,8 @@ class RunDetails(QFrame):
                 lines.append(self.tr("and {0} more").format(len(failed) - _MOST_FAILED))
         self.failed_label.setText("\n".join(lines))
         self.failed_label.setVisible(bool(lines))
+        self._figures.show_result(result)
         self._fill_facts(run)
-        self._fill_figures()
         self._update_buttons(run)
 
     def _reason(self, run: RunRecord) -> str:
@@ -159,15 +143,12 @@ class RunDetails(QFrame):
                 return self.tr("Outside its limits:")
             return advice.reason(result.outcome, result)
         reason = ""
-        if run.outcome == "stopped":
-            by_operator = run.error in (None, "", "operator")
-            reason = (
-                self.tr("The run was stopped by the operator.")
-                if by_operator
-                else event_sentence("stopped_because", {"reason": run.error})
-            )
-        elif run.outcome == "incomplete":
+        if run.outcome == "incomplete":
             reason = self.tr("The run did not reach its end.")
+        elif run.outcome == "stopped" and run.error in (None, "", "operator"):
+            reason = self.tr("The run was stopped by the operator.")
+        elif run.outcome == "stopped":
+            reason = event_sentence("stopped_because", {"reason": run.error})
         if self._actions.resumable:
             reason += "\n" + self.tr("It can be resumed after its last completed stage, or closed.")
         elif run.closed:
@@ -175,9 +156,10 @@ class RunDetails(QFrame):
         return reason
 
     def _fill_facts(self, run: RunRecord) -> None:
-        _clear(self._facts)
+        """Short facts in two columns, long ones below them across both."""
+        clear(self._facts)
         software = self._result.software if self._result is not None else None
-        facts = (
+        short = (
             (self.tr("Started"), local_time(run.started_utc)),
             (self.tr("Duration"), duration_text(run.duration)),
             (self.tr("Product"), run.product),
@@ -186,76 +168,46 @@ class RunDetails(QFrame):
             (self.tr("Operator"), run.operator),
             (self.tr("Software"), software.version if software is not None else ""),
         )
-        for k, (name, text) in enumerate((name, text) for name, text in facts if text):
-            line, half = divmod(k, 2)
-            self._facts.addWidget(_muted(name), line, 2 * half)
+        for number, (name, text) in enumerate((name, text) for name, text in short if text):
+            line, half = divmod(number, 2)
+            self._facts.addWidget(_caption(name), line, 2 * half)
             self._facts.addWidget(QLabel(text), line, 2 * half + 1)
-        self._facts.setColumnStretch(1, 1)
-        self._facts.setColumnStretch(3, 1)
         resumed, stages = ElidedLabel(), label(wrap=True)
         resumed.setText(run.resumed_from or "")
         stages.setText(stages_text(run))
         long = ((self.tr("Resumed from"), resumed), (self.tr("Stages"), stages))
-        for line, (name, value) in enumerate(long, start=9):
+        for line, (name, value) in enumerate(long, start=len(short)):
             if value.text():
-                self._facts.addWidget(_muted(name), line, 0, Qt.AlignmentFlag.AlignTop)
+                self._facts.addWidget(_caption(name), line, 0, Qt.AlignmentFlag.AlignTop)
                 self._facts.addWidget(value, line, 1, 1, 3)
-
-    def _fill_figures(self) -> None:
-        """Show the value of each group that is nearest to its limit."""
-        _clear(self._figures)
-        rows = [] if self._result is None else advice.figures(self._result)
-        if not rows:
-            return
-        for number, text in enumerate(("", self.tr("value"), "±σ", self.tr("limit"), self.tr("unit"))):
-            self._figures.addWidget(_muted(text, number in (1, 2, 3)), 0, number)
-        values, sigmas = aligned([r.value for r in rows]), aligned([r.sigma for r in rows])
-        for line, (figure, value, sigma) in enumerate(zip(rows, values, sigmas, strict=True), start=1):
-            name = figure.name if figure.passed else f"✕ {figure.name}"
-            for number, text in enumerate((name, value, sigma, figure.limit, figure.unit)):
-                cell = QLabel(text)
-                if number in (1, 2, 3):
-                    cell.setAlignment(Qt.AlignmentFlag.AlignRight)
-                self._figures.addWidget(cell, line, number)
-        self._figures.setColumnStretch(0, 1)
 
     def _update_buttons(self, run: RunRecord) -> None:
         actions = self._actions
         incomplete = run.outcome == "incomplete"
-        self._close_button.setText(self.tr("Close as incomplete") if incomplete else self.tr("Do not resume"))
-        self._resume_button.setVisible(actions.resumable)
-        self._close_button.setVisible(actions.resumable or (incomplete and not run.closed))
+        self.close_button.setText(self.tr("Close as incomplete") if incomplete else self.tr("Do not resume"))
+        self.resume_button.setVisible(actions.resumable)
+        self.close_button.setVisible(actions.resumable or (incomplete and not run.closed))
         enable(
-            self._result_button,
+            self.result_button,
             "" if self.has_parameters else self.tr("No parameter was solved in this run"),
             self.tr("Show every parameter of this run"),
         )
         enable(
-            self._log_button,
+            self.log_button,
             "" if run.log.exists() else self.tr("The log is no longer there"),
             self.tr("Draw the log and solve it again"),
         )
-        self._folder_button.setToolTip(str(run.log.parent))
+        self.folder_button.setToolTip(str(run.log.parent))
         busy = self.tr("A run is going on; wait for its end") if actions.running else ""
-        enable(self._resume_button, busy, self.tr("Resume after the last completed stage"))
+        enable(self.resume_button, busy, self.tr("Resume after the last completed stage"))
         enable(
-            self._close_button,
+            self.close_button,
             busy or (self.tr("It is being closed") if actions.closing else ""),
             self.tr("The run keeps its outcome and can then no longer be resumed"),
         )
 
 
-def _muted(text: str, right: bool = False) -> QLabel:
+def _caption(text: str) -> QLabel:
     made = label(kind="muted")
     made.setText(text)
-    if right:
-        made.setAlignment(Qt.AlignmentFlag.AlignRight)
     return made
-
-
-def _clear(grid: QGridLayout) -> None:
-    while (item := grid.takeAt(0)) is not None:
-        widget = item.widget()
-        if widget is not None:
-            widget.setParent(None)
-            widget.deleteLater()

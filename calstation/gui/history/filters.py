@@ -21,16 +21,12 @@ class Filters(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self.search_edit = QLineEdit()
+        self.search_edit, self._outcome, self._time = QLineEdit(), QComboBox(), QComboBox()
         self.search_edit.setObjectName("history_search_edit")
         self.search_edit.setClearButtonEnabled(True)
-        bind(
-            self.search_edit.setPlaceholderText,
-            lambda: self.tr("Serial number, date, product, operator"),
-        )
+        bind(self.search_edit.setPlaceholderText, lambda: self.tr("Serial number, date, product, operator"))
         caption = label(lambda: self.tr("Search"))
         caption.setBuddy(self.search_edit)
-        self._outcome, self._time = QComboBox(), QComboBox()
         self._outcome.setObjectName("history_outcome_combo")
         self._time.setObjectName("history_time_combo")
         for outcome in _OUTCOMES:
@@ -41,9 +37,7 @@ class Filters(QWidget):
         bind(self._time.setAccessibleName, lambda: self.tr("Time"))
         self._count = label(kind="muted")
         row(caption, (self.search_edit, 1), self._outcome, self._time, self._count, on=self)
-        self._timer = QTimer(self)
-        self._timer.setSingleShot(True)
-        self._timer.setInterval(_TYPING)
+        self._timer = QTimer(self, singleShot=True, interval=_TYPING)
         self._timer.timeout.connect(self.changed)
         self.search_edit.textChanged.connect(lambda _: self._timer.start())
         for combo in (self._outcome, self._time):
@@ -58,13 +52,12 @@ class Filters(QWidget):
     @property
     def outcome(self) -> str | None:
         """The outcome wanted, None for all."""
-        outcome: str | None = self._outcome.currentData()
-        return outcome
+        return _OUTCOMES[self._outcome.currentIndex()]
 
     @property
     def since(self) -> str:
         """The earliest start wanted, ISO 8601 in UTC, "" for any."""
-        days = self._time.currentData()
+        days = _DAYS[self._time.currentIndex()]
         if days is None:
             return ""
         midnight = datetime.now().astimezone().replace(hour=0, minute=0, second=0, microsecond=0)
@@ -89,12 +82,8 @@ class Filters(QWidget):
     def _name_entries(self) -> None:
         for index, outcome in enumerate(_OUTCOMES):
             self._outcome.setItemText(index, term("badge", outcome) if outcome else self.tr("Every outcome"))
-        times = (
-            self.tr("Any time"),
-            self.tr("Today"),
-            self.tr("Last 7 days"),
-            self.tr("Last 30 days"),
-            self.tr("Last 365 days"),
-        )
-        for index, text in enumerate(times):
+        for index, days in enumerate(_DAYS):
+            text = self.tr("Last {0} days").format(days)
+            if days is None or days == 1:
+                text = self.tr("Any time") if days is None else self.tr("Today")
             self._time.setItemText(index, text)

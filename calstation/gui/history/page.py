@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QUrl
+from PySide6.QtCore import Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QSplitter, QStackedWidget
 
@@ -19,7 +19,8 @@ from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Verdict
 
 #: Most runs listed.
-MOST = 300
+_MOST = 300
+#: Widths of table and details, parts of their sum.
 _TABLE_SHARE, _DETAILS_SHARE = 15, 8
 
 
@@ -34,7 +35,7 @@ class HistoryPage(Page):
         self._index: tuple[Path, History] | None = None
         self._filters, self.table, self.details = Filters(), RunTable(), RunDetails()
         bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
-        self.notice = NoticeBar()
+        self.notice, self._nothing = NoticeBar(), EmptyState()
         self.notice.setObjectName("history_notice")
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear)
         self._nothing = EmptyState(self._clear_button)
@@ -49,15 +50,9 @@ class HistoryPage(Page):
         self._stack.addWidget(self._nothing)
         self._stack.addWidget(self._split)
         wide = 2 * theme.GRID
-        column(
-            self._filters,
-            self.notice,
-            (self._stack, 1),
-            on=self,
-            margins=(wide, theme.GRID, wide, wide),
-        )
+        column(self._filters, self.notice, (self._stack, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
-        on_language_change(self, self._show_texts)
+        on_language_change(self, self._show_nothing)
 
     def title(self) -> str:
         """The page's name on its tab."""
@@ -86,7 +81,7 @@ class HistoryPage(Page):
         filters = self._filters
         runs = []
         if self.app.runs_folder.is_dir():
-            found = self._history().runs(filters.search, filters.outcome, MOST)
+            found = self._history().runs(filters.search, filters.outcome, _MOST)
             runs = [run for run in found if run.started_utc >= filters.since]
         self._stack.setCurrentWidget(self._split if runs else self._nothing)
         self.table.show_runs(runs)
@@ -95,27 +90,26 @@ class HistoryPage(Page):
     def showEvent(self, event: QShowEvent) -> None:
         """List the runs of the index at once, and those of the folder when it has been read."""
         super().showEvent(event)
-        self.show_runs()
-        self.refresh()
+        self._list_visible()
 
     def _connect(self) -> None:
+        details, app = self.details, self.app
         self._filters.changed.connect(self.show_runs)
         self.table.selected.connect(self._show_details)
         self.table.doubleClicked.connect(lambda _: self._open_result())
-        details = self.details
-        details.result_wanted.connect(self._open_result)
-        details.log_wanted.connect(self._open_log)
-        details.folder_wanted.connect(self._open_folder)
-        details.resume_wanted.connect(self._resume)
-        details.close_wanted.connect(self._close_incomplete_job)
+        details.result_button.clicked.connect(self._open_result)
+        details.log_button.clicked.connect(lambda: self._emit_log(app.open_log))
+        details.folder_button.clicked.connect(self._open_folder)
+        details.resume_button.clicked.connect(lambda: self._emit_log(app.resume_run))
+        details.close_button.clicked.connect(self._close_run)
         self._refresher.done.connect(lambda _: self.show_runs())
         self._refresher.failed.connect(self._show_error)
         self._offers.done.connect(self._show_resumable)
         self._closer.done.connect(lambda _: self._run_closed())
-        self._closer.failed.connect(self._run_not_closed)
-        self.app.engine_link.event.connect(self._follow)
-        self.app.runs_folder_changed.connect(self._folder_changed)
-        self.app.engine_link.running_changed.connect(lambda _: self._update())
+        self._closer.failed.connect(self._run_closed)
+        app.engine_link.event.connect(self._follow)
+        app.runs_folder_changed.connect(self._list_visible)
+        app.engine_link.running_changed.connect(lambda _: self._update())
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
@@ -124,7 +118,7 @@ class HistoryPage(Page):
         if isinstance(event, Verdict) and self.isVisible():
             self.refresh()
 
-    def _folder_changed(self) -> None:
+    def _list_visible(self) -> None:
         if self.isVisible():
             self.show_runs()
             self.refresh()
@@ -139,8 +133,7 @@ class HistoryPage(Page):
     def _show_details(self, run: RunRecord | None) -> None:
         self.details.setVisible(run is not None)
         if run is not None:
-            unit_runs = self._history().solved(run.serial)
-            self.details.show_run(run, _result(run), unit_runs, self._actions())
+            self.details.show_run(run, _result(run), self._history().solved(run.serial), self._actions())
 
     def _actions(self) -> Actions:
         run = self.table.run
@@ -154,14 +147,16 @@ class HistoryPage(Page):
         self._resumable = frozenset(offer.log for offer in offers)
         self._update()
 
+    # ---- what may be done with the selected run
+
     def _open_result(self) -> None:
         run = self.table.run
         if run is not None and run.result is not None and self.details.has_parameters:
             self.app.open_run.emit(run.result)
 
-    def _open_log(self) -> None:
+    def _emit_log(self, signal: SignalInstance) -> None:
         if self.table.run is not None:
-            self.app.open_log.emit(self.table.run.log)
+            signal.emit(self.table.run.log)
 
     def _open_folder(self) -> None:
         if self.table.run is not None:
@@ -186,22 +181,15 @@ class HistoryPage(Page):
             ),
         )
 
-    def _resume(self) -> None:
-        if self.table.run is not None:
-            self.app.resume_run.emit(self.table.run.log)
-
-    def _close_incomplete_job(self) -> None:
+    def _close_run(self) -> None:
         if self.table.run is not None:
             self._closer.watch(self.app.job_queue.submit(close_incomplete_job, self.table.run.log, None))
             self._update()
 
-    def _run_closed(self) -> None:
+    def _run_closed(self, error: CalstationError | None = None) -> None:
         self._update()
-        self.refresh()
-
-    def _run_not_closed(self, error: CalstationError) -> None:
-        self._update()
-        self._show_error(error)
+        if error is not None:
+            self._show_error(error)
         self.refresh()
 
     def _show_error(self, error: CalstationError) -> None:
@@ -213,12 +201,8 @@ class HistoryPage(Page):
             (close,),
         )
 
-    def _show_texts(self) -> None:
-        self.table.refresh()
-        self._show_nothing()
-
     def _show_nothing(self) -> None:
-        self._filters.show_count(len(self.table.runs.runs), MOST)
+        self._filters.show_count(len(self.table.runs), _MOST)
         active = self._filters.active
         self._clear_button.setVisible(active)
         if active:

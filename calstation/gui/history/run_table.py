@@ -1,114 +1,33 @@
 """Runs as rows: outcome, unit, time, operator, duration and stages."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from datetime import datetime
-from typing import Any
 
-from PySide6.QtCore import (
-    QAbstractTableModel,
-    QCoreApplication,
-    QModelIndex,
-    QPersistentModelIndex,
-    Qt,
-    Signal,
-)
+from PySide6.QtCore import QCoreApplication, QEvent, QModelIndex, Qt, Signal
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
-from calstation.gui.text import KINDS, duration_text, term
+from calstation.gui.text import KINDS, duration_text, on_language_change, term
 from calstation.gui.widgets import state_colour, state_icon, theme
 from calstation.records import RunRecord
 
-Index = QModelIndex | QPersistentModelIndex
-
 #: Width that the stages need, px.
-_STAGES = 30 * theme.GRID
+_STAGES_WIDTH = 30 * theme.GRID
 #: Columns hidden first if the width is short: attempt, operator, product, which the details show as well.
 _HIDDEN_FIRST = (4, 5, 3)
-_OUTCOME, _STARTED = 0, 2
+_OUTCOME, _STARTED, _STAGES = 0, 2, 7
+#: Columns of numbers, aligned at the right: attempt, duration.
+_NUMBERS = (4, 6)
 
 
-@dataclass(frozen=True)
-class _Column:
-    heading: Callable[[], str]
-    text: Callable[[RunRecord], str]
-    number: bool = False
-
-    @property
-    def alignment(self) -> Qt.AlignmentFlag:
-        """Numbers to the right, words to the left."""
-        side = Qt.AlignmentFlag.AlignRight if self.number else Qt.AlignmentFlag.AlignLeft
-        return side | Qt.AlignmentFlag.AlignVCenter
-
-
-class RunModel(QAbstractTableModel):
-    """The runs found, the latest first."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.runs: tuple[RunRecord, ...] = ()
-        self._columns = (
-            _Column(lambda: self.tr("Outcome"), lambda run: term("badge", run.outcome)),
-            _Column(lambda: self.tr("Serial number"), lambda run: run.serial),
-            _Column(lambda: self.tr("Started"), lambda run: local_time(run.started_utc)),
-            _Column(lambda: self.tr("Product"), lambda run: run.product or ""),
-            _Column(lambda: self.tr("Attempt"), lambda run: str(run.attempt), number=True),
-            _Column(lambda: self.tr("Operator"), lambda run: run.operator or ""),
-            _Column(lambda: self.tr("Duration"), lambda run: duration_text(run.duration), number=True),
-            _Column(lambda: self.tr("Stages"), lambda run: stages_text(run)),
-        )
-
-    def set_runs(self, runs: Sequence[RunRecord]) -> None:
-        """Show these runs."""
-        self.beginResetModel()
-        self.runs = tuple(runs)
-        self.endResetModel()
-
-    def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008 - Qt's own signature
-        """Number of runs."""
-        return 0 if parent.isValid() else len(self.runs)
-
-    def columnCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008
-        """Number of columns."""
-        return 0 if parent.isValid() else len(self._columns)
-
-    def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """A cell; the outcome with its shape, the time with UTC as its tooltip."""
-        run, column = self.runs[index.row()], self._columns[index.column()]
-        if role == Qt.ItemDataRole.DisplayRole:
-            return column.text(run)
-        if role == Qt.ItemDataRole.TextAlignmentRole:
-            return column.alignment
-        if role == Qt.ItemDataRole.ToolTipRole:
-            return utc_text(run.started_utc) if index.column() == _STARTED else column.text(run)
-        if index.column() == _OUTCOME:
-            kind = KINDS.get(run.outcome, "none")
-            if role == Qt.ItemDataRole.DecorationRole:
-                return state_icon(kind)
-            if role == Qt.ItemDataRole.ForegroundRole:
-                return state_colour(kind)
-        return None
-
-    def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """Headings along the top."""
-        if orientation == Qt.Orientation.Vertical:
-            return None
-        column = self._columns[section]
-        if role == Qt.ItemDataRole.DisplayRole:
-            return column.heading()
-        return column.alignment if role == Qt.ItemDataRole.TextAlignmentRole else None
-
-
-class RunTable(QTableView):
-    """Shows a `RunModel`; emits `selected(run)`, None if there is no run."""
+class RunTable(QTableWidget):
+    """Shows runs, the latest first; emits `selected(run)`, None if there is no run."""
 
     selected = Signal(object)
 
     def __init__(self) -> None:
-        super().__init__()
-        self.runs = RunModel()
-        self.setModel(self.runs)
+        super().__init__(0, _STAGES + 1)
+        self.runs: tuple[RunRecord, ...] = ()
         self.setObjectName("history_table")
         self.setFont(theme.font())
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
@@ -125,28 +44,28 @@ class RunTable(QTableView):
         header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         header.setStretchLastSection(True)
         header.setResizeContentsPrecision(0)  # columns are as wide as the visible rows need
-        self.runs.modelReset.connect(self._share_width)
         self.selectionModel().currentRowChanged.connect(self._row_changed)
+        on_language_change(self, self._refresh)
 
     @property
     def run(self) -> RunRecord | None:
         """The run selected."""
-        number = self.currentIndex().row()
-        return self.runs.runs[number] if 0 <= number < len(self.runs.runs) else None
+        number = self.currentRow()
+        return self.runs[number] if 0 <= number < len(self.runs) else None
 
     def show_runs(self, runs: Sequence[RunRecord]) -> None:
         """Show these runs; the selected one stays selected if it is among them, else the latest is."""
         log = self.run.log if self.run is not None else None
-        self.runs.set_runs(runs)
+        self.setRowCount(0)
+        self.runs = tuple(runs)
+        self.setRowCount(len(runs))
+        for row, run in enumerate(runs):
+            self._fill(row, run)
+        self._share_width()
         if runs:
             self.selectRow(next((i for i, run in enumerate(runs) if run.log == log), 0))
         else:
             self.selected.emit(None)
-
-    def refresh(self) -> None:
-        """Show the texts of all cells again."""
-        if self.runs.runs:
-            self.show_runs(self.runs.runs)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Share another width."""
@@ -154,25 +73,74 @@ class RunTable(QTableView):
         if event.size().width() != event.oldSize().width():
             self._share_width()
 
+    def changeEvent(self, event: QEvent) -> None:
+        """Show the outcomes in the colours of another theme."""
+        super().changeEvent(event)
+        if event.type() == QEvent.Type.PaletteChange:
+            for row, run in enumerate(self.runs):
+                self._fill(row, run)
+
+    def _refresh(self) -> None:
+        """Show headings and cells in the current language."""
+        headings = (
+            self.tr("Outcome"),
+            self.tr("Serial number"),
+            self.tr("Started"),
+            self.tr("Product"),
+            self.tr("Attempt"),
+            self.tr("Operator"),
+            self.tr("Duration"),
+            self.tr("Stages"),
+        )
+        for column, text in enumerate(headings):
+            self.setHorizontalHeaderItem(column, _cell(text, column))
+        if self.runs:
+            self.show_runs(self.runs)
+
+    def _fill(self, row: int, run: RunRecord) -> None:
+        texts = (
+            term("badge", run.outcome),
+            run.serial,
+            local_time(run.started_utc),
+            run.product or "",
+            str(run.attempt),
+            run.operator or "",
+            duration_text(run.duration),
+            stages_text(run),
+        )
+        cells = [_cell(text, column) for column, text in enumerate(texts)]
+        kind = KINDS.get(run.outcome, "none")
+        cells[_OUTCOME].setIcon(state_icon(kind))
+        cells[_OUTCOME].setForeground(state_colour(kind))
+        for column, cell in enumerate(cells):
+            cell.setToolTip(utc_text(run.started_utc) if column == _STARTED else cell.text())
+            self.setItem(row, column, cell)
+
     def _share_width(self) -> None:
         """Fit columns to their contents; the stages take the rest, and some columns are hidden for them."""
-        last = self.runs.columnCount() - 1
-        for column in range(last):
+        for column in range(_STAGES):
             self.setColumnHidden(column, False)
         self.resizeColumnsToContents()
-        for column in range(last):
+        for column in range(_STAGES):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
-        left = self.viewport().width() - sum(self.columnWidth(column) for column in range(last))
+        left = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
         for column in _HIDDEN_FIRST:
-            if left >= _STAGES:
+            if left >= _STAGES_WIDTH:
                 break
             left += self.columnWidth(column)
             self.setColumnHidden(column, True)
-        self.setColumnWidth(last, max(left, 10 * theme.GRID))
+        self.setColumnWidth(_STAGES, max(left, 10 * theme.GRID))
 
     def _row_changed(self, current: QModelIndex) -> None:
         if current.isValid():
             self.selected.emit(self.run)
+
+
+def _cell(text: str, column: int) -> QTableWidgetItem:
+    cell = QTableWidgetItem(text)
+    side = Qt.AlignmentFlag.AlignRight if column in _NUMBERS else Qt.AlignmentFlag.AlignLeft
+    cell.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+    return cell
 
 
 def local_time(started_utc: str) -> str:
@@ -193,5 +161,5 @@ def utc_text(started_utc: str) -> str:
 
 def stages_text(run: RunRecord) -> str:
     """The stages that were solved."""
-    comma = QCoreApplication.translate("RunModel", ", ")
+    comma = QCoreApplication.translate("RunTable", ", ")
     return comma.join(term("stage", stage) for stage in run.stages)

@@ -1,4 +1,4 @@
-"""One parameter over a unit's runs, with the limits of the run looked at."""
+"""One parameter over a unit's runs, with the limits of the selected run."""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,11 +16,12 @@ from calstation.records import IndexedRun
 
 #: Most runs shown, the latest.
 _MOST = 30
+#: Dates on the time axis.
 _DATES = 4
 
 
 class Trend(QWidget):
-    """Passed runs as dots, failed ones as crosses, the run looked at larger."""
+    """Passed runs as dots, failed ones as crosses, the selected run larger."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -39,6 +40,7 @@ class Trend(QWidget):
         self._plot = ThemedPlot()
         self._plot.setMouseEnabled(x=False, y=False)
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self._plot.getAxis("left").setWidth(8 * theme.GRID)
         bind(self._plot.setAccessibleName, lambda: self.tr("The parameter over the unit's runs"))
         column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
 
@@ -79,36 +81,30 @@ class Trend(QWidget):
         values = np.array([display(name, run.values[name])[0] for run in runs])
         x = np.arange(len(runs))
         plot.plot(x, values, pen=QPen(QColor(c.muted), 0))
-        for passed, symbol, colour in ((True, "o", c.good), (False, "x", c.bad)):
-            k = [i for i, run in enumerate(runs) if (run.record.outcome == "passed") == passed]
-            sizes = [14 if runs[i].name == self._selected else 8 for i in k]
-            plot.addItem(
-                pg.ScatterPlotItem(
-                    x=x[k],
-                    y=values[k],
-                    symbol=symbol,
-                    size=sizes,
-                    pen=pg.mkPen(colour, width=2),
-                    brush=QColor(colour),
-                    antialias=True,
-                )
-            )
-        low, high = float(values.min()), float(values.max())
-        limits = self._limits.get(name)
-        if limits is not None:
-            bounds = [display(name, bound)[0] for bound in limits]
-            for bound in bounds:
-                plot.addLine(y=bound, pen=QPen(QColor(c.caution), 0, Qt.PenStyle.DashLine))
-            low, high = min(low, *bounds), max(high, *bounds)
+        passed = [run.record.outcome == "passed" for run in runs]
+        colours = [c.good if good else c.bad for good in passed]
+        dots = pg.ScatterPlotItem(
+            x=x,
+            y=values,
+            symbol=["o" if good else "x" for good in passed],
+            size=[14 if run.name == self._selected else 8 for run in runs],
+            pen=[pg.mkPen(colour, width=2) for colour in colours],
+            brush=[pg.mkBrush(colour) for colour in colours],
+            antialias=True,
+        )
+        plot.addItem(dots)
+        bounds = [display(name, bound)[0] for bound in self._limits.get(name, ())]
+        for bound in bounds:
+            plot.addLine(y=bound, pen=QPen(QColor(c.caution), 0, Qt.PenStyle.DashLine))
+        low, high = min([values.min(), *bounds]), max([values.max(), *bounds])
         pad = 0.1 * (high - low) or 1.0
         plot.setYRange(low - pad, high + pad, padding=0)
-        edge = 0.5 + 0.06 * len(runs)  # room for the first and last date
+        edge = 0.5 + 0.06 * len(runs)  # space for the first and last date
         plot.setXRange(-edge, max(len(runs), 2) - 1 + edge, padding=0)
         step = max(1, -(-len(runs) // _DATES))
         dates = [(i, local_time(runs[i].record.started_utc)[2:10]) for i in range(0, len(runs), step)]
         plot.getAxis("bottom").setTicks([dates])
         plot.setLabel("left", display(name, 0.0)[1])
-        plot.getAxis("left").setWidth(8 * theme.GRID)
 
     def changeEvent(self, event: QEvent) -> None:
         """Draw in the colours of another theme."""

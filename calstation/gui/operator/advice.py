@@ -14,7 +14,7 @@ _MOST_ROWS = 10
 
 @dataclass(frozen=True)
 class Figure:
-    """A row of the figures beside the verdict: the value of a group that is nearest to its limit or most over it.
+    """The value of a parameter group, or of a check of the product, that is nearest to its limit or most over it.
 
     `by_sigma` : its sigma is what is nearest, and `limit` belongs to sigma.
     """
@@ -36,10 +36,8 @@ def reason(outcome: str, result: Result | None) -> str:
         near = sum(check.near_miss for check in checks)
         inside = say("advice.passed")
         return f"{inside} {say('advice.near', count=near)}" if near else inside
-    if outcome == "stopped":
-        return say("advice.stopped")
     if outcome != "failed":
-        return say("advice.incomplete")
+        return say("advice.stopped" if outcome == "stopped" else "advice.incomplete")
     failed = [check for check in checks if not check.passed]
     if not failed or result is None:
         return say("advice.no_stage")
@@ -50,32 +48,31 @@ def reason(outcome: str, result: Result | None) -> str:
 
 def next_action(outcome: str, result: Result | None) -> str:
     """What to do with the unit now."""
-    word = None if result is None else result.advice
+    advised = None if result is None else result.advice
     if outcome == "passed":
         return say("advice.next_unit")
-    if word in ("reseat", "set_aside"):
-        return say(f"advice.{word}")
+    if advised in ("reseat", "set_aside"):
+        return say(f"advice.{advised}")
     if outcome == "failed":
         return say("advice.repeat")
-    return say("advice.resume" if word == "resume" else "advice.begin_again")
+    return say("advice.resume" if advised == "resume" else "advice.begin_again")
 
 
 def figures(result: Result) -> list[Figure]:
     """One row per parameter group and one per check of the product; failed ones and near-misses come first to fit."""
     found: dict[str, tuple[float, Figure]] = {}
-    by_parameter = {(check.kind, check.subject): check for check in result.checks}
+    checks = {(check.kind, check.subject): check for check in result.checks}
     for name, row in result.parameters.items():
         if name not in INDEX:
             continue
-        within, below = by_parameter.get(("within", name)), by_parameter.get(("sigma_below", name))
+        within, below = checks.get(("within", name)), checks.get(("sigma_below", name))
         share = max(_share(within), _share(below))
         group = PARAMETERS[INDEX[name]].group
         if (within or below) and share >= found.get(group, (-1.0, None))[0]:
             found[group] = (share, _figure(name, row, within, below))
-    asked = [_check_figure(check) for check in result.checks if of_product(check)]
-    rows = [*(found[group][1] for group in GROUPS if group in found), *asked]
-    groups = len(rows) - len(asked)
-    order = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= groups))
+    parameters = [found[group][1] for group in GROUPS if group in found]
+    rows = [*parameters, *(_check_figure(check) for check in result.checks if of_product(check))]
+    order = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= len(parameters)))
     return [rows[k] for k in sorted(order[:_MOST_ROWS])]
 
 
@@ -91,11 +88,9 @@ def failed_check_text(check: Check, result: Result) -> str:
         return say("advice.violated", name=row.sentence, value=row.value, unit=row.unit, limit=row.limit)
     name = parameter_text(check.subject)
     value, unit = display(check.subject, check.value)
-    if check.kind == "within":
+    if isinstance(check.limit, tuple):
         shown = f"{value:.4g}".replace("-", "−")
-        limit = _interval(check)
-        return say("advice.outside", parameter=name, value=shown, unit=unit, limit=limit)
-    assert not isinstance(check.limit, tuple)
+        return say("advice.outside", parameter=name, value=shown, unit=unit, limit=_interval(check))
     limit = f"{display(check.subject, check.limit)[0]:.4g}"
     return say("advice.uncertain", parameter=name, value=number(value, value), unit=unit, limit=limit)
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import pyqtgraph as pg
@@ -23,23 +24,44 @@ _SHORTEST = 0.1
 _DRAW_EVERY = 0.25
 
 
+@dataclass
+class Line:
+    """Sigma of a group over device time, s, as a multiple of its target, SI."""
+
+    target: float
+    curve: pg.PlotCurveItem = field(default_factory=lambda: pg.PlotCurveItem(skipFiniteCheck=True))
+    times: list[float] = field(default_factory=list)
+    ratios: list[float] = field(default_factory=list)
+
+    def add(self, at: float, ratio: float) -> None:
+        """Add a point; a constant ratio needs only its first and last."""
+        if len(self.ratios) > 1 and self.ratios[-1] == self.ratios[-2] == ratio:
+            self.times[-1] = at
+            return
+        self.times.append(at)
+        self.ratios.append(ratio)
+        if len(self.times) > _KEPT:
+            del self.times[1:-1:2], self.ratios[1:-1:2]
+
+    @property
+    def reached(self) -> bool:
+        """Whether the sigma has reached its target."""
+        return bool(self.ratios) and self.ratios[-1] <= 1.0
+
+
 class Convergence(QFrame):
     """Plots the sigma of each group over device time as a multiple of its target."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
-        self._targets: dict[str, float] = {}
-        self._times: dict[str, list[float]] = {}
-        self._ratios: dict[str, list[float]] = {}
-        self._curves: dict[str, pg.PlotCurveItem] = {}
-        self._now = 0.0
-        self._drawn = 0.0
+        self.lines: dict[str, Line] = {}
+        self._now = self._drawn = 0.0
         self._plot = ThemedPlot()
         self._plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self._plot.getAxis("left").setWidth(7 * theme.GRID)
-        self._plot.getViewBox().setMouseEnabled(x=False, y=False)
         box = self._plot.getViewBox()
+        box.setMouseEnabled(x=False, y=False)
         box.sigTransformChanged.connect(self._label_lines)
         box.sigResized.connect(self._label_lines)
         self._target = pg.InfiniteLine(0.0, angle=0)
@@ -53,102 +75,76 @@ class Convergence(QFrame):
             margins=(theme.GRID,) * 4,
         )
         on_language_change(self, self._show_labels)
-        self._dress()
+        self._set_colours()
 
     def start(self, targets: Mapping[str, float]) -> None:
         """Start a new run with these targets per group, SI."""
-        for curve in self._curves.values():
-            self._plot.removeItem(curve)
-        self._targets = dict(targets)
-        self._times = {group: [] for group in targets}
-        self._ratios = {group: [] for group in targets}
-        self._curves = {}
-        for group in targets:
-            curve = pg.PlotCurveItem(skipFiniteCheck=True)
-            self._plot.addItem(curve)
-            self._curves[group] = curve
+        for line in self.lines.values():
+            self._plot.removeItem(line.curve)
+        self.lines = {group: Line(target) for group, target in targets.items()}
+        for line in self.lines.values():
+            self._plot.addItem(line.curve)
         self._now = 0.0
-        self._dress()
+        self._set_colours()
         self.draw()
 
     def take(self, at: float, sigma: Mapping[str, float]) -> None:
         """Add sigmas per group, SI, at device time `at`, s since the start of the first stage."""
         self._now = max(self._now, at)
         for group, value in sigma.items():
-            if group not in self._targets or not value > 0.0:
-                continue
-            times, ratios = self._times[group], self._ratios[group]
-            ratio = value / self._targets[group]
-            if len(ratios) > 1 and ratios[-1] == ratios[-2] == ratio:
-                times[-1] = self._now
-                continue
-            times.append(self._now)
-            ratios.append(ratio)
-            if len(times) > _KEPT:
-                del times[1:-1:2], ratios[1:-1:2]
+            line = self.lines.get(group)
+            if line is not None and value > 0.0:
+                line.add(self._now, value / line.target)
         if time.monotonic() - self._drawn >= _DRAW_EVERY:
             self.draw()
-
-    def arrived(self, group: str) -> bool:
-        """Whether the sigma of a group has reached its target."""
-        ratios = self._ratios.get(group)
-        return bool(ratios) and ratios is not None and ratios[-1] <= 1.0
 
     def draw(self) -> None:
         """Update the plot."""
         self._drawn = time.monotonic()
-        shown = [ratio for ratios in self._ratios.values() for ratio in ratios]
+        shown = [ratio for line in self.lines.values() for ratio in line.ratios]
         low = np.log10(min([0.3, *shown])) - 0.1
         high = np.log10(max([30.0, *shown])) + 0.1
-        for group, curve in self._curves.items():
-            times, ratios = self._times[group], self._ratios[group]
-            if times:  # the last value holds until now
-                curve.setData(np.array([*times, self._now]) / 60.0, np.log10([*ratios, ratios[-1]]))
+        for line in self.lines.values():
+            if line.times:  # the last value holds until now
+                times, ratios = [*line.times, self._now], [*line.ratios, line.ratios[-1]]
+                line.curve.setData(np.array(times) / 60.0, np.log10(ratios))
         decades = range(int(np.ceil(low)), int(np.floor(high)) + 1)
         self._plot.getAxis("left").setTicks([[(d, f"{10.0**d:g}") for d in decades], []])
         self._plot.setYRange(low, high, padding=0.0)
         self._plot.setXRange(0.0, max(_SHORTEST, self._now / 60.0), padding=0.0)
         self._label_lines()
 
+    def changeEvent(self, event: QEvent) -> None:
+        """Follow the theme."""
+        if event.type() == QEvent.Type.PaletteChange:
+            self._set_colours()
+        super().changeEvent(event)
+
     def _show_labels(self) -> None:
         self._plot.setLabel("bottom", self.tr("device time, min"))
         self._label_lines()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Follow the theme."""
-        if event.type() == QEvent.Type.PaletteChange:
-            self._dress()
-        super().changeEvent(event)
-
-    def _dress(self) -> None:
+    def _set_colours(self) -> None:
         c = theme.colours()
         self._target.setPen(pg.mkPen(c.text, width=1, style=Qt.PenStyle.DashLine))
-        for curve in self._curves.values():
-            curve.setPen(pg.mkPen(c.muted, width=1))
+        for line in self.lines.values():
+            line.curve.setPen(pg.mkPen(c.muted, width=1))
         self._label_lines()
 
     def _label_lines(self) -> None:
         c = theme.colours()
-        box = self._plot.getViewBox()
-
-        def height(ratio: float) -> float:
-            return float(box.mapViewToScene(pg.Point(0.0, float(np.log10(ratio)))).y())
-
-        labels = [LineLabel(height(1.0), self.tr("target"), QColor(c.text), bold=True)]
-        for group, ratios in self._ratios.items():
-            if not ratios:
+        labels = [LineLabel(self._height(1.0), self.tr("target"), QColor(c.text), bold=True)]
+        for group, line in self.lines.items():
+            if not line.ratios:
                 continue
             unit, size = DISPLAY[group]
-            words = term("group", group)
-            value = f"{_plain(ratios[-1] * self._targets[group] / size)} {unit}"
-            if self.arrived(group):
-                text = self.tr("{group} {value} reached").format(group=words, value=value)
-                labels.append(LineLabel(height(ratios[-1]), text, QColor(c.good), "good"))
-            else:
-                labels.append(LineLabel(height(ratios[-1]), f"{words} {value}", QColor(c.text)))
+            value = line.ratios[-1] * line.target / size
+            number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # without a power of ten
+            text, colour, state = f"{term('group', group)} {number} {unit}", c.text, ""
+            if line.reached:
+                text, colour, state = self.tr("{value} reached").format(value=text), c.good, "good"
+            labels.append(LineLabel(self._height(line.ratios[-1]), text, QColor(colour), state))
         self._labels.show_labels(labels)
 
-
-def _plain(value: float) -> str:
-    """Two digits, without a power of ten."""
-    return f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"
+    def _height(self, ratio: float) -> float:
+        return float(self._plot.getViewBox().mapViewToScene(pg.Point(0.0, float(np.log10(ratio)))).y())

@@ -1,20 +1,16 @@
 """Operator, serial number, product, START and Pause: the operator page's part of the strip beside STOP."""
 
-import re
 from pathlib import Path
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import (
-    QApplication,
-    QComboBox,
-    QLineEdit,
-    QWidget,
-)
+from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.config import computer_user
 from calstation.gui.text import bind, on_language_change
-from calstation.gui.widgets import Item, button, column, label, row, theme
+from calstation.gui.widgets import button, column, enable, label, row, theme
+
+_COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
 
 
 class RunHeader(QWidget):
@@ -36,29 +32,23 @@ class RunHeader(QWidget):
         self.operator_edit, self.serial_edit, self.product_combo = QLineEdit(), QLineEdit(), QComboBox()
         self.start_button = button("start_button", lambda: self.tr("START"), self.start_pressed, kind="primary")
         self.pause_button = button("pause_button", pressed=self.pause_pressed)
-        self._captions = [
-            label(lambda: self.tr("Operator")),
-            label(),
-            label(lambda: self.tr("Product")),
-        ]
+        self._serial_caption = label()
         self._serial_note = ""
-        columns: list[Item] = []
-        for widget, name, caption, stretch in (
-            (self.operator_edit, "operator_edit", self._captions[0], 2),
-            (self.serial_edit, "serial_edit", self._captions[1], 4),
-            (self.product_combo, "product_combo", self._captions[2], 3),
-        ):
-            widget.setObjectName(name)
-            widget.setProperty("kind", "tall")
-            caption.setBuddy(widget)
-            columns.append((column(caption, widget, spacing=0), stretch))
+        row(
+            (_field(self.operator_edit, "operator_edit", label(lambda: self.tr("Operator"))), 2),
+            (_field(self.serial_edit, "serial_edit", self._serial_caption), 4),
+            (_field(self.product_combo, "product_combo", label(lambda: self.tr("Product"))), 3),
+            self.start_button,
+            self.pause_button,
+            on=self,
+            spacing=2 * theme.GRID,
+        )
         self.serial_edit.setFont(theme.font(theme.SECTION, bold=True))
         self.operator_edit.setMaxLength(40)
         self.serial_edit.setMaxLength(80)
         self.product_combo.setMinimumWidth(16 * theme.GRID)
         self.start_button.setMinimumWidth(22 * theme.GRID)
         self.pause_button.setMinimumWidth(17 * theme.GRID)
-        row(*columns, self.start_button, self.pause_button, on=self, spacing=2 * theme.GRID)
         self.operator_edit.returnPressed.connect(self.focus_serial)
         self.serial_edit.returnPressed.connect(self.serial_entered)
         self.serial_edit.textEdited.connect(lambda _: self.serial_edited.emit())
@@ -67,7 +57,7 @@ class RunHeader(QWidget):
         self.guard(self.product_combo)
         bind(self.operator_edit.setPlaceholderText, lambda: self.tr("name or badge"))
         bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
-        on_language_change(self, self._caption)
+        on_language_change(self, self._show_caption)
 
     @property
     def serial(self) -> str:
@@ -85,28 +75,24 @@ class RunHeader(QWidget):
         path = self.product_combo.currentData()
         return path if isinstance(path, Path) else None
 
-    def fits(self, pattern: str) -> bool:
-        """Whether the serial number matches the pattern of a product."""
-        return re.fullmatch(pattern, self.serial) is not None
-
     @property
     def products(self) -> list[tuple[str, Path]]:
         """Names and files of the products offered."""
-        box = self.product_combo
-        return [(box.itemText(i), box.itemData(i)) for i in range(box.count())]
+        combo = self.product_combo
+        return [(combo.itemText(i), combo.itemData(i)) for i in range(combo.count())]
 
     def set_products(self, products: list[tuple[str, Path]], chosen: Path | None) -> None:
         """Offer products and choose one."""
         self.product_combo.clear()
         for name, path in products:
             self.product_combo.addItem(name, path)
-            if path == chosen:
-                self.product_combo.setCurrentIndex(self.product_combo.count() - 1)
+        if chosen is not None:
+            self.show_product(chosen)
 
     def show_product(self, path: Path) -> None:
         """Choose a product."""
-        for index in range(self.product_combo.count()):
-            if self.product_combo.itemData(index) == path:
+        for index, (_, offered) in enumerate(self.products):
+            if offered == path:
                 self.product_combo.setCurrentIndex(index)
 
     def set_serial(self, text: str) -> None:
@@ -122,26 +108,21 @@ class RunHeader(QWidget):
     def note_serial(self, note: str, *, wrong: bool = False) -> None:
         """Show a note beside the caption of the serial number, in the error colour if `wrong`."""
         self._serial_note = note
-        theme.set_kind(self._captions[1], "error" if wrong else "")
-        self._caption()
+        theme.set_kind(self._serial_caption, "error" if wrong else "")
+        self._show_caption()
 
     def set_running(self, why: str) -> None:
         """Lock the fields for a reason; "" unlocks them."""
         for widget in (self.operator_edit, self.serial_edit, self.product_combo):
-            widget.setEnabled(not why)
-            widget.setToolTip(why)
+            enable(widget, why)
 
     def set_start(self, why_not: str) -> None:
         """Enable START, or disable it for a reason."""
-        self.start_button.setEnabled(not why_not)
-        self.start_button.setToolTip(
-            why_not or self.tr("Press Space or click; Enter does not start, scanners send it.")
-        )
+        enable(self.start_button, why_not, self.tr("Press Space or click; Enter does not start, scanners send it."))
 
     def set_pause(self, paused: bool, why_not: str) -> None:
         """Show Pause or Resume, disabled for a reason."""
-        self.pause_button.setEnabled(not why_not)
-        self.pause_button.setToolTip(why_not)
+        enable(self.pause_button, why_not)
         self.pause_button.setText(self.tr("Resume") if paused else self.tr("Pause"))
 
     def guard(self, combo: QComboBox) -> None:
@@ -178,10 +159,14 @@ class RunHeader(QWidget):
                 return True
         return super().eventFilter(watched, event)
 
-    def _caption(self) -> None:
+    def _show_caption(self) -> None:
         caption = self.tr("Serial number")
-        note = self._serial_note
-        self._captions[1].setText(f"{caption}: {note}" if note else caption)
+        self._serial_caption.setText(f"{caption}: {self._serial_note}" if self._serial_note else caption)
 
 
-_COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
+def _field(widget: QLineEdit | QComboBox, name: str, caption: QLabel) -> QVBoxLayout:
+    """A field below its caption."""
+    widget.setObjectName(name)
+    widget.setProperty("kind", "tall")
+    caption.setBuddy(widget)
+    return column(caption, widget, spacing=0)

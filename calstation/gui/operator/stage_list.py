@@ -1,7 +1,7 @@
 """The stages of a run as a list: number, name, state, progress and time left."""
 
 from PySide6.QtCore import QModelIndex, QPersistentModelIndex, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter
+from PySide6.QtGui import QColor, QFont, QPainter
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QFrame,
@@ -18,8 +18,12 @@ from calstation.gui.shell import RunStatus, StageState, planned
 from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import column, draw_state, label, state_colour, theme
 
+Index = QModelIndex | QPersistentModelIndex
+
 _ROW = 7 * theme.GRID
-_SHAPES = {
+#: Size of the shape of a state, and height of the progress bar, px.
+_SHAPE, _BAR = 18, 3
+_KINDS = {
     "waiting": "none",
     "kept": "none",
     "active": "active",
@@ -35,46 +39,39 @@ _KIND, _NAME, _STATE, _TIME, _FRACTION = (Qt.ItemDataRole.UserRole + i for i in 
 class _Row(QStyledItemDelegate):
     """Draws one stage."""
 
-    def sizeHint(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> QSize:
+    def sizeHint(self, option: QStyleOptionViewItem, index: Index) -> QSize:
         """All rows have the same height."""
         return QSize(24 * theme.GRID, _ROW)
 
-    def paint(
-        self,
-        painter: QPainter,
-        option: QStyleOptionViewItem,
-        index: QModelIndex | QPersistentModelIndex,
-    ) -> None:
+    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: Index) -> None:
         """Shape and name at the left, state and time at the right, a progress bar below while it runs."""
-        c = theme.colours()
+        c, align = theme.colours(), Qt.AlignmentFlag
         box = QRectF(option.rect)
-        kind, fraction = index.data(_KIND), index.data(_FRACTION)
-        painter.save()
-        if kind == "active":
-            painter.fillRect(box, QColor(c.window))
+        kind, name, state, time = (index.data(role) for role in (_KIND, _NAME, _STATE, _TIME))
+        active = kind == "active"
         inner = box.adjusted(2 * theme.GRID, 0, -2 * theme.GRID, 0)
-        draw_state(painter, kind, QRectF(inner.left(), box.center().y() - 9, 18, 18))
-        painter.setPen(QColor(c.text))
-        painter.setFont(theme.font(theme.SECTION, bold=kind == "active"))
-        left = inner.adjusted(18 + theme.GRID * 1.5, 0, 0, 0)
-        centre = Qt.AlignmentFlag.AlignVCenter
-        painter.drawText(left, centre | Qt.AlignmentFlag.AlignLeft, index.data(_NAME))
-        painter.setFont(theme.font(bold=kind == "active"))
-        half = inner.height() / 2
-        right = Qt.AlignmentFlag.AlignRight
-        above = inner.adjusted(0, 6, 0, -half) if index.data(_TIME) else inner
-        where = Qt.AlignmentFlag.AlignBottom if index.data(_TIME) else centre
-        painter.drawText(above, right | where, index.data(_STATE))
-        painter.setPen(QColor(c.muted))
-        painter.setFont(theme.font())
-        below = inner.adjusted(0, half, 0, -6) if index.data(_STATE) else inner
-        where = Qt.AlignmentFlag.AlignTop if index.data(_STATE) else centre
-        painter.drawText(below, right | where, index.data(_TIME))
+        upper = inner.adjusted(0, 6, 0, -inner.height() / 2) if time else inner
+        lower = inner.adjusted(0, inner.height() / 2, 0, -6) if state else inner
+
+        def write(area: QRectF, side: Qt.AlignmentFlag, text: str, font: QFont, colour: str) -> None:
+            painter.setFont(font)
+            painter.setPen(QColor(colour))
+            painter.drawText(area, side, text)
+
+        painter.save()
+        if active:
+            painter.fillRect(box, QColor(c.window))
+            bar = QRectF(box.left(), box.bottom() - _BAR, box.width() * index.data(_FRACTION), _BAR)
+            painter.fillRect(bar, state_colour("active"))
+        draw_state(painter, kind, QRectF(inner.left(), box.center().y() - _SHAPE / 2, _SHAPE, _SHAPE))
+        text_box = inner.adjusted(_SHAPE + theme.GRID * 1.5, 0, 0, 0)
+        write(text_box, align.AlignVCenter | align.AlignLeft, name, theme.font(theme.SECTION, bold=active), c.text)
+        top = align.AlignBottom if time else align.AlignVCenter
+        write(upper, align.AlignRight | top, state, theme.font(bold=active), c.text)
+        bottom = align.AlignTop if state else align.AlignVCenter
+        write(lower, align.AlignRight | bottom, time, theme.font(), c.muted)
         painter.setPen(QColor(c.line))
         painter.drawLine(box.bottomLeft(), box.bottomRight())
-        if kind == "active":
-            bar = QRectF(box.left(), box.bottom() - 3, box.width() * fraction, 3)
-            painter.fillRect(bar, state_colour("active"))
         painter.restore()
 
 
@@ -100,8 +97,7 @@ class StageList(QFrame):
         self._left.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
         self._note = label(kind="muted", wrap=True)
         self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
-        items = (title, (self.list, 1), self._left, self._note)
-        column(*items, on=self, spacing=0, margins=(1, 1, 1, theme.GRID))
+        column(title, (self.list, 1), self._left, self._note, on=self, spacing=0, margins=(1, 1, 1, theme.GRID))
         run.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
@@ -113,46 +109,37 @@ class StageList(QFrame):
     def refresh(self) -> None:
         """Show the run, or the next one."""
         planning = self._run.state == "idle"
-        stages = ([] if self._planned is None else planned(self._planned)) if planning else self._run.stages
+        stages = self._run.stages
+        if planning:
+            stages = [] if self._planned is None else planned(self._planned)
         while self.list.count() > len(stages):
             self.list.takeItem(self.list.count() - 1)
+        while self.list.count() < len(stages):
+            item = QListWidgetItem(self.list)
+            item.setFlags(Qt.ItemFlag.ItemIsEnabled)
         for number, stage in enumerate(stages):
-            item = self.list.item(number) if number < self.list.count() else None
-            if item is None:
-                item = QListWidgetItem()
-                item.setFlags(Qt.ItemFlag.ItemIsEnabled)
-                self.list.addItem(item)
-            self._fill(item, number, stage, planning)
+            self._fill(self.list.item(number), f"{number + 1}  {term('stage', stage.name)}", stage, planning)
         self._show_left(stages, planning)
 
-    def _fill(self, item: QListWidgetItem, number: int, stage: StageState, planning: bool) -> None:
-        kind = _SHAPES[stage.state]
+    def _fill(self, item: QListWidgetItem, name: str, stage: StageState, planning: bool) -> None:
+        kind = _KINDS[stage.state]
         if kind == "active" and self._run.state in ("pausing", "paused"):
             kind = "paused"
-        name = f"{number + 1}  {term('stage', stage.name)}"
-        state, left = self._state(stage), self._time(stage, planning)
-        for role, value in ((_KIND, kind), (_NAME, name), (_STATE, state), (_TIME, left)):
+        state, left = _state_text(stage), self._time_text(stage, planning)
+        spoken = ", ".join(part for part in (name, state, left) if part)
+        for role, value in (
+            (_KIND, kind),
+            (_NAME, name),
+            (_STATE, state),
+            (_TIME, left),
+            (_FRACTION, stage.fraction),
+            (Qt.ItemDataRole.AccessibleTextRole, spoken),
+            (Qt.ItemDataRole.ToolTipRole, spoken),
+        ):
             if item.data(role) != value:
                 item.setData(role, value)
-        item.setData(_FRACTION, stage.fraction)
-        spoken = ", ".join(part for part in (name, state, left) if part)
-        item.setData(Qt.ItemDataRole.AccessibleTextRole, spoken)
-        item.setToolTip(spoken)
 
-    def _state(self, stage: StageState) -> str:
-        if stage.state == "active":
-            return f"{100.0 * stage.fraction:.0f} %"
-        return {
-            "waiting": "",
-            "kept": self.tr("not written"),
-            "solving": self.tr("solving"),
-            "good": self.tr("ok"),
-            "bad": self.tr("not ok"),
-            "stopped": self.tr("stopped"),
-            "fault": self.tr("fault"),
-        }[stage.state]
-
-    def _time(self, stage: StageState, planning: bool) -> str:
+    def _time_text(self, stage: StageState, planning: bool) -> str:
         if stage.took is not None:
             return duration_text(stage.took)
         if stage.state not in ("waiting", "active"):
@@ -160,24 +147,23 @@ class StageList(QFrame):
         if not planning and not self._run.going:
             return self.tr("not run")
         pace = 1.0 if planning else self._run.pace
-        if pace is None:
-            return ""
-        return duration_text(self._run.left(stage) / pace)
+        return "" if pace is None else duration_text(self._run.left(stage) / pace)
 
     def _show_left(self, stages: list[StageState], planning: bool) -> None:
-        run_summary = self._planned if planning else self._run.run_summary
-        virtual = run_summary is not None and run_summary.virtual
+        left = note = ""
         if planning and stages:
             total = duration_text(sum(stage.duration for stage in stages))
-            self._left.setText(self.tr("{time} in all").format(time=total))
+            left = self.tr("{time} in all").format(time=total)
+            if self._planned is not None and self._planned.virtual:
+                note = self.tr("Times of a real table; the virtual bench is much faster.")
         elif (remaining := self._run.remaining) is not None:
-            self._left.setText(self.tr("{time} left").format(time=duration_text(remaining)))
-        else:
-            self._left.setText("")
-        self._note.setText(
-            self.tr("Times of a real table; the virtual bench is much faster.")
-            if planning and virtual and stages
-            else ""
-        )
-        self._left.setVisible(bool(self._left.text()))
-        self._note.setVisible(bool(self._note.text()))
+            left = self.tr("{time} left").format(time=duration_text(remaining))
+        for shown, text in ((self._left, left), (self._note, note)):
+            shown.setText(text)
+            shown.setVisible(bool(text))
+
+
+def _state_text(stage: StageState) -> str:
+    if stage.state == "active":
+        return f"{100.0 * stage.fraction:.0f} %"
+    return "" if stage.state == "waiting" else term("stage_state", stage.state)

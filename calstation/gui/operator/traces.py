@@ -4,19 +4,25 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QTimer
 from PySide6.QtGui import QColor
-from PySide6.QtWidgets import (
-    QButtonGroup,
-    QFrame,
-    QGridLayout,
-    QPushButton,
-    QVBoxLayout,
-    QWidget,
-)
+from PySide6.QtWidgets import QButtonGroup, QFrame, QWidget
 
 from calstation.gui.text import bind, on_language_change
-from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, label, row, theme
-from calstation.physics import FloatArray
+from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, button, column, label, row, theme
+from calstation.physics import DEGREE, FloatArray
 from calstation.sequencer import Trace
+
+#: Rows kept, a quarter of an hour of device time.
+_KEPT = 16_384
+
+#: Interval between two drawings, ms.
+_DRAW_INTERVAL = 33
+
+#: Points drawn per line.
+_POINTS = 2000
+
+#: Spans that can be chosen, s, and the first one.
+_SPANS = (10.0, 60.0, 600.0)
+_FIRST_SPAN = 1
 
 
 class RingBuffer:
@@ -33,9 +39,9 @@ class RingBuffer:
         rows = rows[-self._capacity :]
         count = len(rows)
         if self._end + count > len(self._rows):
-            kept = min(self._end, self._capacity)
-            self._rows[:kept] = self._rows[self._end - kept : self._end]
-            self._end = kept
+            kept = self.latest()
+            self._rows[: len(kept)] = kept
+            self._end = len(kept)
         self._rows[self._end : self._end + count] = rows
         self._end += count
         self.written += count
@@ -50,19 +56,6 @@ class RingBuffer:
         self.written += 1
 
 
-#: Ticks kept, a quarter of an hour of device time.
-_KEPT = 16_384
-
-#: Interval between two drawings, ms.
-_EVERY = 33
-
-#: Spans that can be chosen, s.
-WINDOWS = (10.0, 60.0, 600.0)
-
-_FIRST_WINDOW = 1
-_PER_DEGREE = 180.0 / np.pi
-
-
 class _Plot(QWidget):
     """The three lines of a sensor with their names at the ends."""
 
@@ -75,40 +68,33 @@ class _Plot(QWidget):
         self.plot.getViewBox().setMouseEnabled(x=True, y=False)
         self.plot.getViewBox().setDefaultPadding(0.02)
         self.plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
-        self.curves = []
-        for colour in theme.AXIS_COLOURS.values():
-            curve = pg.PlotCurveItem(pen=pg.mkPen(colour, width=1), skipFiniteCheck=True)
+        self._curves = [
+            pg.PlotCurveItem(pen=pg.mkPen(colour, width=1), skipFiniteCheck=True)
+            for colour in theme.AXIS_COLOURS.values()
+        ]
+        for curve in self._curves:
             self.plot.addItem(curve)
-            self.curves.append(curve)
         self._labels = LineLabels(5 * theme.GRID)
         row((self.plot, 1), self._labels, on=self, spacing=0)
 
-    def show_rows(self, rows: np.ndarray, span: float) -> None:
+    def show_rows(self, rows: FloatArray, span: float) -> None:
         """Draw rows, shape (n, 7): time, s, and six outputs; the newest `span` s fill the width."""
-        times = rows[:, 0] - (rows[-1, 0] if len(rows) else 0.0)
+        self.plot.setXRange(-span, 0.0, padding=0.0)
         values = rows[:, 1:][:, self._columns] * self._factor
-        step = max(1, len(rows) // 2000)
-        for curve, column in zip(self.curves, values.T, strict=True):
-            curve.setData(times[::step], column[::step])
+        times = rows[:, 0] - rows[-1:, 0]
+        step = max(1, len(rows) // _POINTS)
+        for curve, line in zip(self._curves, values.T, strict=True):
+            curve.setData(times[::step], line[::step])
+        labels = []
         if len(rows):
             low, high = float(values.min()), float(values.max())
-            room = max(0.05 * (high - low), 1e-3)
-            self.plot.setYRange(low - room, high + room, padding=0.0)
-        self.plot.setXRange(-span, 0.0, padding=0.0)
-        self.name_lines(values[-1] if len(rows) else None)
-
-    def name_lines(self, ends: np.ndarray | None) -> None:
-        """Label the lines at the height of their ends, shape (3,)."""
-        if ends is None:
-            self._labels.show_labels([])
-            return
-        box = self.plot.getViewBox()
-        self._labels.show_labels(
-            [
-                LineLabel(box.mapViewToScene(pg.Point(0.0, float(value))).y(), name, QColor(colour), bold=True)
-                for (name, colour), value in zip(theme.AXIS_COLOURS.items(), ends, strict=True)
-            ]
-        )
+            margin = max(0.05 * (high - low), 1e-3)
+            self.plot.setYRange(low - margin, high + margin, padding=0.0)
+            box = self.plot.getViewBox()
+            for (name, colour), value in zip(theme.AXIS_COLOURS.items(), values[-1], strict=True):
+                height = box.mapViewToScene(pg.Point(0.0, float(value))).y()
+                labels.append(LineLabel(height, name, QColor(colour), bold=True))
+        self._labels.show_labels(labels)
 
 
 class Traces(QFrame):
@@ -117,61 +103,48 @@ class Traces(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
-        self._ring = RingBuffer(_KEPT, 7)
+        self._buffer = RingBuffer(_KEPT, 7)
         self._drawn = -1
-        self._gyro, self._accel = _Plot(0, _PER_DEGREE), _Plot(3, 1.0)
+        self._gyro, self._accel = _Plot(0, 1.0 / DEGREE), _Plot(3, 1.0)
         self._accel.plot.setXLink(self._gyro.plot)
         self._gyro.plot.getAxis("bottom").setStyle(showValues=False)
-        titles = (
-            label(lambda: self.tr("Gyro, °/s"), "muted"),
-            label(lambda: self.tr("Accelerometer, m/s²"), "muted"),
-        )
-        self._spans = QButtonGroup(self)
-        self.hold_button = QPushButton()
-        bind(self.hold_button, lambda: self.tr("Hold"))
+        self.hold_button = button("", lambda: self.tr("Hold"))
         bind(self.hold_button.setToolTip, lambda: self.tr("Holds the plot; the run and its recording go on."))
         self.hold_button.setCheckable(True)
-        self.hold_button.toggled.connect(self._hold)
-        buttons = QVBoxLayout()
-        buttons.setSpacing(theme.GRID)
+        self.hold_button.toggled.connect(lambda held: None if held else self._draw_again())
+        for plot in (self._gyro, self._accel):
+            plot.plot.getViewBox().sigRangeChangedManually.connect(lambda *_: self.hold_button.setChecked(True))
+        self._spans = QButtonGroup(self)
         names = (lambda: self.tr("10 s"), lambda: self.tr("1 min"), lambda: self.tr("10 min"))
         for number, name in enumerate(names):
-            button = QPushButton()
-            bind(button, name)
-            button.setCheckable(True)
-            button.setChecked(number == _FIRST_WINDOW)
-            self._spans.addButton(button, number)
-            buttons.addWidget(button)
-        self._spans.idClicked.connect(self._choose_span)
-        buttons.addStretch(1)
-        buttons.addWidget(self.hold_button)
-        grid = QGridLayout()
-        grid.setSpacing(0)
-        for at, (title, plot) in enumerate(zip(titles, (self._gyro, self._accel), strict=True)):
-            grid.addWidget(title, 2 * at, 0)
-            grid.addWidget(plot, 2 * at + 1, 0)
-            grid.setRowStretch(2 * at + 1, 1)
-            plot.plot.getViewBox().sigRangeChangedManually.connect(self._zoomed)
-        row((grid, 1), buttons, on=self, margins=(theme.GRID,) * 4)
+            span_button = button("", name)
+            span_button.setCheckable(True)
+            span_button.setChecked(number == _FIRST_SPAN)
+            self._spans.addButton(span_button, number)
+        self._spans.idClicked.connect(lambda _: self._choose_span())
+        plots = column(
+            label(lambda: self.tr("Gyro, °/s"), "muted"),
+            (self._gyro, 1),
+            label(lambda: self.tr("Accelerometer, m/s²"), "muted"),
+            (self._accel, 1),
+            spacing=0,
+        )
+        buttons = column(*self._spans.buttons(), None, self.hold_button)
+        row((plots, 1), buttons, on=self, margins=(theme.GRID,) * 4)
         self._timer = QTimer(self)
-        self._timer.setInterval(_EVERY)
+        self._timer.setInterval(_DRAW_INTERVAL)
         self._timer.timeout.connect(self._draw)
         on_language_change(self, lambda: self._accel.plot.setLabel("bottom", self.tr("device time before now, s")))
-        self._show()
-
-    @property
-    def span(self) -> float:
-        """Span shown while the plots follow, s."""
-        return WINDOWS[self._spans.checkedId()]
+        self._show_rows()
 
     def take(self, trace: Trace) -> None:
         """Store a trace; the timer draws it."""
         times = np.array(trace.time)
-        self._ring.append(np.column_stack((times, np.array(trace.output).reshape(len(times), 6))))
+        self._buffer.append(np.column_stack((times, np.array(trace.output).reshape(len(times), 6))))
 
     def start(self) -> None:
         """Start with a new run."""
-        self._ring.clear()
+        self._buffer.clear()
         self.hold_button.setChecked(False)
         self._timer.start()
 
@@ -180,29 +153,23 @@ class Traces(QFrame):
         self._draw()
         self._timer.stop()
 
-    def _zoomed(self) -> None:
-        """Hold the plot when the user zooms or drags it."""
-        self.hold_button.setChecked(True)
-
-    def _choose_span(self, number: int) -> None:
+    def _choose_span(self) -> None:
         self.hold_button.setChecked(False)
+        self._draw_again()
+
+    def _draw_again(self) -> None:
         self._drawn = -1
         self._draw()
 
-    def _hold(self, held: bool) -> None:
-        if not held:
-            self._drawn = -1
-            self._draw()
-
     def _draw(self) -> None:
-        if self._ring.written == self._drawn or self.hold_button.isChecked() or not self.isVisible():
-            return
-        self._drawn = self._ring.written
-        self._show()
+        """Draw new rows, unless the plot is held."""
+        if self._buffer.written != self._drawn and not self.hold_button.isChecked() and self.isVisible():
+            self._drawn = self._buffer.written
+            self._show_rows()
 
-    def _show(self) -> None:
-        rows = self._ring.latest()
+    def _show_rows(self) -> None:
+        rows, span = self._buffer.latest(), _SPANS[self._spans.checkedId()]
         if len(rows):
-            rows = rows[np.searchsorted(rows[:, 0], rows[-1, 0] - self.span) :]
+            rows = rows[np.searchsorted(rows[:, 0], rows[-1, 0] - span) :]
         for plot in (self._gyro, self._accel):
-            plot.show_rows(rows, self.span)
+            plot.show_rows(rows, span)

@@ -21,14 +21,10 @@ class AppContext(QObject):
 
     Attributes
     ----------
-    job_queue : background jobs, in a process of their own
-    engine_link : starts runs and emits their events
-    run : status of the run
-    role : operator or engineer
     settings : language, theme, recent files; nothing that changes a result
     station_path : the station file; None for the default, the virtual bench
     product_path : the product file chosen on the operator page
-    stages, schedule : an engineer's choice in place of the product's stages and schedule; None for the product's
+    stages, schedule : an engineer's choice that replaces the product's stages and schedule; None for the product's
     runs_folder : folder of logs and results
     """
 
@@ -89,7 +85,7 @@ class AppContext(QObject):
         self.settings.setValue("language", language.current())
 
     def close(self) -> None:
-        """End the processes beside the window; a run in progress stops safely."""
+        """End the engine and the job process; a run in progress stops safely."""
         self.engine_link.close()
         self.job_queue.close()
 

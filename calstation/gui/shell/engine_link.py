@@ -15,12 +15,8 @@ class EngineLink(QObject):
     """Starts runs and register operations and emits their events.
 
     `event(object)` : an event of the engine; an engine that dies is a `Fault`. `running_changed(bool)` : the engine
-    process has started or ended.
-
-    Attributes
-    ----------
-    request : of the last run, or station and unit of the last register operation
-    operation : the last register operation; None after a run
+    process has started or ended. `request` is that of the last run, or station and unit of the last register
+    `operation`, which is None after a run.
     """
 
     event = Signal(object)  # type: ignore[assignment] # hides QObject.event, which no listener needs
@@ -62,8 +58,8 @@ class EngineLink(QObject):
 
     def close(self) -> None:
         """Disconnect and wait for the safe stop and the result."""
-        if self._engine is not None:
-            engine = self._engine
+        engine = self._engine
+        if engine is not None:
             self._end()
             engine.close()
 

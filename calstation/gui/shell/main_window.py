@@ -5,13 +5,7 @@ from itertools import pairwise
 
 from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
-from PySide6.QtWidgets import (
-    QLabel,
-    QMainWindow,
-    QStackedWidget,
-    QTabWidget,
-    QWidget,
-)
+from PySide6.QtWidgets import QLabel, QMainWindow, QStackedWidget, QTabWidget, QWidget
 
 from calstation.config import load_station
 from calstation.errors import CalstationError
@@ -22,22 +16,15 @@ from calstation.gui.operator import OperatorPage
 from calstation.gui.settings import StationPage
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.page import Page
-from calstation.gui.shell.role_panel import RolePanel
+from calstation.gui.shell.role import RolePanel
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.text import bind, language, on_language_change
 from calstation.gui.widgets import button, label, padlock_icon, row, theme, theme_icon
 
-_PAGES: tuple[type[Page], ...] = (
-    OperatorPage,
-    EngineerPage,
-    OfflinePage,
-    HistoryPage,
-    StationPage,
-)
 #: Height of the strip with STOP at the top of every page, px.
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
-
 _SMALLEST = QSize(1280, 720)
+_ICON = QSize(24, 24)
 
 
 class MainWindow(QMainWindow):
@@ -48,6 +35,7 @@ class MainWindow(QMainWindow):
         self.app = app
         self._closing = False
         self._shown = 0
+        self.setWindowTitle("calstation")
         self.setFont(theme.font())
         self.page_tabs = QTabWidget(self)
         self.page_tabs.setObjectName("page_tabs")
@@ -60,41 +48,31 @@ class MainWindow(QMainWindow):
         name.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
         self.page_tabs.setCornerWidget(name, Qt.Corner.TopLeftCorner)
         self.page_tabs.setCornerWidget(self._corner(), Qt.Corner.TopRightCorner)
-        self._strip = QWidget(self.page_tabs)
-        self._headers = QStackedWidget()
+        self._strip, self._headers = QWidget(self.page_tabs), QStackedWidget()
         self.stop_button = button("stop_button", lambda: self.tr("STOP"), app.run.stop)
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         bind(
             self.stop_button.setToolTip,
             lambda: self.tr("Stops the run safely; Esc does the same. It is no emergency stop."),
         )
-        row(
-            (self._headers, 1),
-            self.stop_button,
-            on=self._strip,
-            spacing=2 * theme.GRID,
-            margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
-        )
-        self.pages: list[Page] = []
-        for kind in _PAGES:
-            self._add(kind(app))
+        margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=margins)
+        self.operator_page, self.offline_page = OperatorPage(app), OfflinePage(app)
+        self.pages: list[Page] = [
+            self.operator_page,
+            EngineerPage(app),
+            self.offline_page,
+            HistoryPage(app),
+            StationPage(app),
+        ]
+        for page in self.pages:
+            page.setContentsMargins(0, _STRIP, 0, 0)
+            page.installEventFilter(self)
+            self.page_tabs.addTab(page, page.title())
+            self._headers.addWidget(page.header or RunStrip(app.run))
         self._role_panel = RolePanel(app.role, self)
         self._order_tabs()
-        self.operator_page.header.guard(self.language_combo)
-        self.page_tabs.currentChanged.connect(self._page_changed)
-        QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
-        app.station_changed.connect(self._show_station)
-        app.role.changed.connect(self._show_role)
-        app.role.wanted.connect(self._place_role_panel)
-        app.theme_changed.connect(self._set_icons)
-        app.engine_link.running_changed.connect(self._running_changed)
-        operator = self.operator_page
-        operator.station_wanted.connect(lambda: self.show_page("station_page"))
-        self.offline_page.live_wanted.connect(lambda: self.show_page("operator_page"))
-        app.open_log.connect(lambda _: self.show_page("offline_page"))
-        app.open_run.connect(lambda _: self.show_page("engineer_page"))
-        app.resume_run.connect(lambda _: self.show_page("operator_page"))
-        self.setWindowTitle("calstation")
+        self._connect()
         for show in (self._show_titles, self._show_role, self._show_station):
             on_language_change(self, show)
         self.setMinimumSize(_SMALLEST)
@@ -103,19 +81,24 @@ class MainWindow(QMainWindow):
         if isinstance(geometry, QByteArray):
             self.restoreGeometry(geometry)
 
-    @property
-    def operator_page(self) -> OperatorPage:
-        """The first page."""
-        page = self.pages[0]
-        assert isinstance(page, OperatorPage)
-        return page
-
-    @property
-    def offline_page(self) -> OfflinePage:
-        """The page of stored logs."""
-        page = self.pages[2]
-        assert isinstance(page, OfflinePage)
-        return page
+    def _connect(self) -> None:
+        app = self.app
+        QShortcut(QKeySequence(Qt.Key.Key_Escape), self, app.run.stop)
+        self.operator_page.header.guard(self.language_combo)
+        self.page_tabs.currentChanged.connect(self._page_changed)
+        app.station_changed.connect(self._show_station)
+        app.role.changed.connect(self._show_role)
+        app.role.wanted.connect(self._move_role_panel)
+        app.theme_changed.connect(self._set_icons)
+        app.engine_link.running_changed.connect(self._running_changed)
+        for signal, page in (
+            (self.operator_page.station_wanted, "station_page"),
+            (self.offline_page.live_wanted, "operator_page"),
+            (app.open_log, "offline_page"),
+            (app.open_run, "engineer_page"),
+            (app.resume_run, "operator_page"),
+        ):
+            signal.connect(lambda *_, page=page: self.show_page(page))
 
     def show_page(self, name: str) -> None:
         """Show a page by its object name."""
@@ -140,7 +123,7 @@ class MainWindow(QMainWindow):
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Keep the strip at the top of the page shown."""
         if event.type() in (QEvent.Type.Resize, QEvent.Type.Move, QEvent.Type.Show):
-            self._place_strip()
+            self._move_strip()
         return super().eventFilter(watched, event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
@@ -189,17 +172,12 @@ class MainWindow(QMainWindow):
         bind(self._theme_button.setToolTip, lambda: self.tr("Light or dark"))
         bind(self._theme_button.setAccessibleName, lambda: self.tr("Light or dark"))
         self._role_button = button("role_button", pressed=self._role_pressed)
+        self._theme_button.setIconSize(_ICON)
+        self._role_button.setIconSize(_ICON)
         widgets = (self._station, self.language_combo, self._theme_button, self._role_button)
         items = ((widget, 0, Qt.AlignmentFlag.AlignVCenter) for widget in widgets)
         row(*items, on=corner, margins=(0, 0, 2 * theme.GRID, 0)).addStrut(theme.TOP_BAR)
         return corner
-
-    def _add(self, page: Page) -> None:
-        page.setContentsMargins(0, _STRIP, 0, 0)
-        page.installEventFilter(self)
-        self.pages.append(page)
-        self.page_tabs.addTab(page, page.title())
-        self._headers.addWidget(page.header or RunStrip(self.app.run))
 
     def _order_tabs(self) -> None:
         """Tab order as read: the top bar, the header, STOP, the page."""
@@ -226,16 +204,16 @@ class MainWindow(QMainWindow):
             return
         self._shown = index
         self._headers.setCurrentIndex(index)
-        self._place_strip()
+        self._move_strip()
 
-    def _place_strip(self) -> None:
+    def _move_strip(self) -> None:
         page = self.page_tabs.currentWidget()
         if page is not None:
             top = page.mapTo(self.page_tabs, QPoint(0, 0))
             self._strip.setGeometry(top.x(), top.y(), page.width(), _STRIP)
             self._strip.raise_()
 
-    def _place_role_panel(self) -> None:
+    def _move_role_panel(self) -> None:
         """Below the padlock and beside STOP, which nothing may cover."""
         stop = self.stop_button.mapTo(self, QPoint(0, 0))
         self._role_panel.move(stop.x() - self._role_panel.width() - theme.GRID, stop.y() - theme.GRID // 2)
@@ -258,9 +236,7 @@ class MainWindow(QMainWindow):
 
     def _set_icons(self) -> None:
         self._theme_button.setIcon(theme_icon())
-        self._theme_button.setIconSize(QSize(24, 24))
         self._role_button.setIcon(padlock_icon(closed=not self.app.role.engineer))
-        self._role_button.setIconSize(QSize(24, 24))
 
     def _show_station(self) -> None:
         try:

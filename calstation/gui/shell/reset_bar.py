@@ -9,7 +9,7 @@ from calstation.connection import LinkTestRequest, TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text import error_text, on_language_change, say, term
-from calstation.gui.widgets import JobWatch, StateIcon, button, column, label, row
+from calstation.gui.widgets import JobWatch, StateIcon, button, column, enable, label, row
 
 
 class ResetBar(QWidget):
@@ -37,9 +37,9 @@ class ResetBar(QWidget):
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
         self._icon, self.words = StateIcon(18), label(name=f"{name}_result", wrap=True)
         self.watch = JobWatch(self)
-        self.watch.done.connect(self._done)
-        self.watch.failed.connect(self._failed)
-        self.watch.cancelled.connect(self._cancelled)
+        self.watch.done.connect(lambda result: self._finish(result=result))
+        self.watch.failed.connect(lambda error: self._finish(error=error))
+        self.watch.cancelled.connect(self._finish)
         column(self.button, row(self._icon, (self.words, 1)), on=self)
         app.engine_link.running_changed.connect(self._running_changed)
         on_language_change(self, self._show)
@@ -59,7 +59,7 @@ class ResetBar(QWidget):
         try:
             order = self._order()
         except CalstationError as error:
-            self._failed(error)
+            self._finish(error=error)
             return
         if order is None or self._app.engine_link.running or self.watch.busy:
             return
@@ -73,40 +73,29 @@ class ResetBar(QWidget):
             self.watch.cancel()
         self._show()
 
-    def _done(self, result: TableReset) -> None:
-        self.result = result
-        self._offered = not result.clear
+    def _finish(self, result: TableReset | None = None, error: CalstationError | None = None) -> None:
+        self.result, self._error = result, error
+        if result is not None:
+            self._offered = not result.clear
         self._show()
         self.changed.emit()
-        self.ended.emit(result)
-
-    def _failed(self, error: CalstationError) -> None:
-        self._error = error
-        self._show()
-        self.changed.emit()
-
-    def _cancelled(self) -> None:
-        self._show()
-        self.changed.emit()
+        if result is not None:
+            self.ended.emit(result)
 
     def _show(self) -> None:
         running = self._app.engine_link.running
         self.button.setVisible(self._offered)
+        tip = self.tr("Clears what the table has latched. Nothing moves and no axis is switched on.")
+        enable(self.button, self.tr("A run is going on; reset when it has ended.") if running else "", tip)
         self.button.setEnabled(not (running or self.watch.busy))
-        self.button.setToolTip(
-            self.tr("A run is going on; reset when it has ended.")
-            if running
-            else self.tr("Clears what the table has latched. Nothing moves and no axis is switched on.")
-        )
-        kind, text = self._words()
+        kind, text = self._result_text()
         self._icon.setVisible(bool(kind))
-        if kind:
-            self._icon.set_kind(kind)
+        self._icon.set_kind(kind)
         self.words.setText(text)
         self.words.setVisible(bool(text))
         self.setVisible(self._offered or bool(text))
 
-    def _words(self) -> tuple[str, str]:
+    def _result_text(self) -> tuple[str, str]:
         """State and sentence of the last reset, or of the one in progress."""
         if self.watch.busy:
             return "", self.tr("Asking the table.")
@@ -115,8 +104,7 @@ class ResetBar(QWidget):
         result = self.result
         if result is None:
             return "", ""
-        kind = "good" if result.clear else "bad"
-        return kind, say(
+        return "good" if result.clear else "bad", say(
             f"reset.{result.outcome}",
             latched=term("latched", result.latched or ""),
             left=term("latched", result.left or ""),

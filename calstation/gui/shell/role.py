@@ -1,8 +1,15 @@
-"""The role of the user: operator or engineer."""
+"""The role of the user, and the panel in which the engineer's PIN is entered or first set."""
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, Qt, QTimer, Signal
+from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidget
 
 from calstation.config import access
+from calstation.errors import ConfigurationError
+from calstation.gui.text import bind, error_text, on_language_change
+from calstation.gui.widgets import button, column, label, row, theme
+
+#: Interval at which the time to wait is updated, ms.
+_TICK = 250
 
 
 class RoleLock(QObject):
@@ -57,3 +64,118 @@ class RoleLock(QObject):
         if role != self.role:
             self.role = role
             self.changed.emit(role)
+
+
+class RolePanel(QFrame):
+    """Panel below the padlock with keys for touch; hidden until it is wanted, closes when the engineer is unlocked."""
+
+    def __init__(self, role: RoleLock, parent: QWidget) -> None:
+        super().__init__(parent)
+        self.setProperty("kind", "panel")
+        self.setAutoFillBackground(True)
+        self._role = role
+        self._wrong = ""
+        self._title, self._text = label(kind="section"), label(wrap=True)
+        self._error = label(kind="error", wrap=True)
+        self.pin_edit, self._again_edit = QLineEdit(), QLineEdit()
+        for edit, name in ((self.pin_edit, "pin_edit"), (self._again_edit, "pin_again_edit")):
+            edit.setObjectName(name)
+            edit.setEchoMode(QLineEdit.EchoMode.Password)
+            edit.setFont(theme.font(theme.SECTION))
+            edit.setProperty("kind", "tall")
+            edit.returnPressed.connect(self._enter)
+            edit.textEdited.connect(lambda _: self._show_error(""))
+        self._unlock = button("unlock_button", pressed=self._enter, kind="primary")
+        cancel = button("", lambda: self.tr("Cancel"), self.hide)
+        column(
+            *(self._title, self._text, self.pin_edit, self._again_edit, self._error, self._keys()),
+            row((self._unlock, 1), (cancel, 1)),
+            on=self,
+            margins=(2 * theme.GRID,) * 4,
+        )
+        self.setFixedWidth(42 * theme.GRID)
+        self._timer = QTimer(self)
+        self._timer.setInterval(_TICK)
+        self._timer.timeout.connect(self._show_wait)
+        role.wanted.connect(self.open)
+        bind(self._again_edit.setPlaceholderText, lambda: self.tr("the same again"))
+        on_language_change(self, self._refresh)
+        self.hide()
+
+    def open(self) -> None:
+        """Ask for the PIN."""
+        self.pin_edit.clear()
+        self._again_edit.clear()
+        self._wrong = ""
+        self._refresh()
+        self.show()
+        self.raise_()
+        self.pin_edit.setFocus()
+        self._show_wait()
+
+    def _refresh(self) -> None:
+        new = self._role.new
+        self._again_edit.setVisible(new)
+        self._title.setText(self.tr("Choose the engineer's PIN") if new else self.tr("Engineer"))
+        self._text.setText(
+            self.tr("No PIN has been set here yet. At least four characters; it opens what changes results.")
+            if new
+            else self.tr("The PIN opens settings that change results, and registers.")
+        )
+        self.pin_edit.setPlaceholderText(self.tr("new PIN") if new else self.tr("PIN"))
+        self._unlock.setText(self.tr("Set PIN") if new else self.tr("Unlock"))
+        self.adjustSize()
+
+    def _keys(self) -> QGridLayout:
+        grid = QGridLayout()
+        grid.setSpacing(theme.GRID)
+        for index, text in enumerate(("1", "2", "3", "4", "5", "6", "7", "8", "9", "", "0", "⌫")):
+            if text:
+                key = QPushButton(text)
+                key.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+                key.clicked.connect(lambda _, text=text: self._type(text))
+                grid.addWidget(key, index // 3, index % 3)
+        return grid
+
+    def _type(self, text: str) -> None:
+        """Type a key into the field that has the focus, by default the first."""
+        field = self._again_edit if self._again_edit.hasFocus() else self.pin_edit
+        if text == "⌫":
+            field.backspace()
+        else:
+            field.insert(text)
+
+    def _enter(self) -> None:
+        pin, again = self.pin_edit.text(), self._again_edit.text()
+        try:
+            if self._role.new and again != pin:
+                self._show_error(self.tr("The two PINs differ."))
+                self._again_edit.setFocus()
+            elif self._role.new:
+                self._role.set_first_pin(pin)
+                self.hide()
+            elif self._role.unlock(pin):
+                self.hide()
+            else:
+                self._show_error(self.tr("The PIN is wrong."))
+                self.pin_edit.selectAll()
+        except ConfigurationError as error:
+            self._show_error(error_text(error).sentences)
+
+    def _show_error(self, text: str) -> None:
+        self._wrong = text
+        self._show_wait()
+
+    def _show_wait(self) -> None:
+        """Show the error; disable Unlock while the next try has to wait after wrong PINs."""
+        wait = 0.0 if self._role.new else self._role.wait
+        waiting = self.tr("Wait {seconds:.0f} s.").format(seconds=max(1.0, wait)) if wait > 0.0 else ""
+        text = f"{self._wrong} {waiting}".strip()
+        self._unlock.setEnabled(not waiting)
+        self._error.setText(text)
+        self._error.setVisible(bool(text))
+        self.adjustSize()
+        if waiting:
+            self._timer.start()
+        else:
+            self._timer.stop()

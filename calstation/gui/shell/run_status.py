@@ -26,10 +26,13 @@ from calstation.sequencer import (
 )
 
 #: States of a run in progress.
-MOVING_STATES = ("starting", "preparing", "running", "pausing", "paused", "stopping")
+_GOING = ("starting", "preparing", "running", "pausing", "paused", "stopping")
 
-#: States after a run or a register operation.
-ENDED = ("stopped", "fault", "passed", "failed", "done")
+#: States of the sequencer after a run or a register operation.
+_ENDED = ("stopped", "fault", "passed", "failed", "done")
+
+#: Outcomes of a run.
+_OUTCOMES = ("passed", "failed", "stopped", "incomplete")
 
 #: Messages that are shown again with the verdict.
 _REMARKS = (
@@ -49,7 +52,10 @@ _REMARKS = (
 )
 
 #: Name of the last row: registers written and verified.
-TRANSFER = "transfer"
+_TRANSFER = "transfer"
+#: Messages that start the transfer, and those that end it.
+_TRANSFER_STARTS = ("reference", "registers_transfer", "registers_writing")
+_TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
 
 #: Verification moves before and after the restart of the unit, a measure of progress.
 _TURNS = 17
@@ -80,9 +86,14 @@ class StageState:
     took: float | None = None
     begun: float | None = field(default=None, repr=False)
 
-    def end(self) -> None:
+    def start(self, now: float) -> None:
+        """Mark it as started at host time `now`."""
+        self.state, self.begun = "active", now
+        self.fraction, self.remaining = 0.0, self.duration
+
+    def solve(self, state: str) -> None:
         """Mark it as solved now."""
-        self.fraction, self.remaining = 1.0, 0.0
+        self.state, self.fraction, self.remaining = state, 1.0, 0.0
         self.took = None if self.begun is None else time.monotonic() - self.begun
 
 
@@ -131,7 +142,7 @@ class RunStatus(QObject):
     @property
     def going(self) -> bool:
         """Whether a run is in progress."""
-        return self.state in MOVING_STATES
+        return self.state in _GOING
 
     @property
     def by_hand(self) -> bool:
@@ -146,7 +157,7 @@ class RunStatus(QObject):
     @property
     def ended(self) -> bool:
         """Whether a run has ended without a fault."""
-        return self.state in ("passed", "failed", "stopped", "incomplete")
+        return self.state in _OUTCOMES
 
     @property
     def stage(self) -> StageState | None:
@@ -208,14 +219,13 @@ class RunStatus(QObject):
             self.state = "starting"
             self.register_operation = self._link.operation is not None
             self.serial = self._link.request.serial
-            self.verdict = self.fault = self.latest = None
+            self.verdict = self.fault = self.latest = self.transfer = None
             self.remarks = []
-            self.transfer = None
             self._begun = self._done_before = 0.0
             try:
                 self.run_summary = run_summary(self._link.request)
                 rows = planned(self.run_summary)
-                self.stages = [row for row in rows if row.name == TRANSFER or not self.register_operation]
+                self.stages = [row for row in rows if row.name == _TRANSFER or not self.register_operation]
             except CalstationError:  # the engine meets the same error and reports it as a fault
                 self.stages = []
         elif self.going:
@@ -223,50 +233,47 @@ class RunStatus(QObject):
         self.changed.emit()
 
     def _take(self, event: Event) -> None:
-        if isinstance(event, StateChanged):
-            self._change_state(event.state)
-        elif isinstance(event, StageStarted):
-            self._start_stage(event)
-        elif isinstance(event, StageProgress):
-            stage = self._find(event.stage)
-            if stage is not None and stage.state == "active":
-                stage.fraction, stage.remaining = event.fraction, event.remaining
-        elif isinstance(event, StepStarted):
-            resting = event.kind == "dwell" and self.latest is not None and self.latest[0] == "step"
-            self.latest = ("step", event.kind, self.latest[2] if resting and self.latest else event.label)
-            if event.label[:1] == ("verify",):
-                self._advance_transfer()
-        elif isinstance(event, StageEnded):
-            self._mark(event.stage, "solving")
-        elif isinstance(event, StageSolved):
-            self._solve_stage(event)
-        elif isinstance(event, Message):
-            self._take_message(event.id, event.values)
-        elif isinstance(event, Settled):
-            self.state = "idle"
-            self._end_stage("stopped")
-        elif isinstance(event, Fault):
-            self.fault = event
-            self.state = "fault"
-            self._end_stage("fault")
-        elif isinstance(event, Verdict):
-            self.verdict = event
-            if event.outcome in ("passed", "failed", "stopped", "incomplete"):
-                self.state = event.outcome
-        else:
-            return
+        match event:
+            case StateChanged():
+                self._change_state(event.state)
+            case StageStarted():
+                self._start_stage(event)
+            case StageProgress():
+                stage = self._find(event.stage)
+                if stage is not None and stage.state == "active":
+                    stage.fraction, stage.remaining = event.fraction, event.remaining
+            case StepStarted():
+                self._start_step(event)
+            case StageEnded():
+                self._mark(event.stage, "solving")
+            case StageSolved():
+                stage = self._find(event.stage)
+                if stage is not None:
+                    stage.solve("good" if event.consistency["passed"] else "bad")
+            case Message():
+                self._take_message(event.id, event.values)
+            case Settled():
+                self.state = "idle"
+                self._end_stage("stopped")
+            case Fault():
+                self.fault, self.state = event, "fault"
+                self._end_stage("fault")
+            case Verdict():
+                self.verdict = event
+                if event.outcome in _OUTCOMES:
+                    self.state = event.outcome
+            case _:
+                return
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> None:
-        if self.state == "stopping" and state not in ENDED:
+        if self.state == "stopping" and state not in _ENDED:
             return  # sent before the stop
-        if state in ENDED and self.register_operation:
+        if state in _ENDED and self.register_operation:
             return  # its result follows
         self.state = state
-        if state == "stopped":
-            self._end_stage("stopped")
-        elif state == "fault":
-            self._end_stage("fault")
+        if state in ("stopped", "fault"):
+            self._end_stage(state)
 
     def _start_stage(self, event: StageStarted) -> None:
         now = time.monotonic()
@@ -275,44 +282,35 @@ class RunStatus(QObject):
         stage = self._find(event.stage)
         if stage is None:
             stage = StageState(event.stage, event.duration)
-            last = self.stages[-1:] and self.stages[-1].name == TRANSFER
-            self.stages.insert(len(self.stages) - bool(last), stage)
-        stage.state, stage.begun = "active", now
-        stage.fraction, stage.duration, stage.remaining = 0.0, event.duration, event.duration
+            self.stages.insert(len(self.stages) - (self._find(_TRANSFER) is not None), stage)
+        stage.duration = event.duration
+        stage.start(now)
 
-    def _solve_stage(self, event: StageSolved) -> None:
-        stage = self._mark(event.stage, "good" if event.consistency["passed"] else "bad")
-        if stage is not None:
-            stage.end()
-
-    def _take_message(self, key: str, values: Mapping[str, Any]) -> None:
-        self.latest = ("message", key, values)
-        if key in _REMARKS:
-            self.remarks.append((key, values))
-        self._take_transfer(key)
-        if key == "transfer_open":
-            self.transfer = values
-        if key == "stopped_early":
-            self._mark(str(values.get("stage")), "bad")
-
-    def _take_transfer(self, key: str) -> None:
-        row = self._find(TRANSFER)
-        if row is None:
-            return
-        if key in ("reference", "registers_transfer", "registers_writing"):
-            if row.state != "active":
-                row.state, row.begun, row.remaining = "active", time.monotonic(), row.duration
-        elif key in ("registers_written", "registers_proved", "registers_read_back"):
-            row.state = "good"
-            row.end()
-        elif key == "registers_kept":
-            row.state = "kept"
-
-    def _advance_transfer(self) -> None:
-        row = self._find(TRANSFER)
-        if row is not None and row.state == "active":
+    def _start_step(self, event: StepStarted) -> None:
+        after_move = event.kind == "dwell" and self.latest is not None and self.latest[0] == "step"
+        self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
+        row = self._find(_TRANSFER)
+        if event.label[:1] == ("verify",) and row is not None and row.state == "active":
             row.fraction = min(1.0, row.fraction + 1.0 / (_TURNS + 1))  # turns may be repeated
             row.remaining = row.duration * (1.0 - row.fraction)
+
+    def _take_message(self, message: str, values: Mapping[str, Any]) -> None:
+        self.latest = ("message", message, values)
+        if message in _REMARKS:
+            self.remarks.append((message, values))
+        if message == "transfer_open":
+            self.transfer = values
+        if message == "stopped_early":
+            self._mark(str(values.get("stage")), "bad")
+        row = self._find(_TRANSFER)
+        if row is None:
+            return
+        if message in _TRANSFER_STARTS and row.state != "active":
+            row.start(time.monotonic())
+        elif message in _TRANSFER_ENDS:
+            row.solve("good")
+        elif message == "registers_kept":
+            row.state = "kept"
 
     def _end_stage(self, state: str) -> None:
         """End the current stage without a solution."""
@@ -320,11 +318,10 @@ class RunStatus(QObject):
             if stage.state in ("active", "solving"):
                 stage.state = state
 
-    def _mark(self, name: str, state: str) -> StageState | None:
+    def _mark(self, name: str, state: str) -> None:
         stage = self._find(name)
         if stage is not None:
             stage.state = state
-        return stage
 
     def _find(self, name: str) -> StageState | None:
         return next((s for s in self.stages if s.name == name), None)
@@ -334,5 +331,5 @@ def planned(run_summary: RunSummary) -> list[StageState]:
     """The rows of a run before it starts."""
     rows = [StageState(s.name, s.duration) for s in run_summary.stages]
     if run_summary.transfer is not None:
-        rows.append(StageState(TRANSFER, run_summary.transfer))
+        rows.append(StageState(_TRANSFER, run_summary.transfer))
     return rows

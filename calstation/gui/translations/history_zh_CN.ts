@@ -33,16 +33,8 @@
         <translation>今天</translation>
     </message>
     <message>
-        <source>Last 7 days</source>
-        <translation>最近 7 天</translation>
-    </message>
-    <message>
-        <source>Last 30 days</source>
-        <translation>最近 30 天</translation>
-    </message>
-    <message>
-        <source>Last 365 days</source>
-        <translation>最近一年</translation>
+        <source>Last {0} days</source>
+        <translation>最近 {0} 天</translation>
     </message>
     <message>
         <source>Outcome</source>
@@ -65,7 +57,7 @@
     </message>
     <message>
         <source>Runs, the latest first</source>
-        <extracomment>Most runs listed.</extracomment>
+        <extracomment>Most runs listed. Widths of table and details, parts of their sum.</extracomment>
         <translation>标定记录，最近的在前</translation>
     </message>
     <message>
@@ -157,18 +149,6 @@
         <translation>阶段</translation>
     </message>
     <message>
-        <source>value</source>
-        <translation>值</translation>
-    </message>
-    <message>
-        <source>limit</source>
-        <translation>限差</translation>
-    </message>
-    <message>
-        <source>unit</source>
-        <translation>单位</translation>
-    </message>
-    <message>
         <source>Result</source>
         <translation>查看结果</translation>
     </message>
@@ -234,10 +214,10 @@
     </message>
 </context>
 <context>
-    <name>RunModel</name>
+    <name>RunTable</name>
     <message>
         <source>Outcome</source>
-        <extracomment>Width that the stages need, px. Columns hidden first if the width is short: attempt, operator, product, which the details show as well.</extracomment>
+        <extracomment>Width that the stages need, px. Columns hidden first if the width is short: attempt, operator, product, which the details show as well. Columns of numbers, aligned at the right: attempt, duration.</extracomment>
         <translation>结果</translation>
     </message>
     <message>
@@ -281,7 +261,7 @@
     </message>
     <message>
         <source>Parameter</source>
-        <extracomment>Most runs shown, the latest.</extracomment>
+        <extracomment>Most runs shown, the latest. Dates on the time axis.</extracomment>
         <translation>参数</translation>
     </message>
     <message>

@@ -17,8 +17,32 @@
         <translation>目标</translation>
     </message>
     <message>
-        <source>{group} {value} reached</source>
-        <translation>{group} {value} 已达标</translation>
+        <source>{value} reached</source>
+        <translation>{value} 已达标</translation>
+    </message>
+</context>
+<context>
+    <name>FiguresTable</name>
+    <message>
+        <source>nearest to its limit</source>
+        <extracomment>Most height of a row, px.</extracomment>
+        <translation>最接近限差的</translation>
+    </message>
+    <message>
+        <source>value</source>
+        <translation>值</translation>
+    </message>
+    <message>
+        <source>sigma</source>
+        <translation>标准差</translation>
+    </message>
+    <message>
+        <source>limit</source>
+        <translation>限差</translation>
+    </message>
+    <message>
+        <source>unit</source>
+        <translation>单位</translation>
     </message>
 </context>
 <context>
@@ -103,31 +127,8 @@
     <name>StageList</name>
     <message>
         <source>Stages</source>
+        <extracomment>Size of the shape of a state, and height of the progress bar, px.</extracomment>
         <translation>阶段</translation>
-    </message>
-    <message>
-        <source>not written</source>
-        <translation>未写入</translation>
-    </message>
-    <message>
-        <source>solving</source>
-        <translation>解算中</translation>
-    </message>
-    <message>
-        <source>ok</source>
-        <translation>完成</translation>
-    </message>
-    <message>
-        <source>not ok</source>
-        <translation>未通过</translation>
-    </message>
-    <message>
-        <source>stopped</source>
-        <translation>已停止</translation>
-    </message>
-    <message>
-        <source>fault</source>
-        <translation>故障</translation>
     </message>
     <message>
         <source>not run</source>
@@ -186,7 +187,6 @@
     <name>Traces</name>
     <message>
         <source>Gyro, °/s</source>
-        <extracomment>Ticks kept, a quarter of an hour of device time. Interval between two drawings, ms. Spans that can be chosen, s.</extracomment>
         <translation>陀螺，°/s</translation>
     </message>
     <message>
@@ -211,6 +211,7 @@
     </message>
     <message>
         <source>Hold</source>
+        <extracomment>Rows kept, a quarter of an hour of device time. Interval between two drawings, ms. Points drawn per line. Spans that can be chosen, s, and the first one.</extracomment>
         <translation>定格</translation>
     </message>
     <message>
@@ -226,7 +227,7 @@
     </message>
     <message>
         <source>Details</source>
-        <extracomment>Least height of the head, px. Most height of a row of figures, px. Height of the shape in the head, as a fraction of the head.</extracomment>
+        <extracomment>Height of the shape in the head, as a fraction of the head.</extracomment>
         <translation>详情</translation>
     </message>
     <message>
@@ -252,26 +253,6 @@
     <message>
         <source>registers written and verified</source>
         <translation>寄存器已写入并核对</translation>
-    </message>
-    <message>
-        <source>nearest to its limit</source>
-        <translation>最接近限差的</translation>
-    </message>
-    <message>
-        <source>value</source>
-        <translation>值</translation>
-    </message>
-    <message>
-        <source>sigma</source>
-        <translation>标准差</translation>
-    </message>
-    <message>
-        <source>limit</source>
-        <translation>限差</translation>
-    </message>
-    <message>
-        <source>unit</source>
-        <translation>单位</translation>
     </message>
 </context>
 </TS>
