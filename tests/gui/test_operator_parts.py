@@ -15,8 +15,9 @@ from calstation.config.summary import RunSummary
 from calstation.gui.operator import advice
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.starting import suggested_serial
-from calstation.gui.operator.traces import RingBuffer
+from calstation.gui.operator.traces import Traces
 from calstation.gui.widgets.plot import spread
+from calstation.sequencer.events import Trace
 from tests.gui.conftest import result_with
 
 PACKAGE = Path(calstation.__file__).parent
@@ -75,17 +76,17 @@ def test_figures_show_what_is_nearest_to_its_limit_per_group() -> None:
     )
 
 
-def test_the_ring_keeps_the_latest_rows_in_order_and_in_place() -> None:
-    ring = RingBuffer(100, 2)
-    memory = ring._rows.nbytes
-    for start in range(0, 10_000, 7):
-        ring.append(np.column_stack([np.arange(start, start + 7), np.zeros(7)]))
-        latest = ring.latest()[:, 0]
-        assert np.array_equal(latest, np.arange(start + 7 - len(latest), start + 7))
-    assert len(latest) == 100
-    assert ring._rows.nbytes == memory
-    ring.clear()
-    assert len(ring.latest()) == 0
+def test_traces_keep_the_latest_rows_in_order(qtbot: QtBot) -> None:
+    traces = Traces()
+    qtbot.addWidget(traces)
+    for start in range(0, 20_000, 500):
+        times = tuple(float(time) for time in range(start, start + 500))
+        traces.take(Trace(times, (0.0,) * (6 * len(times))))
+        newest = np.arange(start + 500 - len(traces.rows), start + 500)
+        assert np.array_equal(traces.rows[:, 0], newest)
+    assert len(traces.rows) == 16_384
+    traces.start()
+    assert len(traces.rows) == 0
 
 
 def test_names_at_the_lines_ends_keep_apart_and_inside() -> None:

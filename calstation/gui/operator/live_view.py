@@ -13,15 +13,7 @@ from calstation.gui.text import on_language_change
 from calstation.gui.widgets import StateIcon, column, label, row, theme
 from calstation.messages import Text
 from calstation.physics import GROUPS, INDEX, PARAMETERS
-from calstation.sequencer import (
-    Event,
-    PositionGuided,
-    StageEnded,
-    StageProgress,
-    StageSolved,
-    TableMoved,
-    Trace,
-)
+from calstation.sequencer import Event, PositionGuided, StageEnded, StageProgress, StageSolved, TableMoved, Trace
 
 #: Steps by the message that starts each; the first starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
@@ -111,18 +103,19 @@ class LiveView(QWidget):
 
     def take(self, event: Event) -> None:
         """Show an event."""
-        if isinstance(event, TableMoved):
-            self.table.take(event)
-        elif isinstance(event, PositionGuided):
-            self.position.take(event)
-        elif isinstance(event, StageEnded):
-            self.position.finish_stage()
-        elif isinstance(event, Trace):
-            self._traces.take(event)
-        elif isinstance(event, StageProgress):
-            self._convergence.take(self._run.done, event.sigma)
-        elif isinstance(event, StageSolved):
-            self._convergence.take(self._run.done, _largest(event))
+        match event:
+            case TableMoved():
+                self.table.take(event)
+            case PositionGuided():
+                self.position.take(event)
+            case StageEnded():
+                self.position.finish_stage()
+            case Trace():
+                self._traces.take(event)
+            case StageProgress():
+                self._convergence.take(self._run.done, event.sigma)
+            case StageSolved():
+                self._convergence.take(self._run.done, _largest(event))
 
     def refresh(self) -> None:
         """Show the widgets that belong to the state of the run."""

@@ -192,10 +192,7 @@ class OperatorPage(Page):
             found = compatible_products(app.station_path, app.product_path)
             names = ", ".join(name for name, _ in found)
             why = Text.of("window.manual_station" if manual else "window.driven_station")
-            products = Text.of(
-                "window.compatible_products" if found else "window.no_compatible_product",
-                names=names,
-            )
+            products = Text.of("window.compatible_products" if found else "window.no_compatible_product", names=names)
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             return None, [
                 Choice(

@@ -1,26 +1,13 @@
 """The stages of a run as a list: number, name, state, progress and time left."""
 
-from PySide6.QtCore import QModelIndex, QPersistentModelIndex, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFont, QPainter
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QFrame,
-    QLabel,
-    QListWidget,
-    QListWidgetItem,
-    QStyledItemDelegate,
-    QStyleOptionViewItem,
-    QWidget,
-)
+from PySide6.QtCore import QSize, Qt
+from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem, QProgressBar, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.shell import RunStatus, StageState, planned
 from calstation.gui.text import duration_text, on_language_change, term
-from calstation.gui.widgets import column, draw_state, label, state_colour, theme
+from calstation.gui.widgets import StateIcon, column, label, row, theme
 
-Index = QModelIndex | QPersistentModelIndex
-
-_ROW = 7 * theme.GRID
 #: Size of the shape of a state, and height of the progress bar, px.
 _SHAPE, _BAR = 18, 3
 _KINDS = {
@@ -33,46 +20,37 @@ _KINDS = {
     "stopped": "stopped",
     "fault": "caution",
 }
-_KIND, _NAME, _STATE, _TIME, _FRACTION = (Qt.ItemDataRole.UserRole + i for i in range(5))
 
 
-class _Row(QStyledItemDelegate):
-    """Draws one stage."""
+class _Row(QFrame):
+    """Shape and name at the left, state and time at the right, a progress bar below while the stage runs."""
 
-    def sizeHint(self, option: QStyleOptionViewItem, index: Index) -> QSize:
-        """All rows have the same height."""
-        return QSize(24 * theme.GRID, _ROW)
+    def __init__(self) -> None:
+        super().__init__()
+        self.setProperty("kind", "")
+        self._icon, self._bar = StateIcon(_SHAPE), QProgressBar()
+        self._name, self._state, self._time = QLabel(), QLabel(), label(kind="muted")
+        self._bar.setRange(0, 1000)
+        self._bar.setTextVisible(False)
+        self._bar.setFixedHeight(_BAR)
+        right = Qt.AlignmentFlag.AlignRight
+        times = column(None, (self._state, 0, right), (self._time, 0, right), None, spacing=0)
+        line = row(self._icon, (self._name, 1), times, spacing=3 * theme.GRID // 2, margins=(2 * theme.GRID, 0) * 2)
+        column((line, 1), self._bar, on=self, spacing=0)
 
-    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: Index) -> None:
-        """Shape and name at the left, state and time at the right, a progress bar below while it runs."""
-        c, align = theme.colours(), Qt.AlignmentFlag
-        box = QRectF(option.rect)
-        kind, name, state, time = (index.data(role) for role in (_KIND, _NAME, _STATE, _TIME))
+    def show_stage(self, kind: str, name: str, state: str, time: str, fraction: float) -> None:
+        """Show a stage: kind of its state, name, state and time in words, fraction done."""
         active = kind == "active"
-        inner = box.adjusted(2 * theme.GRID, 0, -2 * theme.GRID, 0)
-        upper = inner.adjusted(0, 6, 0, -inner.height() / 2) if time else inner
-        lower = inner.adjusted(0, inner.height() / 2, 0, -6) if state else inner
-
-        def write(area: QRectF, side: Qt.AlignmentFlag, text: str, font: QFont, colour: str) -> None:
-            painter.setFont(font)
-            painter.setPen(QColor(colour))
-            painter.drawText(area, side, text)
-
-        painter.save()
-        if active:
-            painter.fillRect(box, QColor(c.window))
-            bar = QRectF(box.left(), box.bottom() - _BAR, box.width() * index.data(_FRACTION), _BAR)
-            painter.fillRect(bar, state_colour("active"))
-        draw_state(painter, kind, QRectF(inner.left(), box.center().y() - _SHAPE / 2, _SHAPE, _SHAPE))
-        text_box = inner.adjusted(_SHAPE + theme.GRID * 1.5, 0, 0, 0)
-        write(text_box, align.AlignVCenter | align.AlignLeft, name, theme.font(theme.SECTION, bold=active), c.text)
-        top = align.AlignBottom if time else align.AlignVCenter
-        write(upper, align.AlignRight | top, state, theme.font(bold=active), c.text)
-        bottom = align.AlignTop if state else align.AlignVCenter
-        write(lower, align.AlignRight | bottom, time, theme.font(), c.muted)
-        painter.setPen(QColor(c.line))
-        painter.drawLine(box.bottomLeft(), box.bottomRight())
-        painter.restore()
+        if self.property("kind") != ("current" if active else ""):
+            theme.set_kind(self, "current" if active else "")
+        self._icon.set_kind(kind)
+        for widget, text in ((self._name, name), (self._state, state), (self._time, time)):
+            widget.setText(text)
+            widget.setVisible(bool(text))
+        self._name.setFont(theme.font(theme.SECTION, bold=active))
+        self._state.setFont(theme.font(bold=active))
+        self._bar.setVisible(active)
+        self._bar.setValue(round(1000 * fraction))
 
 
 class StageList(QFrame):
@@ -87,7 +65,6 @@ class StageList(QFrame):
         title.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
         self.list = QListWidget()
         self.list.setObjectName("stage_list")
-        self.list.setItemDelegate(_Row(self.list))
         self.list.setFrameShape(QFrame.Shape.NoFrame)
         self.list.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self.list.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
@@ -117,6 +94,8 @@ class StageList(QFrame):
         while self.list.count() < len(stages):
             item = QListWidgetItem(self.list)
             item.setFlags(Qt.ItemFlag.ItemIsEnabled)
+            item.setSizeHint(QSize(24 * theme.GRID, 7 * theme.GRID))
+            self.list.setItemWidget(item, _Row())
         for number, stage in enumerate(stages):
             self._fill(self.list.item(number), f"{number + 1}  {term('stage', stage.name)}", stage, planning)
         self._show_left(stages, planning)
@@ -126,18 +105,12 @@ class StageList(QFrame):
         if kind == "active" and self._run.state in ("pausing", "paused"):
             kind = "paused"
         state, left = _state_text(stage), self._time_text(stage, planning)
+        shown = self.list.itemWidget(item)
+        assert isinstance(shown, _Row)
+        shown.show_stage(kind, name, state, left, stage.fraction)
         spoken = ", ".join(part for part in (name, state, left) if part)
-        for role, value in (
-            (_KIND, kind),
-            (_NAME, name),
-            (_STATE, state),
-            (_TIME, left),
-            (_FRACTION, stage.fraction),
-            (Qt.ItemDataRole.AccessibleTextRole, spoken),
-            (Qt.ItemDataRole.ToolTipRole, spoken),
-        ):
-            if item.data(role) != value:
-                item.setData(role, value)
+        item.setData(Qt.ItemDataRole.AccessibleTextRole, spoken)
+        item.setToolTip(spoken)
 
     def _time_text(self, stage: StageState, planning: bool) -> str:
         if stage.took is not None:

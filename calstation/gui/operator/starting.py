@@ -187,11 +187,7 @@ class Resuming(QObject):
         finished = len(run.finished)
         stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
         question = Text.of(
-            "question.resume",
-            serial=run.serial,
-            number=finished + 1,
-            stage=stage,
-            when=_minute_text(run.started_utc),
+            "question.resume", serial=run.serial, number=finished + 1, stage=stage, when=_minute_text(run.started_utc)
         )
         answers = {
             "resume": lambda: self._resume(run),

@@ -25,37 +25,6 @@ _SPANS = (10.0, 60.0, 600.0)
 _FIRST_SPAN = 1
 
 
-class RingBuffer:
-    """Keeps the newest `capacity` rows of `columns` numbers; reading returns them in order."""
-
-    def __init__(self, capacity: int, columns: int) -> None:
-        self._capacity = capacity
-        self._rows = np.zeros((2 * capacity, columns))
-        self._end = 0
-        self.written = 0
-
-    def append(self, rows: FloatArray) -> None:
-        """Append rows, shape (n, columns)."""
-        rows = rows[-self._capacity :]
-        count = len(rows)
-        if self._end + count > len(self._rows):
-            kept = self.latest()
-            self._rows[: len(kept)] = kept
-            self._end = len(kept)
-        self._rows[self._end : self._end + count] = rows
-        self._end += count
-        self.written += count
-
-    def latest(self) -> FloatArray:
-        """The rows, oldest first, shape (n, columns); a view, valid until the next `append`."""
-        return self._rows[max(0, self._end - self._capacity) : self._end]
-
-    def clear(self) -> None:
-        """Remove all rows."""
-        self._end = 0
-        self.written += 1
-
-
 class _Plot(QWidget):
     """The three lines of a sensor with their names at the ends."""
 
@@ -103,8 +72,9 @@ class Traces(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
-        self._buffer = RingBuffer(_KEPT, 7)
-        self._drawn = -1
+        #: Newest rows: time, s, and the six outputs, shape (n, 7).
+        self.rows: FloatArray = np.empty((0, 7))
+        self._new_rows = False
         self._gyro, self._accel = _Plot(0, 1.0 / DEGREE), _Plot(3, 1.0)
         self._accel.plot.setXLink(self._gyro.plot)
         self._gyro.plot.getAxis("bottom").setStyle(showValues=False)
@@ -140,11 +110,14 @@ class Traces(QFrame):
     def take(self, trace: Trace) -> None:
         """Store a trace; the timer draws it."""
         times = np.array(trace.time)
-        self._buffer.append(np.column_stack((times, np.array(trace.output).reshape(len(times), 6))))
+        rows = np.column_stack((times, np.array(trace.output).reshape(len(times), 6)))
+        self.rows = np.concatenate((self.rows, rows))[-_KEPT:]
+        self._new_rows = True
 
     def start(self) -> None:
         """Start with a new run."""
-        self._buffer.clear()
+        self.rows = np.empty((0, 7))
+        self._new_rows = True
         self.hold_button.setChecked(False)
         self._timer.start()
 
@@ -158,17 +131,17 @@ class Traces(QFrame):
         self._draw_again()
 
     def _draw_again(self) -> None:
-        self._drawn = -1
+        self._new_rows = True
         self._draw()
 
     def _draw(self) -> None:
         """Draw new rows, unless the plot is held."""
-        if self._buffer.written != self._drawn and not self.hold_button.isChecked() and self.isVisible():
-            self._drawn = self._buffer.written
+        if self._new_rows and not self.hold_button.isChecked() and self.isVisible():
+            self._new_rows = False
             self._show_rows()
 
     def _show_rows(self) -> None:
-        rows, span = self._buffer.latest(), _SPANS[self._spans.checkedId()]
+        rows, span = self.rows, _SPANS[self._spans.checkedId()]
         if len(rows):
             rows = rows[np.searchsorted(rows[:, 0], rows[-1, 0] - span) :]
         for plot in (self._gyro, self._accel):

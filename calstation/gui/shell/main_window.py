@@ -182,19 +182,10 @@ class MainWindow(QMainWindow):
     def _order_tabs(self) -> None:
         """Tab order as read: the top bar, the header, STOP, the page."""
         header = self.operator_page.header
-        chain = (
-            self.page_tabs.tabBar(),
-            self.language_combo,
-            self._theme_button,
-            self._role_button,
-            header.operator_edit,
-            header.serial_edit,
-            header.product_combo,
-            header.start_button,
-            header.pause_button,
-            self.stop_button,
-        )
-        for before, after in pairwise(chain):
+        top = (self.page_tabs.tabBar(), self.language_combo, self._theme_button, self._role_button)
+        fields = (header.operator_edit, header.serial_edit, header.product_combo)
+        buttons = (header.start_button, header.pause_button, self.stop_button)
+        for before, after in pairwise((*top, *fields, *buttons)):
             QWidget.setTabOrder(before, after)
 
     def _page_changed(self, index: int) -> None:

@@ -239,17 +239,15 @@ class RunStatus(QObject):
             case StageStarted():
                 self._start_stage(event)
             case StageProgress():
-                stage = self._find(event.stage)
-                if stage is not None and stage.state == "active":
-                    stage.fraction, stage.remaining = event.fraction, event.remaining
+                row = self._row(event.stage)
+                if row.state == "active":
+                    row.fraction, row.remaining = event.fraction, event.remaining
             case StepStarted():
                 self._start_step(event)
             case StageEnded():
-                self._mark(event.stage, "solving")
+                self._row(event.stage).state = "solving"
             case StageSolved():
-                stage = self._find(event.stage)
-                if stage is not None:
-                    stage.solve("good" if event.consistency["passed"] else "bad")
+                self._row(event.stage).solve("good" if event.consistency["passed"] else "bad")
             case Message():
                 self._take_message(event.id, event.values)
             case Settled():
@@ -279,18 +277,17 @@ class RunStatus(QObject):
         now = time.monotonic()
         if not self._begun:  # stages of a resumed run say nothing about the pace
             self._begun, self._done_before = now, self.done
-        stage = self._find(event.stage)
-        if stage is None:
-            stage = StageState(event.stage, event.duration)
-            self.stages.insert(len(self.stages) - (self._find(_TRANSFER) is not None), stage)
-        stage.duration = event.duration
-        stage.start(now)
+        row = self._row(event.stage)
+        if row not in self.stages:
+            self.stages.insert(len(self.stages) - (self._row(_TRANSFER) in self.stages), row)
+        row.duration = event.duration
+        row.start(now)
 
     def _start_step(self, event: StepStarted) -> None:
         after_move = event.kind == "dwell" and self.latest is not None and self.latest[0] == "step"
         self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
-        row = self._find(_TRANSFER)
-        if event.label[:1] == ("verify",) and row is not None and row.state == "active":
+        row = self._row(_TRANSFER)
+        if event.label[:1] == ("verify",) and row.state == "active":
             row.fraction = min(1.0, row.fraction + 1.0 / (_TURNS + 1))  # turns may be repeated
             row.remaining = row.duration * (1.0 - row.fraction)
 
@@ -298,14 +295,12 @@ class RunStatus(QObject):
         self.latest = ("message", message, values)
         if message in _REMARKS:
             self.remarks.append((message, values))
+        row = self._row(_TRANSFER)
         if message == "transfer_open":
             self.transfer = values
-        if message == "stopped_early":
-            self._mark(str(values.get("stage")), "bad")
-        row = self._find(_TRANSFER)
-        if row is None:
-            return
-        if message in _TRANSFER_STARTS and row.state != "active":
+        elif message == "stopped_early":
+            self._row(str(values.get("stage"))).state = "bad"
+        elif message in _TRANSFER_STARTS and row.state != "active":
             row.start(time.monotonic())
         elif message in _TRANSFER_ENDS:
             row.solve("good")
@@ -318,13 +313,9 @@ class RunStatus(QObject):
             if stage.state in ("active", "solving"):
                 stage.state = state
 
-    def _mark(self, name: str, state: str) -> None:
-        stage = self._find(name)
-        if stage is not None:
-            stage.state = state
-
-    def _find(self, name: str) -> StageState | None:
-        return next((s for s in self.stages if s.name == name), None)
+    def _row(self, name: str) -> StageState:
+        """The row of a stage; a new one, not yet shown, if there is none."""
+        return next((s for s in self.stages if s.name == name), StageState(name, 0.0))
 
 
 def planned(run_summary: RunSummary) -> list[StageState]:

@@ -184,6 +184,7 @@ def style_sheet(c: Colours) -> str:
     QLabel[kind="caution"] {{ color: {c.caution}; }}
     QLineEdit[wrong="true"], QComboBox[wrong="true"] {{ border: 2px solid {c.bad}; border-radius: 4px; }}
     QListWidget#stage_list {{ background: transparent; }}
+    QListWidget#stage_list::item {{ border-bottom: 1px solid {c.line}; }}
     QListWidget[kind="nav"] {{ background: transparent; border: none; outline: none; }}
     QListWidget[kind="nav"]::item {{
         height: {BUTTON}px; padding-left: {GRID}px; border-left: 3px solid transparent; color: {c.muted};
