@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QScrollArea, QWidget
+from PySide6.QtWidgets import QFormLayout, QFrame, QScrollArea, QWidget
 
 from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
-from calstation.gui.operator import FiguresTable, advice, clear
+from calstation.gui.operator import FiguresTable, advice
 from calstation.gui.text import (
     KINDS,
     duration_text,
@@ -48,11 +48,9 @@ class RunDetails(QFrame):
         self.badge = StateBadge(theme.SECTION)
         self.reason_label = label(name="history_reason_label", wrap=True)
         self.failed_label = label(name="history_failed_label", wrap=True)
-        self._figures, self._facts = FiguresTable(), QGridLayout()
+        self._figures, self._facts = FiguresTable(), QFormLayout()
         self._facts.setHorizontalSpacing(2 * theme.GRID)
         self._facts.setVerticalSpacing(theme.GRID // 2)
-        self._facts.setColumnStretch(1, 1)
-        self._facts.setColumnStretch(3, 1)
         self.trend = Trend()
         self.trend.setMinimumHeight(22 * theme.GRID)
         self.result_button = button("history_result_button", lambda: self.tr("Result"))
@@ -156,10 +154,10 @@ class RunDetails(QFrame):
         return reason
 
     def _fill_facts(self, run: RunRecord) -> None:
-        """Short facts in two columns, long ones below them across both."""
-        clear(self._facts)
+        while self._facts.rowCount():
+            self._facts.removeRow(0)
         software = self._result.software if self._result is not None else None
-        short = (
+        for name, text in (
             (self.tr("Started"), local_time(run.started_utc)),
             (self.tr("Duration"), duration_text(run.duration)),
             (self.tr("Product"), run.product),
@@ -167,19 +165,14 @@ class RunDetails(QFrame):
             (self.tr("Station"), run.station),
             (self.tr("Operator"), run.operator),
             (self.tr("Software"), software.version if software is not None else ""),
-        )
-        for number, (name, text) in enumerate((name, text) for name, text in short if text):
-            line, half = divmod(number, 2)
-            self._facts.addWidget(_caption(name), line, 2 * half)
-            self._facts.addWidget(QLabel(text), line, 2 * half + 1)
-        resumed, stages = ElidedLabel(), label(wrap=True)
-        resumed.setText(run.resumed_from or "")
-        stages.setText(stages_text(run))
-        long = ((self.tr("Resumed from"), resumed), (self.tr("Stages"), stages))
-        for line, (name, value) in enumerate(long, start=len(short)):
-            if value.text():
-                self._facts.addWidget(_caption(name), line, 0, Qt.AlignmentFlag.AlignTop)
-                self._facts.addWidget(value, line, 1, 1, 3)
+            (self.tr("Resumed from"), run.resumed_from),
+            (self.tr("Stages"), stages_text(run)),
+        ):
+            if text:
+                caption, value = label(kind="muted"), ElidedLabel()
+                caption.setText(name)
+                value.setText(text)
+                self._facts.addRow(caption, value)
 
     def _update_buttons(self, run: RunRecord) -> None:
         actions = self._actions
@@ -205,9 +198,3 @@ class RunDetails(QFrame):
             busy or (self.tr("It is being closed") if actions.closing else ""),
             self.tr("The run keeps its outcome and can then no longer be resumed"),
         )
-
-
-def _caption(text: str) -> QLabel:
-    made = label(kind="muted")
-    made.setText(text)
-    return made

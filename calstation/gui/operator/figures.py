@@ -25,7 +25,11 @@ class FiguresTable(QWidget):
 
     def show_result(self, result: Result | None) -> None:
         """Show the figures of a result; none without one."""
-        clear(self._grid)
+        while (item := self._grid.takeAt(0)) is not None:
+            widget = item.widget()
+            assert widget is not None
+            widget.setParent(None)
+            widget.deleteLater()
         figures = [] if result is None else advice.figures(result)
         if not figures:
             return
@@ -55,12 +59,3 @@ class FiguresTable(QWidget):
     def _place(self, cell: QLabel, row: int, column: int) -> None:
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
         self._grid.addWidget(cell, row, column, side | Qt.AlignmentFlag.AlignVCenter)
-
-
-def clear(grid: QGridLayout) -> None:
-    """Remove all widgets of a grid."""
-    while (item := grid.takeAt(0)) is not None:
-        widget = item.widget()
-        if widget is not None:
-            widget.setParent(None)
-            widget.deleteLater()

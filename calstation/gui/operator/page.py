@@ -23,7 +23,7 @@ from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.questions import ask, rendered
 from calstation.gui.operator.stage_list import StageList
-from calstation.gui.operator.starting import Resuming, Starting
+from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import KINDS, event_sentence, fault_text, on_language_change, say, step_sentence, term
@@ -56,8 +56,7 @@ class OperatorPage(Page):
         self._stages = StageList(app.run)
         self._loading, self._live, self._verdict = Loading(), LiveView(app.run), VerdictPanel(app)
         self.closing, self.notice = NoticeBar(), NoticeBar()
-        self._starting = Starting(app, self.header, self.notice)
-        self._resuming = Resuming(app, self.header, self.notice, self._starting)
+        self._starting = RunStarter(app, self.header, self.notice)
         self._views, self._progress = QStackedWidget(), QProgressBar()
         for view in (self._loading, self._live, self._verdict):
             self._views.addWidget(view)
@@ -77,7 +76,7 @@ class OperatorPage(Page):
         self._update_products()
         if not self._opened:
             self._opened = True
-            self._resuming.start()
+            self._starting.recover()
         self.await_scan()
 
     def await_scan(self) -> None:
@@ -215,7 +214,7 @@ class OperatorPage(Page):
         if transfer is not None and request is not None:
             self._starting.ask_transfer(request)
         else:
-            self._resuming.offer(self.header.serial)
+            self._starting.offer(self.header.serial)
 
     def _pause(self) -> None:
         paused = self.app.run.state in ("pausing", "paused")
@@ -250,7 +249,7 @@ class OperatorPage(Page):
             self._starting.suggest()
         self.header.focus_serial()
         if run.state == "stopped":
-            self._resuming.offer(self.header.serial)
+            self._starting.offer(self.header.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
         """Ask before the window closes during a run: stop safely first, and only then offer to close at once."""

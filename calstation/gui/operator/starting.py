@@ -21,8 +21,8 @@ from calstation.runs import Resumable, close_incomplete_job, find_resumable, rec
 _SERIALS_TRIED = 1000
 
 
-class Starting(QObject):
-    """Everything between the scanner's Enter and the start of the engine.
+class RunStarter(QObject):
+    """Everything between the scanner's Enter, or the offer of an interrupted run, and the start of the engine.
 
     `run_summary` : of the next run; None while station and product cannot run.
     """
@@ -31,20 +31,21 @@ class Starting(QObject):
         super().__init__(header)
         self._app, self._header, self._notice = app, header, notice
         self.run_summary: RunSummary | None = None
+        self._wanted: Path | None = None
+        self._serial: str | None = None
+        self._search, self._closing, self._recovery = JobWatch(self), JobWatch(self), JobWatch(self)
+        self._search.done.connect(self._found)
+        self._closing.failed.connect(self._not_closed)
+        app.resume_run.connect(lambda log: self.offer(log=log))
         header.serial_entered.connect(self.check)
         header.serial_edited.connect(self._edited)
         header.start_pressed.connect(self.start)
-
-    def history(self) -> History | None:
-        """The history of earlier runs; None if there are none."""
-        folder = self._app.runs_folder
-        return History(folder) if folder.is_dir() else None
 
     def suggest(self) -> None:
         """On the virtual bench, fill in a number that has not passed yet, if the field is empty."""
         if self.run_summary is None or not self.run_summary.virtual or self._header.serial:
             return
-        history = self.history()
+        history = self._history()
 
         def passed(serial: str) -> bool:
             return history is not None and history.passed_before(serial) is not None
@@ -67,7 +68,7 @@ class Starting(QObject):
             ask(self._notice, "caution", question, {})
             header.focus_serial()
             return False
-        history = self.history()
+        history = self._history()
         before = history.attempts(header.serial) if history is not None else 0
         header.note_serial(self.tr("attempt {count}").format(count=before + 1) if before else "")
         if self._app.run.ended:
@@ -82,7 +83,7 @@ class Starting(QObject):
         if self._app.job_queue.at_device:
             ask(self._notice, "caution", Text.of("question.device_busy"), {})
             return
-        app, serial, history = self._app, self._header.serial, self.history()
+        app, serial, history = self._app, self._header.serial, self._history()
         request = RunRequest(
             serial,
             app.station_path,
@@ -122,6 +123,80 @@ class Starting(QObject):
         }
         self._ask(question, answers)
 
+    # ---- interrupted runs
+
+    def recover(self) -> None:
+        """When the window opens: close runs that died, hand over waiting results, then offer what can be resumed."""
+        if self._app.runs_folder.is_dir():
+            recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
+            self._recovery.watch(recovery)
+        self.offer()
+
+    def offer(self, serial: str | None = None, log: Path | None = None) -> None:
+        """Offer runs that can be resumed; only those of a unit if `serial` is given, only that of `log` if that is."""
+        self._serial, self._wanted = serial, log
+        if self._app.runs_folder.is_dir():
+            self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
+
+    def _found(self, found: list[Resumable]) -> None:
+        if self._app.engine_link.running or self.run_summary is None:
+            return
+        if self._wanted is None:
+            self._offer([run for run in found if self._serial in (None, run.serial)])
+            return
+        chosen = [run for run in found if run.log.name == self._wanted.name]
+        if chosen:
+            self._notice.dismiss()
+            self._offer(chosen)  # chosen on another page: hands may be on the fixture
+        else:
+            ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
+
+    def _offer(self, runs: list[Resumable]) -> None:
+        if not runs or self._notice.asking:
+            return
+        run, others = runs[0], runs[1:]
+        finished = len(run.finished)
+        stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
+        question = Text.of(
+            "question.resume", serial=run.serial, number=finished + 1, stage=stage, when=_minute_text(run.started_utc)
+        )
+        answers = {
+            "resume": lambda: self._resume(run),
+            "close_incomplete_job": lambda: self._close(run, others),
+            "later": lambda: self._offer(others),
+        }
+        ask(self._notice, "paused", question, answers, primary="resume")
+
+    def _resume(self, run: Resumable) -> None:
+        app = self._app
+        product = _product_file(run.product) or app.product_path
+        self._header.set_serial(run.serial)
+        self.run(
+            RunRequest(
+                run.serial,
+                app.station_path,
+                product,
+                run.stages,
+                app.runs_folder,
+                self._header.operator,
+                resume=run.log,
+            )
+        )
+
+    def _close(self, run: Resumable, others: list[Resumable]) -> None:
+        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.operator))
+        self._offer(others)
+
+    def _not_closed(self, error: CalstationError) -> None:
+        ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
+
+    # ---- helpers
+
+    def _history(self) -> History | None:
+        """The history of earlier runs; None if there are none."""
+        folder = self._app.runs_folder
+        return History(folder) if folder.is_dir() else None
+
     def _edited(self) -> None:
         self._header.note_serial("")
         if self.run_summary is not None and not self._app.run.going:
@@ -139,85 +214,6 @@ class Starting(QObject):
     def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
         """Ask a question that can also be cancelled."""
         ask(self._notice, kind, question, {**answers, "cancel": self._header.focus_serial}, primary="cancel")
-
-
-class Resuming(QObject):
-    """Finds interrupted runs in the background and offers them one after another."""
-
-    def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar, starting: Starting) -> None:
-        super().__init__(header)
-        self._app, self._header, self._notice, self._starting = app, header, notice, starting
-        self._wanted: Path | None = None
-        self._serial: str | None = None
-        self._search, self._closing, self._recovery = JobWatch(self), JobWatch(self), JobWatch(self)
-        self._search.done.connect(self._found)
-        self._closing.failed.connect(lambda error: self._refuse(Text.of("question.cannot_resume", why=error.as_text)))
-        app.resume_run.connect(lambda log: self.offer(log=log))
-
-    def start(self) -> None:
-        """When the window opens: close runs that died, hand over waiting results, then offer what can be resumed."""
-        if self._app.runs_folder.is_dir():
-            recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
-            self._recovery.watch(recovery)
-        self.offer()
-
-    def offer(self, serial: str | None = None, log: Path | None = None) -> None:
-        """Offer runs that can be resumed; only those of a unit if `serial` is given, only that of `log` if that is."""
-        self._serial, self._wanted = serial, log
-        if self._app.runs_folder.is_dir():
-            self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
-
-    def _found(self, found: list[Resumable]) -> None:
-        if self._app.engine_link.running or self._starting.run_summary is None:
-            return
-        if self._wanted is None:
-            self._ask([run for run in found if self._serial in (None, run.serial)])
-            return
-        chosen = [run for run in found if run.log.name == self._wanted.name]
-        if chosen:
-            self._notice.dismiss()
-            self._ask(chosen)  # chosen on another page: hands may be on the fixture
-        else:
-            self._refuse(Text.of("question.nothing_to_resume"))
-
-    def _ask(self, runs: list[Resumable]) -> None:
-        if not runs or self._notice.asking:
-            return
-        run, others = runs[0], runs[1:]
-        finished = len(run.finished)
-        stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
-        question = Text.of(
-            "question.resume", serial=run.serial, number=finished + 1, stage=stage, when=_minute_text(run.started_utc)
-        )
-        answers = {
-            "resume": lambda: self._resume(run),
-            "close_incomplete_job": lambda: self._close(run, others),
-            "later": lambda: self._ask(others),
-        }
-        ask(self._notice, "paused", question, answers, primary="resume")
-
-    def _resume(self, run: Resumable) -> None:
-        app = self._app
-        product = _product_file(run.product) or app.product_path
-        self._header.set_serial(run.serial)
-        self._starting.run(
-            RunRequest(
-                run.serial,
-                app.station_path,
-                product,
-                run.stages,
-                app.runs_folder,
-                self._header.operator,
-                resume=run.log,
-            )
-        )
-
-    def _close(self, run: Resumable, others: list[Resumable]) -> None:
-        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.operator))
-        self._ask(others)
-
-    def _refuse(self, reason: Text) -> None:
-        ask(self._notice, "caution", reason, {})
 
 
 def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> str:

@@ -124,6 +124,18 @@
     </message>
 </context>
 <context>
+    <name>RunStarter</name>
+    <message>
+        <source>attempt {count}</source>
+        <translation>第 {count} 次</translation>
+    </message>
+    <message>
+        <source>not valid</source>
+        <extracomment>Serial numbers that are tried for the virtual bench.</extracomment>
+        <translation>无效</translation>
+    </message>
+</context>
+<context>
     <name>StageList</name>
     <message>
         <source>Stages</source>
@@ -145,18 +157,6 @@
     <message>
         <source>Times of a real table; the virtual bench is much faster.</source>
         <translation>这是真实转台的时间，虚拟台架快得多。</translation>
-    </message>
-</context>
-<context>
-    <name>Starting</name>
-    <message>
-        <source>attempt {count}</source>
-        <translation>第 {count} 次</translation>
-    </message>
-    <message>
-        <source>not valid</source>
-        <extracomment>Serial numbers that are tried for the virtual bench.</extracomment>
-        <translation>无效</translation>
     </message>
 </context>
 <context>
@@ -211,7 +211,7 @@
     </message>
     <message>
         <source>Hold</source>
-        <extracomment>Rows kept, a quarter of an hour of device time. Interval between two drawings, ms. Points drawn per line. Spans that can be chosen, s, and the first one.</extracomment>
+        <extracomment>Rows kept, a quarter of an hour of device time. Interval between two drawings, ms. Points drawn per line. Spans that can be chosen, s, and the first one. Newest rows: time, s, and the six outputs, shape (n, 7).</extracomment>
         <translation>定格</translation>
     </message>
     <message>
