@@ -1,4 +1,4 @@
-"""The real window, offscreen, in a place of its own: no user's configuration, runs under the test's folder."""
+"""The real window, offscreen, with a site folder of its own: no user's configuration, runs in the test's folder."""
 
 import os
 
@@ -21,11 +21,11 @@ from calstation.gui.text import language
 from calstation.jobs.queue import JobQueue
 from calstation.results.resolving import warm_up
 from calstation.results.result import Result
-from tests.gui.works import live_in
+from tests.gui.shared_jobs import use_folder
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 SERIAL = "SN-000042"
-#: A whole calibration in a few minutes of device time, a few seconds of the bench's.
+#: A whole calibration in a few minutes of device time, a few seconds on the bench.
 PRODUCT: dict[str, Any] = {
     "name": "short",
     "imu": "bench_nav",
@@ -50,7 +50,7 @@ STATION: dict[str, Any] = {
     "table": {"profile": "bench"},
 }
 
-#: The least that a result JSON has.
+#: Required keys of a result JSON.
 RESULT: dict[str, Any] = {
     "schema": "calstation.result/1",
     "unit": {"serial": SERIAL},
@@ -67,7 +67,7 @@ def result_with(**changes: Any) -> Result:
 
 
 class SiteFolder:
-    """A site's own folder with one station and one product, and the runs made there."""
+    """A site folder with one station and one product, and the folder of runs."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -81,7 +81,7 @@ class SiteFolder:
         self.write()
 
     def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
-        """Write both files, with changes to the product and the bench's settings."""
+        """Write both files, with changes to the product and to the settings of the bench."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
         settings = {"seed": 5, "start_deg": [1.0, -1.0], **bench}
         self.station.write_text(tomli_w.dumps({**STATION, "bench": settings}), encoding="utf-8")
@@ -89,7 +89,7 @@ class SiteFolder:
 
 @pytest.fixture(autouse=True)
 def site_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SiteFolder]:
-    """An empty place; configuration, settings and runs go nowhere else. Windows do not outlive their test."""
+    """An empty site folder for configuration, settings and runs; windows are deleted after their test."""
     made = SiteFolder(tmp_path)
     monkeypatch.setenv("CALSTATION_HOME", str(made.home))
     monkeypatch.chdir(tmp_path)
@@ -97,44 +97,46 @@ def site_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Sit
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
 
 
-class LentJobQueue(JobQueue):
-    """A window's workshop whose process goes on to the next test's: starting one takes longer than most of them."""
+class SharedJobQueue(JobQueue):
+    """A job queue whose process serves all tests: starting one takes longer than most tests."""
 
     def close(self) -> None:
-        """Give all jobs up."""
+        """Cancel all jobs and keep the process."""
         while self._waiting:
             self._waiting[-1].cancel()
         if self._running is not None and not self._running.cancel():
             super().close()
 
-    def move_to(self, site_folder: "SiteFolder") -> None:
-        """Live in a test's place from now on, as a process started there would."""
+    def use_folders_of(self, site_folder: "SiteFolder") -> None:
+        """Use a test's folders from now on."""
         self.poll()
-        self.submit(live_in, str(site_folder.folder), str(site_folder.home))
+        self.submit(use_folder, str(site_folder.folder), str(site_folder.home))
 
 
 @pytest.fixture(scope="session")
-def lent() -> Iterator[list[LentJobQueue]]:
-    """The workshop that is lent out, once there is one."""
-    made: list[LentJobQueue] = []
+def shared_queue() -> Iterator[list[SharedJobQueue]]:
+    """The shared job queue, once there is one."""
+    made: list[SharedJobQueue] = []
     yield made
     for job_queue in made:
         JobQueue.close(job_queue)
 
 
 @pytest.fixture
-def job_queue(site_folder: SiteFolder, lent: list[LentJobQueue], monkeypatch: pytest.MonkeyPatch) -> LentJobQueue:
-    """The workshop of this test's windows."""
-    if not lent or lent[0]._closed:
-        lent[:] = [LentJobQueue(warm_up)]
-    lent[0].move_to(site_folder)
-    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda warm_up: lent[0])
-    return lent[0]
+def job_queue(
+    site_folder: SiteFolder, shared_queue: list[SharedJobQueue], monkeypatch: pytest.MonkeyPatch
+) -> SharedJobQueue:
+    """The job queue of this test's windows."""
+    if not shared_queue or shared_queue[0]._closed:
+        shared_queue[:] = [SharedJobQueue(warm_up)]
+    shared_queue[0].use_folders_of(site_folder)
+    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda warm_up: shared_queue[0])
+    return shared_queue[0]
 
 
 @pytest.fixture
-def window(site_folder: SiteFolder, job_queue: LentJobQueue, qtbot: QtBot) -> Iterator[MainWindow]:
-    """The window on the place's station, English, light, shown at 1366x768."""
+def window(site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot) -> Iterator[MainWindow]:
+    """The window with the test's station, English, light, shown at 1366x768."""
     made = create_window(site_folder.station)
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)
@@ -147,33 +149,33 @@ def window(site_folder: SiteFolder, job_queue: LentJobQueue, qtbot: QtBot) -> It
 
 
 class Operator:
-    """What an operator does at a window, and what stands on it: all through its widgets."""
+    """Acts on a window and reads it through its widgets, as an operator does."""
 
     def __init__(self, window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> None:
         self.window, self.qtbot, self.site_folder = window, qtbot, site_folder
         self.choose("short")
 
     def widget(self, name: str, kind: type[Any] = QWidget) -> Any:
-        """The widget of an object name."""
+        """The widget with an object name."""
         found = self.window.findChild(kind, name)
         assert found is not None, name
         return found
 
     def choose(self, product: str) -> None:
-        """Choose a product as a hand would."""
+        """Choose a product in the list."""
         combo = self.widget("product_combo", QComboBox)
         combo.setCurrentIndex(combo.findText(product))
         combo.activated.emit(combo.currentIndex())
 
     def press(self, name: str) -> None:
-        """Click a button that can be clicked."""
+        """Click a visible, enabled button."""
         button = self.widget(name, QPushButton)
         assert button.isVisible(), name
         assert button.isEnabled(), (name, button.toolTip())
         self.qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
 
     def scan(self, serial: str) -> None:
-        """What a scanner sends: the number and Enter."""
+        """Type the number and Enter into the serial field, as a scanner does."""
         edit = self.widget("serial_edit", QLineEdit)
         edit.setFocus()
         edit.selectAll()
@@ -181,7 +183,7 @@ class Operator:
         self.qtbot.keyClick(edit, Qt.Key.Key_Return)
 
     def until(self, condition: Callable[[], object], seconds: float = 120.0) -> None:
-        """Wait, however loaded the computer is."""
+        """Wait for a condition."""
         self.qtbot.waitUntil(lambda: bool(condition()), timeout=round(1000 * seconds))
 
     def until_state(self, state: str) -> None:
@@ -189,31 +191,31 @@ class Operator:
         self.until(lambda: self.run.state == state)
 
     def until_ended(self) -> None:
-        """Wait until the engine has gone."""
+        """Wait until the engine process has ended."""
         self.until(lambda: not self.window.app.engine_link.running)
 
     def in_a_stage(self) -> bool:
-        """Whether a stage is in hand and has come some way."""
+        """Whether more than a tenth of a stage is done."""
         return self.run.stage is not None and self.run.stage.fraction > 0.1
 
     @property
     def run(self) -> RunStatus:
-        """Where the run stands."""
+        """Status of the run."""
         return self.window.app.run
 
     @property
     def verdict(self) -> str:
-        """The word that fills the eye, "" where none does."""
+        """The large word of the verdict, "" while none is visible."""
         label = self.widget("verdict_label", QLabel)
         return str(label.text()) if label.isVisible() else ""
 
     @property
     def message(self) -> str:
-        """The line at the bottom."""
+        """The message line at the bottom."""
         return str(self.widget("message_label", QLabel).text())
 
     def says(self) -> str:
-        """All words that can be seen."""
+        """Texts of all visible labels."""
         labels = [w for w in self.window.findChildren(QLabel) if w.isVisible()]
         return "\n".join(label.text() for label in labels)
 

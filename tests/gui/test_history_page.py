@@ -1,4 +1,4 @@
-"""The history page: runs are found as typed, looked at, opened, closed."""
+"""The history page: runs are searched, selected, opened, resumed and closed."""
 
 import json
 import os
@@ -48,7 +48,7 @@ META: dict[str, Any] = {
 
 
 def write_run(folder: Path, serial: str, outcome: str, age: timedelta, bias: float = 1.0, **more: Any) -> Path:
-    """The result of a run of one stage whose x gyro has a bias of so many °/h; allowed are 3."""
+    """Write the result of a run of one stage with an x gyro bias in °/h; 3 are allowed."""
     started = NOW - age
     name = f"{serial}_{started:%Y%m%dT%H%M%S%f}"
     passed = abs(bias) <= 3.0
@@ -120,7 +120,7 @@ def write_dead_log(folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterator[AppContext]:
-    """What the window gives its pages; one worker for all tests here."""
+    """Shared state of a window; one job process for all tests of this file."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("CALSTATION_HOME", str(tmp_path_factory.mktemp("home")))
         made = AppContext()
@@ -133,7 +133,7 @@ def app(qapp: QApplication, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 @pytest.fixture
 def folder(app: AppContext, tmp_path: Path) -> Path:
-    """A folder for runs, empty, known to the window."""
+    """An empty folder of runs, set in the window."""
     folder = tmp_path / "made-here"
     folder.mkdir()
     app.runs_folder = folder
@@ -170,7 +170,7 @@ def page(app: AppContext, folder: Path, qtbot: QtBot) -> HistoryPage:
 
 
 def shown(page: HistoryPage, qtbot: QtBot) -> list[tuple[str, str]]:
-    """Serial number and outcome of each row, once the page is up to date."""
+    """Show the page; serial number and outcome of each row once it is up to date."""
     page.show()
     qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
     return rows(page)
@@ -189,20 +189,20 @@ def button(page: QWidget, name: str) -> QPushButton:
     return found
 
 
-def look_at(page: HistoryPage, row: int, qtbot: QtBot) -> None:
+def select_row(page: HistoryPage, row: int, qtbot: QtBot) -> None:
     """Click a row."""
     table = page.findChild(QTableView, "history_table")
     point = table.visualRect(table.model().index(row, 1)).center()
     qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=QPoint(point))
 
 
-def test_without_runs_the_page_says_what_will_be_here(page: HistoryPage, qtbot: QtBot) -> None:
+def test_empty_page_explains_what_will_be_listed(page: HistoryPage, qtbot: QtBot) -> None:
     assert shown(page, qtbot) == []
     assert page.nothing_title == "Every run will be listed here"
     assert not button(page, "history_clear_button").isVisible()
 
 
-def test_runs_are_listed_the_latest_first(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_latest_run_is_listed_first(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     assert shown(page, qtbot) == [
         ("SN-000003", "INCOMPLETE"),
         ("SN-000001", "PASS"),
@@ -212,7 +212,7 @@ def test_runs_are_listed_the_latest_first(page: HistoryPage, runs: dict[str, Pat
     ]
 
 
-def test_the_search_follows_the_keys(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_search_filters_while_typing(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     shown(page, qtbot)
     search = page.findChild(QLineEdit, "history_search_edit")
     qtbot.keyClicks(search, "000001")
@@ -227,7 +227,7 @@ def test_the_search_follows_the_keys(page: HistoryPage, runs: dict[str, Path], q
     qtbot.waitUntil(lambda: len(rows(page)) == 5, timeout=WAIT)
 
 
-def test_a_time_leaves_out_what_is_older(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_period_leaves_out_older_runs(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     shown(page, qtbot)
     time = page.findChild(QComboBox, "history_time_combo")
     for days, count in ((7, 3), (365, 4), (None, 5)):
@@ -235,45 +235,45 @@ def test_a_time_leaves_out_what_is_older(page: HistoryPage, runs: dict[str, Path
         assert len(rows(page)) == count
 
 
-def test_details_say_why(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
     shown(page, qtbot)
-    look_at(page, 1, qtbot)
+    select_row(page, 1, qtbot)
     assert page.details.reason_label.text() == "Every value is inside its limits."
     assert page.details.trend.points == 3
-    look_at(page, 2, qtbot)
+    select_row(page, 2, qtbot)
     assert page.details.reason_label.text() == "No more data come.\nCheck cable, power and port."
     language.use("zh_CN")
     qtbot.waitUntil(lambda: page.details.reason_label.text().startswith("数据中断。\n"), timeout=WAIT)
     language.use("en")
     assert not button(page, "history_log_button").isEnabled()
-    look_at(page, 3, qtbot)
+    select_row(page, 3, qtbot)
     assert page.details.badge.text() == "FAIL"
     assert "gyro bias x is 5 °/h, allowed are ±3" in page.details.failed_label.text()
     assert not button(page, "history_resume_button").isVisible()
     assert not button(page, "history_close_button").isVisible()
 
 
-def test_result_and_log_are_opened_elsewhere(
+def test_result_and_log_are_opened_on_other_pages(
     page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
 ) -> None:
     shown(page, qtbot)
-    look_at(page, 1, qtbot)
+    select_row(page, 1, qtbot)
     with qtbot.waitSignal(app.open_run) as wanted:
         button(page, "history_result_button").click()
     assert wanted.args == [runs["passed"]]
-    look_at(page, 0, qtbot)
+    select_row(page, 0, qtbot)
     assert not button(page, "history_result_button").isEnabled()
     with qtbot.waitSignal(app.open_log) as wanted:
         button(page, "history_log_button").click()
     assert wanted.args == [runs["dead"]]
 
 
-def test_a_folder_that_nothing_opens_is_named_to_copy(
+def test_folder_that_cannot_be_opened_is_shown_to_copy(
     page: HistoryPage, runs: dict[str, Path], monkeypatch: pytest.MonkeyPatch, qtbot: QtBot
 ) -> None:
     monkeypatch.setattr("calstation.gui.history.page.QDesktopServices.openUrl", lambda _: False)
     shown(page, qtbot)
-    look_at(page, 1, qtbot)
+    select_row(page, 1, qtbot)
     button(page, "history_folder_button").click()
     folder = str(runs["passed"].parent)
     assert page.notice.text_label.text() == folder
@@ -281,7 +281,7 @@ def test_a_folder_that_nothing_opens_is_named_to_copy(
     assert QGuiApplication.clipboard().text() == folder
 
 
-def test_where_there_is_little_room_the_stages_keep_theirs(
+def test_narrow_table_hides_other_columns_before_the_stages(
     page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
 ) -> None:
     shown(page, qtbot)
@@ -299,10 +299,10 @@ def test_where_there_is_little_room_the_stages_keep_theirs(
         ("listener_lost", "Stopped safely: the window or terminal that watched the run is gone."),
     ],
 )
-def test_who_stopped_a_run_is_said(page: HistoryPage, folder: Path, qtbot: QtBot, by: str, words: str) -> None:
+def test_reason_of_a_stop_is_shown(page: HistoryPage, folder: Path, qtbot: QtBot, by: str, words: str) -> None:
     write_run(folder, "SN-000004", "stopped", timedelta(minutes=3), stop_reason=by)
     shown(page, qtbot)
-    look_at(page, 0, qtbot)
+    select_row(page, 0, qtbot)
     assert page.details.reason_label.text().startswith(words)
 
 
@@ -310,7 +310,7 @@ def test_an_incomplete_run_is_resumed_or_closed(
     page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
 ) -> None:
     shown(page, qtbot)
-    look_at(page, 0, qtbot)
+    select_row(page, 0, qtbot)
     with qtbot.waitSignal(app.resume_run) as wanted:
         button(page, "history_resume_button").click()
     assert wanted.args == [runs["dead"]]
@@ -320,7 +320,7 @@ def test_an_incomplete_run_is_resumed_or_closed(
     assert json.loads(runs["dead"].with_suffix(".json").read_text("utf-8"))["outcome"] == "incomplete"
 
 
-def test_a_run_that_ends_appears_by_itself(
+def test_run_that_ends_is_listed_at_once(
     page: HistoryPage, runs: dict[str, Path], folder: Path, app: AppContext, qtbot: QtBot
 ) -> None:
     shown(page, qtbot)
@@ -328,10 +328,10 @@ def test_a_run_that_ends_appears_by_itself(
     app.engine_link.event.emit(Verdict("passed", str(result.with_suffix(".h5")), str(result), RESULT))
     qtbot.waitUntil(lambda: rows(page)[0] == ("SN-000009", "PASS"), timeout=WAIT)
     assert page.table.run is not None
-    assert page.table.run.serial == "SN-000003"  # what was looked at still is
+    assert page.table.run.serial == "SN-000003"  # the selection is kept
 
 
-def test_resume_asks_on_the_operator_page_before_anything_moves(window: MainWindow, folder: Path, qtbot: QtBot) -> None:
+def test_resume_asks_on_the_operator_page_first(window: MainWindow, folder: Path, qtbot: QtBot) -> None:
     write_dead_log(folder)
     window.app.runs_folder = folder
     window.show_page("history_page")

@@ -1,4 +1,4 @@
-"""An operator's day, by real clicks, with the real engine on a short product of the virtual bench."""
+"""The operator page by real clicks, with the real engine and a short product on the virtual bench."""
 
 import json
 import os
@@ -18,16 +18,16 @@ from calstation.gui.shell.main_window import MainWindow
 from tests.gui.conftest import QUICK, SERIAL, STATION, Operator, SiteFolder
 
 ONE_STAGE = {"stages": ["six_position"]}
-#: At twenty times real time half a minute long: it does not end while somebody presses buttons.
+#: Half a minute long at twenty times real time: it does not end while buttons are pressed.
 LONG_STAGE = {"six_position": {"dwell_s": 100.0, **QUICK}}
 
 
 def results(site_folder: SiteFolder) -> list[dict[str, Any]]:
-    """Results of the runs made here, oldest first."""
+    """Results of the runs, oldest first."""
     return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(site_folder.runs.glob("SN-*.json"))]
 
 
-def test_one_click_runs_to_pass_while_the_language_changes(operator: Operator) -> None:
+def test_one_click_runs_to_pass_with_language_changes(operator: Operator) -> None:
     serial = operator.widget("serial_edit", QLineEdit).text()
     assert serial == "SN-000001"
     assert "virtual bench" in operator.says()
@@ -84,7 +84,7 @@ def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_a_fault_is_told_latched_and_recovered_from_and_a_passed_unit_is_asked_for(
+def test_fault_is_shown_until_acknowledged_and_a_passed_unit_needs_confirmation(
     operator: Operator,
 ) -> None:
     operator.site_folder.write(ONE_STAGE, orders=[{"order": "interlock", "value": 0, "at": 35.0}])
@@ -123,7 +123,7 @@ def test_a_fault_is_told_latched_and_recovered_from_and_a_passed_unit_is_asked_f
     assert [r["outcome"] for r in results(operator.site_folder)] == ["fault", "passed", "stopped"]
 
 
-def test_the_scanners_enter_checks_and_only_a_press_starts(operator: Operator) -> None:
+def test_enter_of_the_scanner_checks_the_number_but_does_not_start(operator: Operator) -> None:
     start = operator.widget("start_button", QPushButton)
     operator.scan("WRONG 1")
     assert "does not fit this product" in operator.says()
@@ -141,7 +141,7 @@ def test_the_scanners_enter_checks_and_only_a_press_starts(operator: Operator) -
     assert not operator.window.app.engine_link.running
 
 
-def test_a_failed_unit_is_told_what_to_do(operator: Operator) -> None:
+def test_failed_unit_shows_the_reason_and_what_to_do(operator: Operator) -> None:
     operator.site_folder.write(ONE_STAGE, out_of_limits=True)
     operator.scan(SERIAL)
     operator.press("start_button")
@@ -153,7 +153,7 @@ def test_a_failed_unit_is_told_what_to_do(operator: Operator) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
-def test_a_dying_engine_is_a_fault(operator: Operator) -> None:
+def test_killed_engine_is_a_fault(operator: Operator) -> None:
     operator.site_folder.write(ONE_STAGE)
     operator.scan(SERIAL)
     operator.press("start_button")
@@ -169,7 +169,7 @@ def test_a_dying_engine_is_a_fault(operator: Operator) -> None:
     assert operator.widget("start_button").isEnabled()
 
 
-def test_closing_during_a_run_asks_and_then_stops(operator: Operator) -> None:
+def test_closing_during_a_run_asks_then_stops(operator: Operator) -> None:
     operator.site_folder.write(ONE_STAGE)
     operator.press("start_button")
     operator.until(operator.in_a_stage)
@@ -187,7 +187,9 @@ def test_closing_during_a_run_asks_and_then_stops(operator: Operator) -> None:
 
 
 @pytest.mark.long
-def test_an_interrupted_run_is_offered_at_the_start_and_continued(operator: Operator, site_folder: SiteFolder) -> None:
+def test_interrupted_run_is_offered_at_the_start_and_resumes(
+    operator: Operator, site_folder: SiteFolder
+) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     operator.scan(SERIAL)
     operator.press("start_button")
@@ -210,7 +212,7 @@ def test_an_interrupted_run_is_offered_at_the_start_and_continued(operator: Oper
     again.app.close()
 
 
-def test_a_real_table_is_asked_for_before_it_moves(operator: Operator, site_folder: SiteFolder) -> None:
+def test_real_table_moves_only_after_confirmation(operator: Operator, site_folder: SiteFolder) -> None:
     hardware = {
         **STATION,
         "name": "station 7",
@@ -234,7 +236,7 @@ def test_a_real_table_is_asked_for_before_it_moves(operator: Operator, site_fold
     operator.until_ended()
 
 
-def test_a_broken_product_stands_where_it_can_be_mended(operator: Operator, site_folder: SiteFolder) -> None:
+def test_invalid_product_disables_start_until_it_is_corrected(operator: Operator, site_folder: SiteFolder) -> None:
     site_folder.product.write_text("name = 1", encoding="utf-8")
     operator.window.app.product_changed.emit()
     assert "cannot run" in operator.says()
@@ -245,11 +247,11 @@ def test_a_broken_product_stands_where_it_can_be_mended(operator: Operator, site
     assert operator.widget("start_button").isEnabled()
 
 
-def test_runs_go_to_the_folder_of_runs(operator: Operator) -> None:
+def test_default_folder_of_runs(operator: Operator) -> None:
     assert operator.window.app.runs_folder == Path("runs")
 
 
-def test_a_product_that_was_put_there_beside_the_window_is_offered(operator: Operator) -> None:
+def test_product_file_added_while_the_window_is_open_is_offered(operator: Operator) -> None:
     combo = operator.widget("product_combo", QComboBox)
     before = combo.currentText()
     text = (library.site_folder() / "products" / "short.toml").read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""What the operator page is made of: words, advice, buffers and labels, without a window."""
+"""Translations, advice, plots and labels of the operator page, without a window."""
 
 import string
 import xml.etree.ElementTree as ElementTree
@@ -24,7 +24,7 @@ PACKAGE = Path(calstation.__file__).parent
 
 
 @pytest.mark.parametrize("path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem)
-def test_every_word_is_translated_with_its_values(path: Path) -> None:
+def test_every_text_is_translated_with_its_values(path: Path) -> None:
     for message in ElementTree.parse(path).getroot().iter("message"):
         source, translation = message.find("source"), message.find("translation")
         assert source is not None
@@ -52,13 +52,13 @@ def test_advice_names_the_first_failure_and_counts_the_rest() -> None:
         check("rate consistency", 9.0, 1.2, passed=False),
     ]
     result = result_with(checks=checks, advice="reseat")
-    said = advice.reason("failed", result)
-    assert said == "Gyro scale factor x is 2000 ppm, allowed are ±1000. (1 more checks failed.)"
+    reason = advice.reason("failed", result)
+    assert reason == "Gyro scale factor x is 2000 ppm, allowed are ±1000. (1 more checks failed.)"
     assert advice.next_action("failed", result).startswith("Reseat the unit")
     assert advice.next_action("failed", result_with(advice="set_aside")).startswith("Set the unit aside")
 
 
-def test_figures_show_what_is_nearest_to_its_limit_per_group() -> None:
+def test_figures_show_the_value_nearest_to_its_limit_per_group() -> None:
     row = {"unit": "1", "stage": "rate", "sigma": 1e-6}
     result = result_with(
         parameters={"gyro_scale_x": {"value": 1e-4, **row}, "gyro_scale_y": {"value": -9e-4, **row}},
@@ -89,11 +89,11 @@ def test_traces_keep_the_latest_rows_in_order(qtbot: QtBot) -> None:
     assert len(traces.rows) == 0
 
 
-def test_names_at_the_lines_ends_keep_apart_and_inside() -> None:
-    places = spread([10.0, 11.0, 12.0, 90.0, 99.0], 18.0, 9.0, 100.0)
-    assert all(b - a >= 18.0 - 1e-9 for a, b in pairwise(places))
-    assert places[0] >= 9.0
-    assert places[-1] <= 100.0
+def test_line_labels_keep_their_distance_inside_the_plot() -> None:
+    positions = spread([10.0, 11.0, 12.0, 90.0, 99.0], 18.0, 9.0, 100.0)
+    assert all(b - a >= 18.0 - 1e-9 for a, b in pairwise(positions))
+    assert positions[0] >= 9.0
+    assert positions[-1] <= 100.0
     assert spread([50.0], 18.0, 9.0, 100.0) == [50.0]
 
 
@@ -101,12 +101,12 @@ def bench(**settings: object) -> RunSummary:
     return RunSummary("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), None, {}, None, (0.0, 0.0))
 
 
-def test_the_bench_is_offered_the_first_number_that_has_not_passed() -> None:
+def test_suggested_serial_is_the_first_that_has_not_passed() -> None:
     assert suggested_serial(bench(), lambda serial: serial < "SN-000003") == "SN-000003"
     assert suggested_serial(bench(serial="X-1"), lambda serial: False) == "X-1"
 
 
-def test_a_group_that_has_arrived_says_so_and_lines_stay_small(qtbot: QtBot) -> None:
+def test_group_reaches_its_target_and_lines_are_thinned(qtbot: QtBot) -> None:
     plot = Convergence()
     qtbot.addWidget(plot)
     plot.start({"gyro_bias": 1e-7})

@@ -1,4 +1,4 @@
-"""Whoever carries the unit sees from afar what to do: a word with its shape, the position, the rest that fills."""
+"""The guide of a manual rig: state with its shape, task, position count, and the ring that fills during a rest."""
 
 from collections.abc import Iterator
 
@@ -46,7 +46,7 @@ def panel(qtbot: QtBot, planned: RunSummary) -> Iterator[PositionPanel]:
 def guided(
     state: str, index: int = 4, rest: float = 0.0, *, suffices: bool = False, stage: str = "multi_position"
 ) -> PositionGuided:
-    """Carried along the inner rail in steps of 60°; the positions before `index` are done."""
+    """An event of a unit turned about the inner rail in steps of 60°; the positions before `index` are done."""
     poses = [(0.0, k * SIXTY) for k in range(index)]
     ups = [(axis_rotation(X, outer) @ axis_rotation(Y, inner))[2] for outer, inner in poses]
     at = ups[-2] if state == "enough" else ups[-1]
@@ -70,7 +70,7 @@ def picture(panel: PositionPanel) -> QImage:
 
 
 def painted(image: QImage, colour: str) -> int:
-    """Pixels of just this colour."""
+    """Number of pixels of exactly this colour."""
     wanted = int(colour.removeprefix("#"), 16) | 0xFF000000
     pixels = np.frombuffer(image.convertToFormat(QImage.Format.Format_RGB32).constBits(), np.uint32)
     return int(np.count_nonzero((pixels | 0xFF000000) == wanted))
@@ -86,7 +86,7 @@ def painted(image: QImage, colour: str) -> int:
         ("repeat", "Too soon: repeat", "动得太早，再来一次"),
     ],
 )
-def test_every_state_has_a_large_word_in_both_languages(
+def test_every_state_has_a_text_in_both_languages(
     panel: PositionPanel, qtbot: QtBot, state: str, word: str, chinese: str
 ) -> None:
     panel.take(guided(state))
@@ -105,7 +105,7 @@ def test_every_state_has_a_shape_of_its_own(panel: PositionPanel) -> None:
     assert len(shapes) == 5
 
 
-def test_it_says_which_rail_to_turn_and_how_long_to_wait(panel: PositionPanel) -> None:
+def test_task_names_the_rail_to_turn_and_the_time_to_wait(panel: PositionPanel) -> None:
     panel.take(guided("enough"))
     assert panel.task_label.text() == "Turn the inner rail to about 180°, then let go."
     panel.take(guided("still", rest=4.2))
@@ -114,7 +114,7 @@ def test_it_says_which_rail_to_turn_and_how_long_to_wait(panel: PositionPanel) -
     assert "leave it for 7 s" in panel.task_label.text()
 
 
-def test_the_ring_fills_while_it_rests(panel: PositionPanel) -> None:
+def test_ring_fills_during_a_rest(panel: PositionPanel) -> None:
     accent, good = theme.colours().accent, theme.colours().good
     ring = []
     for rest in (0.0, 3.5, 7.0):
@@ -127,7 +127,7 @@ def test_the_ring_fills_while_it_rests(panel: PositionPanel) -> None:
     assert painted(picture(panel), good) > ring[2] - ring[0] - 500
 
 
-def test_the_unit_stands_in_the_picture_as_gravity_says(panel: PositionPanel) -> None:
+def test_drawn_attitude_follows_gravity(panel: PositionPanel) -> None:
     panel.take(guided("enough", 2))
     for share in np.linspace(0.0, 1.0, 7):
         event = guided("moving", 2)
@@ -138,7 +138,7 @@ def test_the_unit_stands_in_the_picture_as_gravity_says(panel: PositionPanel) ->
     assert attitude == pytest.approx(axis_rotation(Y, SIXTY), abs=1e-9)
 
 
-def test_behind_the_last_position_nothing_more_is_asked_until_the_check(panel: PositionPanel) -> None:
+def test_after_the_last_position_nothing_is_asked_until_verification(panel: PositionPanel) -> None:
     panel.take(guided("enough", suffices=True))
     panel.finish_stage()
     assert panel.badge.text() == "All positions done"
@@ -148,14 +148,14 @@ def test_behind_the_last_position_nothing_more_is_asked_until_the_check(panel: P
     assert panel.task_label.text() == "Turn the inner rail to about 60°, then let go."
 
 
-def test_upside_down_is_drawn_too(panel: PositionPanel) -> None:
+def test_upside_down_unit_is_drawn(panel: PositionPanel) -> None:
     event = guided("moving", 2)
     panel.take(PositionGuided(**{**event.__dict__, "up": (0.0, 0.0, -1.0)}))
     assert panel.picture._attitude[2] == pytest.approx([0.0, 0.0, -1.0])
     assert not picture(panel).isNull()
 
 
-def test_it_may_be_finished_once_the_positions_suffice(panel: PositionPanel, qtbot: QtBot) -> None:
+def test_stage_can_be_finished_once_the_positions_suffice(panel: PositionPanel, qtbot: QtBot) -> None:
     panel.take(guided("moving"))
     assert not panel.finish_button.isEnabled()
     assert "not sufficient" in panel.finish_button.toolTip()
@@ -168,7 +168,7 @@ def test_it_may_be_finished_once_the_positions_suffice(panel: PositionPanel, qtb
     assert panel.count_label.text() == "check 2 of 38"
 
 
-def test_the_operator_page_becomes_the_guide_where_the_unit_is_carried(
+def test_operator_page_shows_the_guide_on_a_manual_rig(
     operator: Operator, window: MainWindow, planned: RunSummary, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = window.findChild(OperatorPage)

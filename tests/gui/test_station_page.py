@@ -483,10 +483,10 @@ def test_an_operator_resets_what_the_table_has_latched(
         verdict.show()
         run = operator.app.run
         run.state, run.fault = "fault", Fault.of(DeviceFaultError("program.internal", detail="x"))
-        verdict.show_end(run)
+        verdict.show_end()
         assert not verdict.reset.isVisible()
         run.fault = Fault.of(LATCHED)
-        verdict.show_end(run)
+        verdict.show_end()
         assert verdict.action_label.text() == "Close the cover, then press “Reset the fault”."
         for closed, words in (
             (0, "the interlock is open"),

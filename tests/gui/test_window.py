@@ -1,4 +1,4 @@
-"""The window's frame: pages, names, languages, themes, role."""
+"""The main window: pages, languages, themes, role, keyboard order."""
 
 import json
 import subprocess
@@ -21,7 +21,7 @@ PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "stat
 
 
 def opened(site_folder: SiteFolder, qtbot: QtBot) -> MainWindow:
-    """A window as it opens from the place's settings."""
+    """A window opened with the settings of the site folder."""
     window = create_window(site_folder.station)
     assert isinstance(window, MainWindow)
     qtbot.addWidget(window)
@@ -30,13 +30,13 @@ def opened(site_folder: SiteFolder, qtbot: QtBot) -> MainWindow:
     return window
 
 
-def test_pages_stand_in_order_under_their_names(window: MainWindow) -> None:
+def test_order_of_the_pages(window: MainWindow) -> None:
     tabs = window.findChild(QTabWidget, "page_tabs")
     assert [tabs.widget(i).objectName() for i in range(tabs.count())] == PAGES
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_stop_is_on_every_page_in_the_same_place(window: MainWindow, qtbot: QtBot, page: str) -> None:
+def test_stop_has_the_same_position_on_every_page(window: MainWindow, qtbot: QtBot, page: str) -> None:
     tabs = window.findChild(QTabWidget, "page_tabs")
     stop = window.findChild(QPushButton, "stop_button")
     before = stop.mapTo(window, stop.rect().topLeft())
@@ -53,7 +53,7 @@ def test_english_is_the_first_language(window: MainWindow) -> None:
     assert combo.itemText(0) == "English"
 
 
-def test_the_language_and_theme_chosen_are_there_again(site_folder: SiteFolder, qtbot: QtBot) -> None:
+def test_language_and_theme_are_restored(site_folder: SiteFolder, qtbot: QtBot) -> None:
     first = opened(site_folder, qtbot)
     first.language_combo.setCurrentIndex(1)
     first.app.set_theme("dark")
@@ -67,7 +67,7 @@ def test_the_language_and_theme_chosen_are_there_again(site_folder: SiteFolder, 
     second.close()
 
 
-def test_the_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot: QtBot) -> None:
+def test_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot: QtBot) -> None:
     role, lock = window.app.role, window.findChild(QPushButton, "role_button")
     pin, again = window.findChild(QLineEdit, "pin_edit"), window.findChild(QLineEdit, "pin_again_edit")
 
@@ -103,19 +103,19 @@ def test_the_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot:
     assert role.engineer
 
 
-def test_nothing_is_clipped_in_any_language_theme_or_size(window: MainWindow, qtbot: QtBot) -> None:
+def test_buttons_are_wide_enough_for_their_texts_in_both_languages(window: MainWindow, qtbot: QtBot) -> None:
     for code in ("zh_CN", "en"):
         window.app.set_language(code)
         qtbot.wait(1)
         for button in window.findChildren(QPushButton):
             if button.isVisible() and button.text():
-                room = button.width() - button.fontMetrics().horizontalAdvance(button.text())
-                assert room >= 0, button.text()
+                spare = button.width() - button.fontMetrics().horizontalAdvance(button.text())
+                assert spare >= 0, button.text()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
 @pytest.mark.long
-def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(site_folder: SiteFolder) -> None:
+def test_killed_window_stops_the_table_and_leaves_a_complete_resumable_log(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     script = site_folder.folder / "at_the_window.py"
     script.write_text(
@@ -130,10 +130,10 @@ def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(sit
         "    window.show()\n"
         "    QTimer.singleShot(0, window.operator_page.header.start_button.click)\n"
         "    run = window.app.run\n"
-        "    def look():\n"
+        "    def report():\n"
         "        if len(run.stages) > 1 and run.stages[1].fraction > 0.1:\n"
         "            print('in the second stage', flush=True)\n"
-        "    run.changed.connect(look)\n"
+        "    run.changed.connect(report)\n"
         "    QApplication.exec()\n",
         encoding="utf-8",
     )
@@ -158,7 +158,7 @@ def test_killing_the_window_stops_the_table_and_leaves_a_whole_resumable_log(sit
     assert offered.finished == ("six_position",)
 
 
-def test_tab_goes_as_the_eye_reads(window: MainWindow, qtbot: QtBot) -> None:
+def test_tab_order_follows_reading_order(window: MainWindow, qtbot: QtBot) -> None:
     window.findChild(QLineEdit, "operator_edit").setFocus()
     seen = []
     for _ in range(5):

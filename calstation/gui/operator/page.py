@@ -51,7 +51,6 @@ class OperatorPage(Page):
         self.setObjectName("operator_page")
         self._problem: Text | None = None
         self._opened = False
-        self._shown: tuple[object, ...] = ()
         self.header: RunHeader = RunHeader()
         self._stages = StageList(app.run)
         self._loading, self._live, self._verdict = Loading(), LiveView(app.run), VerdictPanel(app)
@@ -284,10 +283,7 @@ class OperatorPage(Page):
         self._live.refresh()
         if run.going and self.notice.asking:
             self.notice.dismiss()
-        shown = (run.state, run.verdict, run.fault, len(run.remarks), busy)
-        if shown != self._shown:
-            self._shown = shown
-            self._choose_view()
+        self._choose_view()
         self._message.setText(self._message_text())
 
     def _choose_view(self) -> None:
@@ -298,7 +294,7 @@ class OperatorPage(Page):
         elif run.verdict is None and run.fault is None and self.app.engine_link.running:
             self._views.setCurrentWidget(self._live)
         else:
-            self._verdict.show_end(run)
+            self._verdict.show_end()
             self._views.setCurrentWidget(self._verdict)
 
     def _message_text(self) -> str:

@@ -1,8 +1,6 @@
 """The verdict of a run: one large word with its shape, the reason, what to do next, and the values that matter."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QEvent, QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
@@ -12,7 +10,7 @@ from calstation.config import load_station
 from calstation.connection import LinkTestRequest
 from calstation.gui.operator import advice
 from calstation.gui.operator.figures import FiguresTable
-from calstation.gui.shell import AppContext, ResetBar, RunStatus
+from calstation.gui.shell import AppContext, ResetBar
 from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, on_language_change, term
 from calstation.gui.widgets import button, column, draw_state, label, row, state_colour, theme
 from calstation.results import Result
@@ -36,7 +34,7 @@ class _Head(QWidget):
     def show_state(self, state: str) -> None:
         """Show the word of a state in the colours of the theme."""
         self._kind = KINDS.get(state, "none")
-        self.word.setText(term("badge", state) if state else "")
+        self.word.setText(term("badge", state))
         self.word.setStyleSheet(f"color: {theme.colours().on_state};")
         self.update()
 
@@ -74,11 +72,10 @@ class VerdictPanel(QFrame):
         super().__init__()
         self._app = app
         self.setProperty("kind", "panel")
-        self._state = ""
+        self._run = app.run
         self._verdict: Verdict | None = None
         self._result: Result | None = None
         self._fault: Fault | None = None
-        self._remarks: tuple[tuple[str, Mapping[str, Any]], ...] = ()
         self._head, self._figures = _Head(), FiguresTable(theme.SECTION)
         self._source, self._facts = label(kind="muted", wrap=True), label(kind="muted", wrap=True)
         self.reason_label, self.action_label, self._notes = label(wrap=True), label(wrap=True), label(wrap=True)
@@ -102,37 +99,37 @@ class VerdictPanel(QFrame):
         column((self._head, 2), (lower, 3), on=self, spacing=2 * theme.GRID, margins=(2 * theme.GRID,) * 4)
         on_language_change(self, self._refresh)
 
-    def show_end(self, run: RunStatus) -> None:
-        """Show how a run ended."""
+    def show_end(self) -> None:
+        """Show how the run ended."""
+        run = self._run
         if run.fault is not self._fault:
+            self._fault = run.fault
             self.reset.forget()
             self.reset.offer(run.fault is not None and fault_text(run.fault).resettable)
         if run.verdict is not self._verdict:
+            self._verdict = run.verdict
             self._result = None if run.verdict is None else Result.from_json(run.verdict.result)
-        self._state, self._verdict, self._fault = run.state, run.verdict, run.fault
-        self._remarks = tuple(run.remarks)
         self._refresh()
 
     def next_action(self) -> str:
         """What to do now, in the current language."""
-        if self._fault is not None:
-            return fault_text(self._fault).remedy
-        return advice.next_action(self._state, self._result)
+        fault = self._run.fault
+        return advice.next_action(self._run.state, self._result) if fault is None else fault_text(fault).remedy
 
     def changeEvent(self, event: QEvent) -> None:
         """Follow the theme."""
         if event.type() == QEvent.Type.PaletteChange:
-            self._head.show_state(self._state)
+            self._head.show_state(self._run.state)
         super().changeEvent(event)
 
     def _refresh(self) -> None:
-        text = None if self._fault is None else fault_text(self._fault)
-        self._head.show_state(self._state)
+        text = None if self._run.fault is None else fault_text(self._run.fault)
+        self._head.show_state(self._run.state)
         self.acknowledge_button.setVisible(text is not None)
         self.details_button.setVisible(self._verdict is not None)
         self._station_button.setVisible(text is not None and text.source == "configuration")
-        self.reason_label.setText(advice.reason(self._state, self._result) if text is None else text.reason)
-        notes = dict.fromkeys(event_sentence(*remark) for remark in self._remarks)
+        self.reason_label.setText(advice.reason(self._run.state, self._result) if text is None else text.reason)
+        notes = dict.fromkeys(event_sentence(*remark) for remark in self._run.remarks)
         for shown, words in (
             (self._source, self.tr("Where: {place}").format(place=text.where) if text and text.where else ""),
             (self.action_label, self.next_action()),

@@ -1,5 +1,4 @@
-"""Where a first-time operator stumbled: scans that go astray, products that do not fit, verdicts that outlive their
-unit. Runs are told by their events alone; no bench is started."""
+"""Scans into any widget, incompatible products and old verdicts; runs are emitted events, no engine is started."""
 
 from typing import Any
 
@@ -19,57 +18,57 @@ ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "
 
 
 @pytest.fixture
-def told(operator: Operator) -> Operator:
-    """An operator whose run is events; nothing is started."""
+def simulated_run(operator: Operator) -> Operator:
+    """An operator during a run that consists of emitted events."""
     link = operator.window.app.engine_link
     link.request = RunRequest(SERIAL, operator.site_folder.station, operator.site_folder.product)
     link.running_changed.emit(True)
     return operator
 
 
-def end(operator: Operator, outcome: str, **result: Any) -> None:
-    """The run ends so."""
+def end_run(operator: Operator, outcome: str, **result: Any) -> None:
+    """End the run with an outcome."""
     link = operator.window.app.engine_link
     link.event.emit(Verdict(outcome, "log.h5", "result.json", {**ENDED, **result}))
     link.running_changed.emit(False)
     operator.until(lambda: operator.verdict)
 
 
-def scan_blindly(operator: Operator, text: str) -> None:
-    """A scanner's keys go wherever the focus is, each to where it is by then."""
+def scan_into_focus(operator: Operator, text: str) -> None:
+    """Send each key to the widget that has the focus, as a scanner does."""
     for character in text:
         operator.qtbot.keyClick(operator.window.focusWidget() or operator.window, character)
     operator.qtbot.keyClick(operator.window.focusWidget() or operator.window, Qt.Key.Key_Return)
 
 
-def scanned(operator: Operator) -> tuple[str, object]:
-    """What stands in the serial field and what has the focus."""
+def serial_and_focus(operator: Operator) -> tuple[str, object]:
+    """The text of the serial field, and the widget with the focus."""
     return operator.widget("serial_edit", QLineEdit).text(), operator.window.focusWidget()
 
 
-def test_a_scan_reaches_the_serial_field_wherever_the_focus_is(operator: Operator) -> None:
+def test_scan_reaches_the_serial_field_from_any_focus(operator: Operator) -> None:
     tabs = operator.window.page_tabs.tabBar()
     combo = operator.widget("product_combo", QComboBox)
     named = [operator.widget(n) for n in ("theme_button", "language_combo", "product_combo", "stop_button")]
     product = combo.currentText()
     for focused in (tabs, *named):
         focused.setFocus()
-        scan_blindly(operator, "TX-100")
-        assert scanned(operator)[0] == "TX-100"
+        scan_into_focus(operator, "TX-100")
+        assert serial_and_focus(operator)[0] == "TX-100"
         assert "does not fit this product" in operator.says()
         focused.setFocus()
-        scan_blindly(operator, SERIAL)
-        assert scanned(operator) == (SERIAL, operator.widget("start_button"))
+        scan_into_focus(operator, SERIAL)
+        assert serial_and_focus(operator) == (SERIAL, operator.widget("start_button"))
     assert operator.widget("language_combo", QComboBox).currentIndex() == 0
 
     combo.showPopup()
     operator.qtbot.keyClick(combo.view(), "t")
     assert QApplication.activePopupWidget() is None
-    assert (combo.currentText(), scanned(operator)[0]) == (product, "t")
+    assert (combo.currentText(), serial_and_focus(operator)[0]) == (product, "t")
     assert not operator.window.app.engine_link.running
 
 
-def test_the_serial_field_is_ready_after_a_pick_another_page_theme_and_language(operator: Operator) -> None:
+def test_serial_field_has_the_focus_after_product_page_theme_and_language_changes(operator: Operator) -> None:
     edit = operator.widget("serial_edit", QLineEdit)
     operator.widget("product_combo").setFocus()
     operator.choose("nav_a")
@@ -85,7 +84,7 @@ def test_the_serial_field_is_ready_after_a_pick_another_page_theme_and_language(
     assert operator.window.focusWidget() is edit
 
 
-def test_a_name_and_a_pin_are_no_scan_and_enter_on_start_says_what_starts(operator: Operator) -> None:
+def test_names_and_pins_are_not_scans_and_enter_on_start_explains_how_to_start(operator: Operator) -> None:
     name = operator.widget("operator_edit", QLineEdit)
     name.setFocus()
     operator.qtbot.keyClicks(name, "Li")
@@ -99,50 +98,50 @@ def test_a_name_and_a_pin_are_no_scan_and_enter_on_start_says_what_starts(operat
 
     operator.press("role_button")
     operator.qtbot.keyClick(operator.window, "7")
-    assert scanned(operator)[0] == SERIAL
+    assert serial_and_focus(operator)[0] == SERIAL
 
 
-def test_an_earlier_runs_stage_has_no_time_and_the_line_below_follows_the_language(told: Operator) -> None:
-    link = told.window.app.engine_link
-    first, second = told.run.stages[0].name, told.run.stages[1].name
+def test_stage_of_an_earlier_run_has_no_time_and_message_line_follows_the_language(simulated_run: Operator) -> None:
+    link = simulated_run.window.app.engine_link
+    first, second = simulated_run.run.stages[0].name, simulated_run.run.stages[1].name
     link.event.emit(StageSolved(first, {}, {"passed": True}))
     link.event.emit(StageStarted(second, 1, 4, 10.0))
     link.event.emit(StageSolved(second, {}, {"passed": True}))
-    stages = told.widget("stage_list", QListWidget)
+    stages = simulated_run.widget("stage_list", QListWidget)
 
-    def said(row: int) -> list[str]:
+    def state_texts(row: int) -> list[str]:
         return str(stages.item(row).data(Qt.ItemDataRole.AccessibleTextRole)).split(", ")[1:]
 
-    told.until(lambda: said(1) == ["ok", "0:00"])
-    assert said(0) == ["ok"]
+    simulated_run.until(lambda: state_texts(1) == ["ok", "0:00"])
+    assert state_texts(0) == ["ok"]
 
-    language = told.widget("language_combo", QComboBox)
+    language = simulated_run.widget("language_combo", QComboBox)
     language.setCurrentIndex(1)
-    end(told, "stopped")
-    assert "已完成的阶段" in told.message
+    end_run(simulated_run, "stopped")
+    assert "已完成的阶段" in simulated_run.message
     language.setCurrentIndex(0)
-    told.until(lambda: told.message.startswith("The completed stages are kept: resume after them"))
+    simulated_run.until(lambda: simulated_run.message.startswith("The completed stages are kept: resume after them"))
 
 
-def test_a_verdict_ends_with_its_product_and_its_station(told: Operator) -> None:
-    end(told, "passed")
-    assert told.verdict == "PASS"
-    told.window.show_page("history_page")
-    strip = next(s for s in told.window.findChildren(RunStrip) if s.isVisible())
+def test_verdict_is_cleared_by_another_product_or_station(simulated_run: Operator) -> None:
+    end_run(simulated_run, "passed")
+    assert simulated_run.verdict == "PASS"
+    simulated_run.window.show_page("history_page")
+    strip = next(s for s in simulated_run.window.findChildren(RunStrip) if s.isVisible())
     assert f"{SERIAL}  ·  PASS" in [label.text() for label in strip.findChildren(QLabel)]
-    told.window.show_page("operator_page")
-    told.choose("nav_a")
-    assert told.verdict == ""
-    assert "Load the unit" in told.says()
+    simulated_run.window.show_page("operator_page")
+    simulated_run.choose("nav_a")
+    assert simulated_run.verdict == ""
+    assert "Load the unit" in simulated_run.says()
 
-    told.window.app.engine_link.running_changed.emit(True)
-    told.window.app.engine_link.event.emit(StateChanged("running", "preparing"))
-    end(told, "passed")
-    told.window.app.set_station(told.site_folder.station)
-    assert told.verdict == ""
+    simulated_run.window.app.engine_link.running_changed.emit(True)
+    simulated_run.window.app.engine_link.event.emit(StateChanged("running", "preparing"))
+    end_run(simulated_run, "passed")
+    simulated_run.window.app.set_station(simulated_run.site_folder.station)
+    assert simulated_run.verdict == ""
 
 
-def test_what_is_nearest_is_bold_and_stands_beside_its_own_limit(told: Operator) -> None:
+def test_deciding_number_is_bold_and_shown_with_its_limit(simulated_run: Operator) -> None:
     row = {"unit": "rad/s", "stage": "rate", "value": -4e-6, "sigma": 9e-6}
     checks = [
         {
@@ -154,15 +153,15 @@ def test_what_is_nearest_is_bold_and_stands_beside_its_own_limit(told: Operator)
         },
         {"name": "gyro_bias_x sigma below", "value": 9e-6, "limit": 1e-5, "unit": "", "passed": True},
     ]
-    end(told, "passed", parameters={"gyro_bias_x": row}, checks=checks)
-    told.until(lambda: "σ ≤ 2.06" in told.says())
+    end_run(simulated_run, "passed", parameters={"gyro_bias_x": row}, checks=checks)
+    simulated_run.until(lambda: "σ ≤ 2.06" in simulated_run.says())
     bold = theme.font(theme.SECTION, bold=True)
-    shown = [label for label in told.window.findChildren(QLabel) if label.isVisible() and label.font() == bold]
+    shown = [label for label in simulated_run.window.findChildren(QLabel) if label.isVisible() and label.font() == bold]
     assert "1.9" in [label.text() for label in shown]
     assert "−0.8" not in [label.text() for label in shown]
 
 
-def test_products_that_fit_are_named_and_a_button_chooses_one(
+def test_compatible_products_are_named_and_a_button_chooses_one(
     operator: Operator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     app = operator.window.app
@@ -191,7 +190,7 @@ def test_products_that_fit_are_named_and_a_button_chooses_one(
     assert operator.widget("station_choice").isVisible()
 
 
-def test_start_waits_for_who_talks_to_a_device(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(JobQueue, "at_device", True)
     operator.scan(SERIAL)
     operator.press("start_button")

@@ -1,0 +1,11 @@
+"""Job of the queue that the windows of several tests share."""
+
+import os
+
+from calstation.jobs.queue import ProgressCallback
+
+
+def use_folder(report: ProgressCallback, folder: str, home: str) -> None:
+    """Use a test's folder and site folder, as a process started there would."""
+    os.chdir(folder)
+    os.environ["CALSTATION_HOME"] = home
