@@ -494,7 +494,7 @@ def test_an_operator_resets_what_the_table_has_latched(
         ):
             clock.order({"order": "interlock", "value": closed})
             operator._bot.mouseClick(verdict.reset.button, Qt.MouseButton.LeftButton)
-            operator._bot.waitUntil(lambda w=words: w in verdict.reset.words.text(), timeout=60_000)
+            operator._bot.waitUntil(lambda w=words: w in verdict.reset.result_label.text(), timeout=60_000)
             assert verdict.reset.button.isVisible() == (not closed)
         clock.close()
 

@@ -63,11 +63,6 @@ class HistoryPage(Page):
         """Whether a background job of the page is going on."""
         return self._refresher.busy or self._offers.busy or self._closer.busy
 
-    @property
-    def nothing_title(self) -> str:
-        """Title of the empty state, "" while runs are listed."""
-        return self._nothing.title if self._stack.currentWidget() is self._nothing else ""
-
     def refresh(self) -> None:
         """Bring the index up to date with the folder, then list the runs."""
         if not self.app.runs_folder.is_dir():

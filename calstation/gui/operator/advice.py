@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from calstation.gui.text import check_name, check_text, of_product, parameter_text, say
+from calstation.gui.text import check_name, check_text, of_parameter, of_product, parameter_text, say
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
 from calstation.results import Parameter, Result
@@ -83,16 +83,11 @@ def failed_check_text(check: Check, result: Result) -> str:
     if check.kind == "unobservable":
         names = ", ".join(parameter_text(name) for name in result.unobservable)
         return say("advice.undetermined", names=names)
-    if check.kind not in ("within", "sigma_below") or check.subject not in INDEX:
-        row = check_text(check)
+    row, name = check_text(check), parameter_text(check.subject)
+    if not of_parameter(check) or check.subject not in INDEX:
         return say("advice.violated", name=row.sentence, value=row.value, unit=row.unit, limit=row.limit)
-    name = parameter_text(check.subject)
-    value, unit = display(check.subject, check.value)
-    if isinstance(check.limit, tuple):
-        shown = f"{value:.4g}".replace("-", "−")
-        return say("advice.outside", parameter=name, value=shown, unit=unit, limit=_interval(check))
-    limit = f"{display(check.subject, check.limit)[0]:.4g}"
-    return say("advice.uncertain", parameter=name, value=number(value, value), unit=unit, limit=limit)
+    code = "advice.outside" if check.kind == "within" else "advice.uncertain"
+    return say(code, parameter=name, value=row.value, unit=row.unit, limit=row.limit)
 
 
 def _check_figure(check: Check) -> Figure:
@@ -113,9 +108,9 @@ def _share(check: Check | None) -> float:
 def _figure(name: str, row: Parameter, within: Check | None, below: Check | None) -> Figure:
     (value, unit), (sigma, _) = display(name, row.value), display(name, row.sigma)
     by_sigma = _share(below) > _share(within)
-    limit = _interval(within) if within is not None else ""
-    if by_sigma and below is not None and not isinstance(below.limit, tuple):
-        limit = f"σ ≤ {display(name, below.limit)[0]:.3g}"
+    limit = "" if within is None else check_text(within).limit
+    if by_sigma and below is not None:
+        limit = f"σ {check_text(below).limit}"
     both = [check for check in (within, below) if check is not None]
     return Figure(
         name=parameter_text(name),
@@ -127,9 +122,3 @@ def _figure(name: str, row: Parameter, within: Check | None, below: Check | None
         near=any(check.near_miss for check in both),
         by_sigma=by_sigma,
     )
-
-
-def _interval(check: Check) -> str:
-    assert isinstance(check.limit, tuple)
-    low, high = (display(check.subject, bound)[0] for bound in check.limit)
-    return f"±{high:.4g}" if low == -high else f"{low:.4g} … {high:.4g}".replace("-", "−")

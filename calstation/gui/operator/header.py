@@ -72,28 +72,21 @@ class RunHeader(QWidget):
     @property
     def product(self) -> Path | None:
         """File of the chosen product."""
-        path = self.product_combo.currentData()
-        return path if isinstance(path, Path) else None
-
-    @property
-    def products(self) -> list[tuple[str, Path]]:
-        """Names and files of the products offered."""
-        combo = self.product_combo
-        return [(combo.itemText(i), combo.itemData(i)) for i in range(combo.count())]
+        name = self.product_combo.currentData()
+        return None if name is None else Path(name)
 
     def set_products(self, products: list[tuple[str, Path]], chosen: Path | None) -> None:
-        """Offer products and choose one."""
+        """Offer products by name and file, and choose one."""
         self.product_combo.clear()
         for name, path in products:
-            self.product_combo.addItem(name, path)
-        if chosen is not None:
-            self.show_product(chosen)
+            self.product_combo.addItem(name, str(path))
+        self.show_product(chosen)
 
-    def show_product(self, path: Path) -> None:
-        """Choose a product."""
-        for index, (_, offered) in enumerate(self.products):
-            if offered == path:
-                self.product_combo.setCurrentIndex(index)
+    def show_product(self, path: Path | None) -> None:
+        """Choose a product, if it is offered."""
+        index = self.product_combo.findData(str(path))
+        if index >= 0:
+            self.product_combo.setCurrentIndex(index)
 
     def set_serial(self, text: str) -> None:
         """Fill in a serial number."""

@@ -51,6 +51,7 @@ class OperatorPage(Page):
         self.setObjectName("operator_page")
         self._problem: Text | None = None
         self._opened = False
+        self._products: list[tuple[str, Path]] = []
         self.header: RunHeader = RunHeader()
         self._stages = StageList(app.run)
         self._loading, self._live, self._verdict = Loading(), LiveView(app.run), VerdictPanel(app)
@@ -135,13 +136,12 @@ class OperatorPage(Page):
     def _show_product(self) -> None:
         """Show the product that another page may have chosen."""
         self._clear_verdict()
-        if self.app.product_path is not None:
-            self.header.show_product(self.app.product_path)
+        self.header.show_product(self.app.product_path)
         self._plan()
 
     def _update_products(self) -> None:
         """Read the products again if files were added or removed."""
-        if self.app.engine_link.running or self.header.products == _products():
+        if self.app.engine_link.running or self._products == _products():
             return
         before = self.app.product_path
         self._read_products()
@@ -149,13 +149,13 @@ class OperatorPage(Page):
             self.app.product_changed.emit()
 
     def _read_products(self) -> None:
-        products = _products()
-        paths = [path for _, path in products]
+        self._products = _products()
+        paths = [path for _, path in self._products]
         chosen = self.app.product_path
         if chosen not in paths:
             last = str(self.app.settings.value("product", DEFAULT_PRODUCT)) if chosen is None else chosen.stem
-            chosen = next((path for name, path in products if name == last), paths[0] if paths else None)
-        self.header.set_products(products, chosen)
+            chosen = next((path for name, path in self._products if name == last), paths[0] if paths else None)
+        self.header.set_products(self._products, chosen)
         self.app.product_path = self.header.product
         self._plan()
 

@@ -71,7 +71,7 @@ class PositionPanel(QFrame):
         self._refresh()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Use larger text if there is room."""
+        """Use larger text on a wide panel."""
         self._enlarge(4.0 / 3.0 if event.size().width() >= _WIDE else 1.0)
         super().resizeEvent(event)
 

@@ -39,7 +39,7 @@ class _Row(QFrame):
         column((line, 1), self._bar, on=self, spacing=0)
 
     def show_stage(self, kind: str, name: str, state: str, time: str, fraction: float) -> None:
-        """Show a stage: kind of its state, name, state and time in words, fraction done."""
+        """Show a stage: kind of its state, name, texts of state and time, fraction done."""
         active = kind == "active"
         if self.property("kind") != ("current" if active else ""):
             theme.set_kind(self, "current" if active else "")

@@ -147,7 +147,7 @@ class RunStarter(QObject):
         chosen = [run for run in found if run.log.name == self._wanted.name]
         if chosen:
             self._notice.dismiss()
-            self._offer(chosen)  # chosen on another page: hands may be on the fixture
+            self._offer(chosen)  # chosen on another page: somebody may be at the fixture
         else:
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 

@@ -39,7 +39,7 @@ class _Head(QWidget):
         self.update()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Make the word as large as there is room."""
+        """Fit the size of the word to that of the head."""
         super().resizeEvent(event)
         size = min(0.55 * self.height(), self.width() / 9.0)
         self.word.setFont(theme.font(max(theme.VERDICT, round(size)), bold=True))
@@ -130,14 +130,14 @@ class VerdictPanel(QFrame):
         self._station_button.setVisible(text is not None and text.source == "configuration")
         self.reason_label.setText(advice.reason(self._run.state, self._result) if text is None else text.reason)
         notes = dict.fromkeys(event_sentence(*remark) for remark in self._run.remarks)
-        for shown, words in (
+        for shown, content in (
             (self._source, self.tr("Where: {place}").format(place=text.where) if text and text.where else ""),
             (self.action_label, self.next_action()),
             (self._notes, "\n".join(notes)),
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
-            shown.setText(words)
-            shown.setVisible(bool(words))
+            shown.setText(content)
+            shown.setVisible(bool(content))
         self._figures.show_result(self._result if text is None else None)
 
     def _table(self) -> LinkTestRequest | None:

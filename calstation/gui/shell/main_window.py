@@ -1,4 +1,4 @@
-"""The main window: top bar, pages, and STOP in one place on all of them."""
+"""The main window: top bar, pages, and STOP at the same position on all of them."""
 
 from functools import partial
 from itertools import pairwise
@@ -132,7 +132,7 @@ class MainWindow(QMainWindow):
             super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """Ask while a run is in progress; otherwise end the processes beside the window."""
+        """Ask while a run is in progress; otherwise end the engine and the job process."""
         if self.app.engine_link.running and not self._closing:
             event.ignore()
             self.show_page("operator_page")
@@ -165,7 +165,6 @@ class MainWindow(QMainWindow):
         self._station = label(kind="pill", name="station_label")
         self.language_combo = language.language_combo()
         self.language_combo.setProperty("kind", "tall")
-        self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
         self.language_combo.currentIndexChanged.connect(self._choose_language)
         self._theme_button = button("theme_button", pressed=self._other_theme)
         self._theme_button.setFixedWidth(theme.BUTTON)

@@ -35,12 +35,12 @@ class ResetBar(QWidget):
         self._error: CalstationError | None = None
         self.button = button(name, lambda: self.tr("Reset the fault"), self._start)
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
-        self._icon, self.words = StateIcon(18), label(name=f"{name}_result", wrap=True)
+        self._icon, self.result_label = StateIcon(18), label(name=f"{name}_result", wrap=True)
         self.watch = JobWatch(self)
         self.watch.done.connect(lambda result: self._finish(result=result))
         self.watch.failed.connect(lambda error: self._finish(error=error))
         self.watch.cancelled.connect(self._finish)
-        column(self.button, row(self._icon, (self.words, 1)), on=self)
+        column(self.button, row(self._icon, (self.result_label, 1)), on=self)
         app.engine_link.running_changed.connect(self._running_changed)
         on_language_change(self, self._show)
 
@@ -91,8 +91,8 @@ class ResetBar(QWidget):
         kind, text = self._result_text()
         self._icon.setVisible(bool(kind))
         self._icon.set_kind(kind)
-        self.words.setText(text)
-        self.words.setVisible(bool(text))
+        self.result_label.setText(text)
+        self.result_label.setVisible(bool(text))
         self.setVisible(self._offered or bool(text))
 
     def _result_text(self) -> tuple[str, str]:
