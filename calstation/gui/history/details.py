@@ -95,11 +95,12 @@ class RunDetails(QFrame):
         items = (self.reason_label, self.failed_label, self._figures, self._facts, None)
         column(*items, on=content, spacing=2 * theme.GRID, margins=(0, 0, theme.GRID, 0))
         scroll = QScrollArea()
-        scroll.setProperty("kind", "clear")
         scroll.setWidget(content)
         scroll.setWidgetResizable(True)
         scroll.setFrameShape(QFrame.Shape.NoFrame)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        for widget in (content, scroll.viewport()):
+            widget.setAutoFillBackground(False)
         column(
             row((self._serial, 1), self.badge),
             (scroll, 5),
