@@ -35,7 +35,7 @@ class HistoryPage(Page):
         self._index: tuple[Path, History] | None = None
         self._filters, self.table, self.details = Filters(), RunTable(), RunDetails()
         bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
-        self.notice, self._nothing = NoticeBar(), EmptyState()
+        self.notice = NoticeBar()
         self.notice.setObjectName("history_notice")
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear)
         self._nothing = EmptyState(self._clear_button)
