@@ -1,4 +1,4 @@
-"""Frames come out whole and alike however the stream is cut, whatever noise and losses it carries."""
+"""Frames decode completely and identically however the stream is cut, with noise and losses."""
 
 import itertools
 import struct

@@ -1,4 +1,4 @@
-"""docs/reference/profiles.md tells every entry that a profile may have, and what it shows is so."""
+"""docs/reference/profiles.md documents every entry that a profile may have, and its examples are right."""
 
 import re
 import tomllib
@@ -31,7 +31,7 @@ from calstation.devices.profiles.table_registers import (
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "docs" / "reference" / "profiles.md").read_text(encoding="utf-8")
 GUIDE = (ROOT / "docs" / "how-to" / "connect.md").read_text(encoding="utf-8")
-TOLD = {word for span in re.findall(r"`([^`\n]+)`", TEXT) for word in re.findall(r"\w+", span)}
+DOCUMENTED = {word for span in re.findall(r"`([^`\n]+)`", TEXT) for word in re.findall(r"\w+", span)}
 
 
 def models(kind: Any, seen: set[type]) -> Iterator[type[BaseModel]]:
@@ -50,15 +50,15 @@ def models(kind: Any, seen: set[type]) -> Iterator[type[BaseModel]]:
 def test_every_entry_is_documented(profile: type[BaseModel]) -> None:
     found = list(models(profile, set()))
     assert len(found) > 8
-    missing = [f"{m.__name__}.{name}" for m in found for name in m.model_fields if name not in TOLD]
+    missing = [f"{m.__name__}.{name}" for m in found for name in m.model_fields if name not in DOCUMENTED]
     assert missing == []
 
 
 def test_every_allowed_name_is_documented() -> None:
     names = {*OPS, *CHECK_WIDTHS, *COMMANDS, *STATUS_BITS, *OPTIONAL_BITS, *WRITTEN}
     names |= {*DRIVE_REGISTERS, *OPTIONAL_DRIVE_REGISTERS, *JOINT_REGISTERS, *OPTIONAL_JOINT_REGISTERS}
-    assert sorted(names - TOLD) == []
-    assert set(CRC_WIDTHS) <= TOLD
+    assert sorted(names - DOCUMENTED) == []
+    assert set(CRC_WIDTHS) <= DOCUMENTED
 
 
 def test_the_request_that_is_shown_is_what_is_sent() -> None:

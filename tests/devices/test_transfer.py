@@ -18,7 +18,7 @@ OLD = float(np.float32(0.001))
 
 @dataclass
 class Noted:
-    """An entry of a journal in memory; `full_at` names a step that its disk does not take."""
+    """An entry of a journal in memory; `full_at` names the step at which its disk is full."""
 
     old: Mapping[str, float] = field(default_factory=dict)
     new: Mapping[str, float] = field(default_factory=dict)
@@ -41,7 +41,7 @@ class Noted:
 
 
 class RegisterUnit:
-    """RAM and flash registers; `deaf` names one that takes no value, `forgets` loses one when burnt."""
+    """RAM and flash registers; `deaf` names one that ignores writes, `forgets` one that is lost by a commit."""
 
     def __init__(self, deaf: str = "", forgets: str = "", serial: str = SERIAL) -> None:
         self.deaf, self.forgets, self.serial = deaf, forgets, serial

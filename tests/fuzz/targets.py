@@ -73,7 +73,7 @@ def stream(name: str, data: bytes) -> None:
 
 
 def lines(name: str, data: bytes) -> None:
-    """Look for replies of a table of text in whatever was heard; each takes something off."""
+    """Look for replies of a table of text in any received bytes; each consumes some of them."""
     section = TABLES[name].text
     assert section is not None
     plain = Prompted(section) if section.prompt else Plain(section)
@@ -106,7 +106,7 @@ def numbers(data: bytes) -> None:
 
 
 def rtu(data: bytes) -> None:
-    """Look for a Modbus unit's answers in whatever was heard: each is sound, behind the last, and none overlaps."""
+    """Look for a Modbus unit's answers in any received bytes: each is valid, after the last, and none overlaps."""
     kind, place = RtuReply(1), 0
     for reply, end in replies(1, data, 0):
         begin = end - len(reply.payload) - 4

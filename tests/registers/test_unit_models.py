@@ -41,7 +41,7 @@ def registers() -> list[RegisterEntry]:
 
 
 class Known:
-    """A place whose journal knows a transfer to a unit of a sort."""
+    """A site whose journal holds a transfer to a type of unit."""
 
     def __init__(self, site_folder: SiteFolder) -> None:
         self.site_folder = site_folder
