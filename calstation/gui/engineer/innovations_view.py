@@ -1,13 +1,16 @@
 """Innovations of a stage in units of their sigmas, against ±3, and the mean NIS of every stage with its band."""
 
+from dataclasses import dataclass
+from functools import partial
+
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QSignalBlocker
-from PySide6.QtWidgets import QComboBox, QGridLayout, QWidget
+from PySide6.QtWidgets import QComboBox
 
 from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
-from calstation.gui.text import on_language_change, term
-from calstation.gui.widgets import StateBadge, column, label, row, theme
+from calstation.gui.text import on_language_change, say, term
+from calstation.gui.widgets import Column, ParameterModel, ParameterTable, column, label, row, theme
 from calstation.results import Diagnostics, StageDiagnostics
 
 #: Largest number of observations inside ±3 σ drawn in each plot; more are thinned out.
@@ -17,6 +20,8 @@ _BOUND = 3.0
 _FEW = 100
 #: Least range of a plot, sigmas either way.
 _LEAST_RANGE = 5.0
+#: Height of a row of the table, px.
+_ROW = 26
 
 
 class InnovationsView(StackedPlots):
@@ -25,6 +30,7 @@ class InnovationsView(StackedPlots):
     def __init__(self) -> None:
         super().__init__(3, 7 * theme.GRID)
         self._diagnostics: Diagnostics | None = None
+        self._rows: dict[str, _NisRow] = {}
         self._stage_combo = QComboBox()
         self._stage_combo.setObjectName("innovation_stage_combo")
         self._stage_combo.setMinimumWidth(22 * theme.GRID)
@@ -32,14 +38,28 @@ class InnovationsView(StackedPlots):
         caption = label(lambda: self.tr("Stage"))
         caption.setBuddy(self._stage_combo)
         self._beyond = label()
-        self._nis = QGridLayout()
-        self._nis.setHorizontalSpacing(3 * theme.GRID)
-        self._nis.setVerticalSpacing(theme.GRID // 2)
-        self._nis.setColumnStretch(4, 1)
+        self._nis = ParameterModel(
+            (
+                Column(lambda: self.tr("Stage"), partial(term, "stage"), number=False),
+                Column(lambda: self.tr("Mean NIS"), lambda name: self._rows[name].mean),
+                Column(lambda: self.tr("99.9 % band"), lambda name: self._rows[name].band),
+                Column(
+                    lambda: self.tr("Verdict"),
+                    lambda name: say(f"engineer.nis_{self._rows[name].verdict}"),
+                    number=False,
+                    state=lambda name: self._rows[name].state,
+                ),
+            ),
+            grouped=False,
+        )
+        self._table = ParameterTable(self._nis)
+        self._table.setObjectName("nis_table")
+        self._table.verticalHeader().hide()
+        self._table.verticalHeader().setDefaultSectionSize(_ROW)
         column(
             row(caption, self._stage_combo, 2 * theme.GRID, (self._beyond, 1)),
             *((plot, 1) for plot in self.plots),
-            self._nis,
+            self._table,
             on=self,
             spacing=theme.GRID // 2,
             margins=(0, theme.GRID, 0, 0),
@@ -56,12 +76,16 @@ class InnovationsView(StackedPlots):
                 self._stage_combo.addItem("", stage)
             longest = max(sizes, key=lambda stage: sizes[stage], default="")
             self._stage_combo.setCurrentIndex(max(self._stage_combo.findData(longest), 0))
+        self._rows = {stage.stage: _NisRow.of(stage) for stage in diagnostics.stages}
+        self._nis.set_names(list(self._rows))
+        header = self._table.horizontalHeader().sizeHint().height()
+        self._table.setFixedHeight(header + _ROW * len(diagnostics.stages) + theme.GRID // 2)
         self._show_texts()
         self.refresh()
 
     def draw(self) -> None:
         """Draw the innovations of the chosen stage."""
-        stage = self._stage()
+        stage = self._stage(str(self._stage_combo.currentData()))
         if stage is None or stage.innovations is None:
             self._beyond.setText("")
             return
@@ -91,10 +115,9 @@ class InnovationsView(StackedPlots):
             self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(len(innovations.seq), share)
         )
 
-    def _stage(self) -> StageDiagnostics | None:
+    def _stage(self, name: str) -> StageDiagnostics | None:
         stages = () if self._diagnostics is None else self._diagnostics.stages
-        chosen = self._stage_combo.currentData()
-        return next((stage for stage in stages if stage.stage == chosen), None)
+        return next((stage for stage in stages if stage.stage == name), None)
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:
         """Names of the components: velocity in the level frame, or along the unit's axes."""
@@ -104,34 +127,28 @@ class InnovationsView(StackedPlots):
 
     def _show_texts(self) -> None:
         name_stages(self._stage_combo)
-        while (item := self._nis.takeAt(0)) is not None:
-            widget: QWidget | None = item.widget()
-            if widget is not None:
-                widget.setParent(None)
-                widget.deleteLater()
-        if self._diagnostics is None:
-            return
-        headings = (self.tr("Stage"), self.tr("Mean NIS"), self.tr("99.9 % band"))
-        for number, heading in enumerate(headings):
-            title = label(kind="muted")
-            title.setText(heading)
-            self._nis.addWidget(title, 0, number)
-        for line, stage in enumerate(self._diagnostics.stages, 1):
-            c = stage.consistency
-            texts = (term("stage", stage.stage), f"{c.nis_mean:.3f}", f"{c.nis_low:.3f} – {c.nis_high:.3f}")
-            for number, text in enumerate(texts):
-                cell = label()
-                cell.setText(text)
-                self._nis.addWidget(cell, line, number)
-            badge = StateBadge()
-            if not c.passed:
-                badge.show_state("bad", self.tr("above: errors that the model does not explain"))
-            elif c.warning:
-                kind = "none" if c.count < _FEW else "caution"
-                badge.show_state(kind, self.tr("below the band: sigma is conservative"))
-            else:
-                badge.show_state("good", self.tr("inside"))
-            self._nis.addWidget(badge, line, 3)
+        self._nis.refresh()
+
+
+@dataclass(frozen=True)
+class _NisRow:
+    """The mean NIS of a stage, its band, and a state and the name of its words."""
+
+    mean: str
+    band: str
+    state: str
+    verdict: str
+
+    @classmethod
+    def of(cls, stage: StageDiagnostics) -> "_NisRow":
+        """The row of a stage."""
+        c = stage.consistency
+        state, verdict = "good", "inside"
+        if not c.passed:
+            state, verdict = "bad", "above"
+        elif c.warning:
+            state, verdict = "none" if c.count < _FEW else "caution", "below"
+        return cls(f"{c.nis_mean:.3f}", f"{c.nis_low:.3f} – {c.nis_high:.3f}", state, verdict)
 
 
 def name_stages(combo: QComboBox) -> None:

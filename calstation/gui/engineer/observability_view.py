@@ -5,21 +5,20 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPoint, QRect, QRectF, QSignalBlocker, QSize, Qt
-from PySide6.QtGui import QColor, QHelpEvent, QPainter, QPaintEvent
-from PySide6.QtWidgets import QComboBox, QFrame, QScrollArea, QSizePolicy, QToolTip, QWidget
+from PySide6.QtCore import QEvent, QPoint, QRectF, QSignalBlocker
+from PySide6.QtGui import QHelpEvent
+from PySide6.QtWidgets import QComboBox, QFrame, QScrollArea, QToolTip, QWidget
 
 from calstation.gui.engineer.innovations_view import name_stages
 from calstation.gui.text import on_language_change, term
-from calstation.gui.widgets import EmptyState, column, label, row, theme
+from calstation.gui.widgets import EmptyState, ThemedPlot, column, label, row, theme
 from calstation.physics import FloatArray
 
 #: Strength from which a state counts as observable.
 OBSERVABLE = 1.0 / 0.9
 #: Range of the scale: strengths from 1 to 100 000.
 _DECADES = 5
-_NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 3 * theme.GRID
-_SCALE_WIDTH = 14 * theme.GRID
+_NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 5 * theme.GRID
 
 
 class ObservabilityView(QWidget):
@@ -89,7 +88,7 @@ class ObservabilityView(QWidget):
         )
 
 
-class HeatMap(QWidget):
+class HeatMap(ThemedPlot):
     """Strengths on a logarithmic colour scale; an unobservable cell is a dot, tooltips give the values."""
 
     def __init__(self) -> None:
@@ -97,12 +96,23 @@ class HeatMap(QWidget):
         self._names: tuple[str, ...] = ()
         self._steps: tuple[int, ...] = ()
         self._strength: FloatArray = np.empty((0, 0))
-        self._colours = pg.colormap.get("viridis")
-        self.setMouseTracking(True)
-        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.MinimumExpanding)
+        self._image = pg.ImageItem(axisOrder="row-major")
+        self._dots = pg.ScatterPlotItem(size=2, pxMode=True, pen=None)
+        for item in (self._image, self._dots):
+            self.addItem(item)
+        colours = pg.colormap.get("viridis")
+        bar = pg.ColorBarItem(values=(0, _DECADES), colorMap=colours, interactive=False, width=2 * theme.GRID)
+        bar.setImageItem(self._image, insert_in=self.getPlotItem())
+        bar.axis.setTicks([[(k, f"{10**k} ×") for k in range(_DECADES + 1)]])
+        bar.axis.setStyle(tickFont=theme.font())
+        bar.axis.setWidth(11 * theme.GRID)
+        self.setMouseEnabled(x=False, y=False)
+        self.getViewBox().invertY()
+        self.getAxis("left").setWidth(_NAMES_WIDTH)
+        self.getAxis("left").setStyle(tickFont=theme.font(11), tickLength=0)
 
     def show_strengths(self, names: tuple[str, ...], steps: tuple[int, ...], strength: FloatArray) -> None:
-        """Show a picture.
+        """Show strengths.
 
         Parameters
         ----------
@@ -111,114 +121,46 @@ class HeatMap(QWidget):
         strength : ndarray, shape (names, steps), prior sigma over the sigma after the step
         """
         self._names, self._steps, self._strength = names, steps, strength
-        self.setMinimumHeight(self.minimumSizeHint().height())
-        self.updateGeometry()
-        self.update()
+        self.setMinimumHeight(_ROW * len(names) + _AXIS)
+        lost = strength <= OBSERVABLE
+        decades = np.log10(np.maximum(strength, 1.0))
+        self._image.setImage(np.where(lost, np.nan, decades), levels=(0.0, _DECADES))
+        lines, columns = np.nonzero(lost)
+        self._dots.setData(columns + 0.5, lines + 0.5, brush=theme.colours().muted)
+        self.getAxis("left").setTicks([[(k + 0.5, self._state_name(name)) for k, name in enumerate(names)]])
+        every = 1 + len(steps) // 15
+        self.getAxis("bottom").setTicks([[(k + 0.5, str(step)) for k, step in enumerate(steps)][::every]])
+        self.setLabel("bottom", self.tr("after step"))
+        self.setRange(QRectF(0.0, 0.0, len(steps), len(names)), padding=0.0)
 
-    def minimumSizeHint(self) -> QSize:
-        """Rows high enough to tell apart."""
-        return QSize(_NAMES_WIDTH + _SCALE_WIDTH + 4 * len(self._steps), _ROW * len(self._names) + _AXIS)
+    def centre_of(self, line: int, step: int) -> QPoint:
+        """The middle of a cell in the view."""
+        centre: QPoint = self.mapFromScene(self.getViewBox().mapViewToScene(pg.Point(step + 0.5, line + 0.5)))
+        return centre
 
-    def cell(self, line: int, step: int) -> QRectF:
-        """The rectangle of a cell."""
-        width = (self.width() - _NAMES_WIDTH - _SCALE_WIDTH) / max(len(self._steps), 1)
-        height = (self.height() - _AXIS) / max(len(self._names), 1)
-        return QRectF(_NAMES_WIDTH + step * width, line * height, width, height)
-
-    def cell_at(self, at: QPoint) -> tuple[int, int] | None:
-        """Line and step of the cell at a point, None beside the cells."""
-        first = self.cell(0, 0)
-        line = int(at.y() // first.height())
-        step = int((at.x() - first.left()) // first.width())
-        inside = 0 <= line < len(self._names) and 0 <= step < len(self._steps)
-        return (line, step) if inside else None
-
-    def describe(self, line: int, step: int) -> str:
-        """The value of a cell in words."""
+    def describe(self, at: QPoint) -> str:
+        """The cell at a point of the view in words, "" beside the cells."""
+        found = self.getViewBox().mapSceneToView(self.mapToScene(at))
+        line, step = int(np.floor(found.y())), int(np.floor(found.x()))
+        if not (0 <= line < len(self._names) and 0 <= step < len(self._steps)):
+            return ""
         strength = float(self._strength[line, step])
         if strength <= OBSERVABLE:
             text = self.tr("{0} after step {1}: not better known than before")
         else:
             text = self.tr("{0} after step {1}: {2:.3g} times better known than before the stage")
-        return text.format(self._names[line], self._steps[step], strength)
+        return str(text.format(self._names[line], self._steps[step], strength))
 
-    def event(self, event: QEvent) -> bool:
+    def viewportEvent(self, event: QEvent) -> bool:
         """Show a cell's value as the tooltip."""
         if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            found = self.cell_at(event.pos())
-            QToolTip.showText(event.globalPos(), self.describe(*found) if found else "", self)
+            QToolTip.showText(event.globalPos(), self.describe(event.pos()), self)
             return True
-        return super().event(event)
+        return bool(super().viewportEvent(event))
 
-    def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw cells, names, steps and scale."""
-        painter = QPainter(self)
-        muted = QColor(theme.colours().muted)
-        for (line, step), strength in np.ndenumerate(self._strength):
-            box = self.cell(line, step)
-            if strength <= OBSERVABLE:
-                painter.fillRect(QRectF(box.center().x() - 1, box.center().y() - 1, 2, 2), muted)
-            else:
-                painter.fillRect(box.adjusted(0, 0, -1, -1), self._colour(float(strength)))
-        self._paint_names(painter)
-        self._paint_steps(painter)
-        self._paint_scale(painter)
-
-    def _colour(self, strength: float) -> QColor:
-        share = min(np.log10(max(strength, 1.0)) / _DECADES, 1.0)
-        return QColor(*self._colours.map(share, mode="byte")[:3].tolist())
-
-    def _paint_names(self, painter: QPainter) -> None:
-        """Name each group once, and each of its components beside its line."""
-        c = theme.colours()
-        small = theme.font(min(theme.BODY, max(10, int(self.cell(0, 0).height()) - 2)))
-        width = 6 * theme.GRID
-        groups = [name.rpartition("_")[0] for name in self._names]
-        directions = {"east": self.tr("east"), "north": self.tr("north"), "up": self.tr("up")}
-        for line, name in enumerate(self._names):
-            box = self.cell(line, 0)
-            component = name.rpartition("_")[2]
-            painter.setFont(small)
-            painter.setPen(QColor(c.muted))
-            painter.drawText(
-                QRectF(_NAMES_WIDTH - width, box.top(), width - 6, box.height()),
-                Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter,
-                directions.get(component, component),
-            )
+    def _state_name(self, state: str) -> str:
+        """Group and component, such as "gyro bias x"."""
+        group, _, component = state.rpartition("_")
         errors = {"attitude_error": self.tr("attitude"), "velocity_error": self.tr("velocity")}
-        for group in dict.fromkeys(groups):
-            lines = [line for line, name in enumerate(groups) if name == group]
-            top, bottom = self.cell(lines[0], 0).top(), self.cell(lines[-1], 0).bottom()
-            painter.setFont(theme.font())
-            painter.setPen(QColor(c.text))
-            painter.drawText(
-                QRectF(0, top, _NAMES_WIDTH - width, bottom - top),
-                Qt.AlignmentFlag.AlignVCenter,
-                errors.get(group) or term("group", group),
-            )
-            painter.setPen(QColor(c.line))
-            painter.drawLine(0, int(bottom), self.width() - _SCALE_WIDTH, int(bottom))
-
-    def _paint_steps(self, painter: QPainter) -> None:
-        painter.setFont(theme.font())
-        painter.setPen(QColor(theme.colours().text))
-        top = self.height() - _AXIS
-        width = self.cell(0, 0).width()
-        every = max(1, int(np.ceil(3.5 * theme.GRID / max(width, 1.0))))
-        for index, step in list(enumerate(self._steps))[::every]:
-            box = QRectF(self.cell(0, index).left() - 20, top, width + 40, _AXIS)
-            painter.drawText(box, Qt.AlignmentFlag.AlignCenter, str(step))
-        box = QRectF(0, top, _NAMES_WIDTH - 6, _AXIS)
-        right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        painter.drawText(box, right, self.tr("after step"))
-
-    def _paint_scale(self, painter: QPainter) -> None:
-        left, height = self.width() - _SCALE_WIDTH + 2 * theme.GRID, min(self.height() - _AXIS, 300)
-        for k in range(height):
-            shade = self._colour(10.0 ** (_DECADES * (1.0 - k / height)))
-            painter.fillRect(QRect(left, k, 2 * theme.GRID, 1), shade)
-        painter.setPen(QColor(theme.colours().text))
-        for decade in range(_DECADES + 1):
-            y = height * (1.0 - decade / _DECADES)
-            box = QRectF(left + 2.5 * theme.GRID, min(max(y - 8, 0), height - 16), 10 * theme.GRID, 16)
-            painter.drawText(box, Qt.AlignmentFlag.AlignVCenter, f"{10**decade} ×")
+        directions = {"east": self.tr("east"), "north": self.tr("north"), "up": self.tr("up")}
+        return f"{errors.get(group) or term('group', group)} {directions.get(component, component)}"

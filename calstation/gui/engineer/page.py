@@ -16,7 +16,7 @@ from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.register_controller import UNNAMED, RegisterController
 from calstation.gui.engineer.result_analysis import ResultAnalysis
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import bind, error_text, on_language_change, say, term
+from calstation.gui.text import bind, error_text, on_language_change, say
 from calstation.gui.widgets import Choice, ElidedLabel, JobWatch, NoticeBar, button, column, row, theme
 from calstation.results import FinishedRun, compute_preview
 from calstation.sequencer import Event, Verdict
@@ -173,23 +173,16 @@ class EngineerPage(Page):
     def _ask_to_save(self) -> None:
         assert self._options is not None
         form, product = self.choice.form, self._options.name
-        stage, changes = form.stage, form.departures
+        stage = form.stage
+        changes = {stage: form.departures}
+        confirm = Choice(
+            "confirm_save_button", lambda: self.tr("Save to product"), lambda: self._save(changes), primary=True
+        )
         self.notice.ask(
             "caution",
-            lambda: self.tr("Save the schedule of {0} to the product {1}?").format(term("stage", stage), product),
-            lambda: self.tr(
-                "Every later run of this product uses it. The present version is kept; this one is saved under the "
-                "name {0}."
-            ).format(self._fields.engineer),
-            (
-                Choice("cancel_save_button", lambda: self.tr("Cancel"), lambda: None),
-                Choice(
-                    "confirm_save_button",
-                    lambda: self.tr("Save to product"),
-                    lambda: self._save({stage: changes}),
-                    primary=True,
-                ),
-            ),
+            lambda: say("engineer.ask_save", stage=stage, product=product),
+            lambda: say("engineer.about_save", engineer=self._fields.engineer),
+            (Choice("cancel_save_button", lambda: self.tr("Cancel"), lambda: None), confirm),
         )
 
     def _save(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
@@ -203,9 +196,8 @@ class EngineerPage(Page):
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
         name = self._options.name if self._options is not None else path.stem
-        self.notice.ask(
-            "good", lambda: self.tr("{0}: version {1} saved").format(name, version.number), lambda: str(path)
-        )
+        title = {"product": name, "number": version.number}
+        self.notice.ask("good", lambda: say("engineer.saved", **title), lambda: str(path))
         if path == self.app.product_path:
             self.app.product_changed.emit()
         else:
@@ -221,11 +213,7 @@ class EngineerPage(Page):
         assert self._options is not None
         self.notice.dismiss()
         if self.app.job_queue.at_device:
-            self.notice.ask(
-                "caution",
-                lambda: self.tr("The program is communicating with the unit."),
-                lambda: self.tr("It takes a few seconds; press START again then."),
-            )
+            self.notice.ask("caution", lambda: say("engineer.communicating"), lambda: say("engineer.start_again"))
             return
         self.app.settings.setValue("engineer_name", self._fields.engineer)
         if self._options.virtual:
@@ -234,8 +222,8 @@ class EngineerPage(Page):
         station = self._options.station
         self.notice.ask(
             "caution",
-            lambda: self.tr("The table of '{0}' is going to move").format(station),
-            lambda: self.tr("Is everyone clear of the table and the unit secured?"),
+            lambda: say("engineer.table_moves", station=station),
+            lambda: say("engineer.ask_clear"),
             (
                 Choice("clear_choice", lambda: self.tr("All clear, start"), self._run),
                 Choice("cancel_choice", lambda: self.tr("Cancel"), lambda: None, primary=True),
@@ -272,7 +260,7 @@ class EngineerPage(Page):
         self.analysis.prepare(self._views.currentWidget())
         self._update()
 
-    def _not_loaded(self, path: Path | None, error: CalstationError) -> None:
+    def _not_loaded(self, error: CalstationError) -> None:
         self.notice.ask("bad", lambda: self.tr("This file cannot be opened"), lambda: error_text(error).sentences)
 
     def _show_view(self, index: int) -> None:
@@ -283,17 +271,18 @@ class EngineerPage(Page):
 
     def _update(self) -> None:
         """Enable what may be done now; tooltips say why not."""
-        busy = self._why_busy()
-        role = self._why_not_role()
-        name = "" if self._fields.engineer else self.tr("Enter your name first; it stands in the record.")
-        device = self.tr("The program is communicating with the unit.") if self.registers.watch.busy else ""
+        found, role = self._options, self._why_not_role()
+        busy = ""
+        if self.app.engine_link.running:
+            busy = say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
+        name = "" if self._fields.engineer else say("engineer.no_name")
+        device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
         self._fields.lock(busy)
         self._fields.set_why_no_start(problem or busy or device or choice or self._why_no_unit())
         self.choice.ask_for_pin(self.app.role.new)
         self.choice.lock(busy, role, name or self._why_not_save())
         self.preview.set_why_not(problem or choice)
-        found = self._options
         self.registers.engineer = self._fields.engineer
         self.registers.table = "" if found is None or found.by_hand else found.station
         read = problem or busy or device
@@ -303,43 +292,32 @@ class EngineerPage(Page):
         if self._problem is not None:
             return error_text(self._problem).sentences
         if self._options is not None and not self._options.offered:
-            return self.tr("None of this product's stages can run on this station's rig.")
+            return say("engineer.no_stage_offered")
         return ""
-
-    def _why_busy(self) -> str:
-        if not self.app.engine_link.running:
-            return ""
-        return say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
 
     def _why_not_role(self) -> str:
         if self.app.role.engineer:
             return ""
-        if self.app.role.new:
-            return self.tr("Only an engineer may change this; set the PIN first.")
-        return self.tr("Only an engineer may change this; enter the PIN first.")
+        return say("engineer.new_pin_needed" if self.app.role.new else "engineer.pin_needed")
 
     def _why_no_choice(self) -> str:
         if not self.choice.parts.stages:
-            return self.tr("Choose at least one stage.")
+            return say("engineer.no_stage")
         if invalid := self.choice.invalid:
-            names = ", ".join(term("stage", stage) for stage in invalid)
-            return self.tr("Correct the schedule of {0} first.").format(names)
+            return say("engineer.wrong_schedule", stages=invalid)
         return ""
 
     def _why_no_unit(self) -> str:
         serial, found = self._fields.serial, self._options
         if not serial:
-            return self.tr("Enter the unit's serial number.")
+            return say("engineer.no_serial")
         if found is not None and not re.fullmatch(found.serial_pattern, serial):
-            text = self.tr("The serial number does not match this product ({0}).")
-            return text.format(found.serial_pattern)
-        if self.app.run.fault is not None:
-            return self.tr("Read the fault on the Operator page and press Understood first.")
-        return ""
+            return say("engineer.wrong_serial", pattern=found.serial_pattern)
+        return say("engineer.fault_unread") if self.app.run.fault is not None else ""
 
     def _why_not_save(self) -> str:
         if self._options is None or not self._options.offered or self._saving.busy:
-            return self.tr("Being saved.")
+            return say("engineer.saving")
         if not self.choice.form.valid:
-            return self.tr("Correct the marked values first.")
-        return "" if self.choice.form.departures else self.tr("This stage's values are the product's.")
+            return say("engineer.wrong_values")
+        return "" if self.choice.form.departures else say("engineer.values_of_product")

@@ -4,12 +4,12 @@ from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QCoreApplication, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QSplitter, QStackedWidget, QWidget
 
 from calstation.errors import CalstationError
 from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
-from calstation.gui.text import duration_text, error_text, on_language_change, show, step_sentence, term
+from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
 from calstation.gui.widgets import (
     Column,
     EmptyState,
@@ -28,9 +28,6 @@ from calstation.gui.widgets import (
 from calstation.physics import INDEX, NAMES, display
 from calstation.results import Preview, Violation
 
-#: Height of a row of the table, px.
-_ROW = 26
-
 
 class PreviewView(QWidget):
     """The preview and the button that asks for it with `wanted`."""
@@ -45,9 +42,8 @@ class PreviewView(QWidget):
         self.watch = JobWatch(self)
         self.watch.done.connect(self._done)
         self.watch.failed.connect(self._failed)
-        self.watch.cancelled.connect(self._ended)
+        self.watch.cancelled.connect(self._refresh)
         self._job = JobRow(self.watch)
-        self._job.hide()
         self._button = button("preview_button", lambda: self.tr("Preview"), self.wanted)
         self._badge = StateBadge()
         self._summary = label(name="preview_summary")
@@ -58,7 +54,7 @@ class PreviewView(QWidget):
         self._model = ParameterModel(())
         self._table = ParameterTable(self._model)
         self._table.setObjectName("preview_table")
-        self._table.verticalHeader().setDefaultSectionSize(_ROW)
+        self._table.verticalHeader().setDefaultSectionSize(26)
         self._empty = EmptyState()
         split = QSplitter(Qt.Orientation.Vertical)
         split.setChildrenCollapsible(False)
@@ -86,7 +82,6 @@ class PreviewView(QWidget):
     def begin(self) -> None:
         """Show that a preview is being computed."""
         self._error = None
-        self._job.show()
         self._refresh()
 
     def set_why_not(self, why: str) -> None:
@@ -94,13 +89,7 @@ class PreviewView(QWidget):
         enable(self._button, why)
 
     def _show_texts(self) -> None:
-        self._empty.say(
-            self.tr("A preview moves nothing"),
-            self.tr(
-                "Choose what to calibrate on the left and press Preview: it shows both axes' angles against time, "
-                "the total time, whether the table can do it, and the expected sigma of every parameter."
-            ),
-        )
+        self._empty.say(say("engineer.preview_empty"), say("engineer.preview_about"))
         self._model.refresh()
         self._refresh()
 
@@ -108,22 +97,19 @@ class PreviewView(QWidget):
         self.preview, self._outdated = preview, False
         self._plot.show_preview(preview)
         self._model.set_names(())
-        self._model.set_columns(_Columns(preview).all)
+        self._model.set_columns(self._columns(preview))
         self._model.set_names(_names(preview))
         self._table.setVisible(not preview.violations)
         self._stack.setCurrentIndex(1)
-        self._ended()
+        self._refresh()
 
     def _failed(self, error: CalstationError) -> None:
         self._error = error
-        self._ended()
-
-    def _ended(self) -> None:
-        self._job.hide()
         self._refresh()
 
     def _refresh(self) -> None:
         preview, busy = self.preview, self.watch.busy
+        self._job.setVisible(busy)
         self._button.setVisible(not busy)
         self._summary.setVisible(not busy)
         self._badge.setVisible(not busy and preview is not None and not self._error)
@@ -134,55 +120,38 @@ class PreviewView(QWidget):
             summary = self.tr("{0} in all, {1} moves").format(duration_text(preview.duration), moves)
             if self._outdated:
                 summary = self.tr("{0}; the choice has changed since, preview again").format(summary)
+                self._badge.show_state("waiting", say("engineer.preview_outdated"))
             else:
-                problems += self._problems_of(preview)
-            self._badge.show_state(*self._verdict(preview))
+                problems += _problem_texts(preview)
+                self._badge.show_state(*_verdict(preview))
         self._summary.setText(summary)
         self._problems.setText("\n".join(problems))
         self._problems.setVisible(bool(problems) and not busy)
 
-    def _verdict(self, preview: Preview) -> tuple[str, str]:
-        if self._outdated:
-            return "waiting", self.tr("out of date")
-        if preview.violations:
-            return "bad", self.tr("beyond the table's limits")
-        if any(stage.sigma is None for stage in preview.stages):
-            return "bad", self.tr("cannot be solved")
-        missed = sum(_reached(preview, name) is False for name in _names(preview))
-        if missed:
-            return "caution", self.tr("within the table's limits, {0} sigma limits missed").format(missed)
-        return "good", self.tr("within the table's limits, every sigma limit reached")
-
-    def _problems_of(self, preview: Preview) -> list[str]:
-        problems = [self._violation_text(violation) for violation in preview.violations]
-        for stage in preview.stages:
-            name = term("stage", stage.stage)
-            if stage.error:
-                problems.append(f"{name}: {show(stage.error)}")
-            if stage.reason == "" and not preview.violations:
-                sentence = self.tr("{0}: {1} rounds do not reach its targets; set rounds or a duration.")
-                problems.append(sentence.format(name, stage.rounds))
-        return problems
-
-    def _violation_text(self, violation: Violation) -> str:
-        """A violated limit with its step and the remedy."""
-        stage = term("stage", violation.stage)
-        if violation.kind == "plan":
-            return f"{stage}: {show(violation.text)}"
-        move = step_sentence("move", violation.label)
-        where = self.tr("{0}, move {1} ({2})").format(stage, violation.step, move)
-        if violation.more:
-            where = self.tr("{0} and {1} more").format(where, violation.more)
-        value, low, high = (float(v) for v in np.rad2deg([violation.value, violation.low, violation.high]))
-        if violation.kind == "rate":
-            text = self.tr("rate {0:g} °/s, the table reaches {1:g} °/s; lower the rate")
-            return f"{where}: {text.format(value, round(high, 6))}"
-        if violation.kind == "acceleration":
-            text = self.tr("acceleration {0:g} °/s², the table reaches {1:g} °/s²; lower the acceleration")
-            return f"{where}: {text.format(value, round(high, 6))}"
-        joint = self.tr("outer axis") if violation.joint == "outer" else self.tr("inner axis")
-        text = self.tr("{0} to {1:.1f}°, its travel is {2:.0f}° to {3:.0f}°; choose fewer turns or rounds")
-        return f"{where}: {text.format(joint, value, low, high)}"
+    def _columns(self, preview: Preview) -> list[Column]:
+        """Unit, sigma before, after each stage, limit, target, verdict."""
+        stages = [
+            Column(
+                partial(term, "stage", stage.stage),
+                partial(_sigma_after, preview, number),
+                hint=partial(_gain_text, preview, number),
+            )
+            for number, stage in enumerate(preview.stages)
+        ]
+        target = Column(lambda: self.tr("σ target"), lambda name: _shown(name, preview.targets.get(name)))
+        return [
+            Column(lambda: self.tr("Unit"), lambda name: display(name, 0.0)[1], number=False),
+            Column(lambda: self.tr("σ before"), lambda name: _shown(name, float(preview.before[INDEX[name]]))),
+            *stages,
+            Column(lambda: self.tr("σ limit"), lambda name: _shown(name, preview.limits.get(name))),
+            *([target] if preview.targets else []),
+            Column(
+                lambda: self.tr("Expected"),
+                partial(_reached_text, preview),
+                number=False,
+                state=partial(_state, preview),
+            ),
+        ]
 
 
 class MotionPlot(StackedPlots):
@@ -223,58 +192,75 @@ class MotionPlot(StackedPlots):
         self.plots[0].setXRange(0.0, max(preview.duration / 60.0, 1e-3), padding=0.01)
 
 
-class _Columns:
-    """Columns of the table: unit, sigma before, after each stage, limit, target, verdict."""
+def _verdict(preview: Preview) -> tuple[str, str]:
+    """State and words of a preview."""
+    if preview.violations:
+        return "bad", say("engineer.preview_violations")
+    if any(stage.sigma is None for stage in preview.stages):
+        return "bad", say("engineer.preview_unsolved")
+    missed = sum(_reached(preview, name) is False for name in _names(preview))
+    return (
+        ("caution", say("engineer.preview_missed", missed=missed)) if missed else ("good", say("engineer.preview_good"))
+    )
 
-    def __init__(self, preview: Preview) -> None:
-        self._preview = preview
-        stages = [
-            Column(
-                partial(term, "stage", stage.stage),
-                partial(self._sigma_after, number),
-                hint=partial(self._gain, number),
-            )
-            for number, stage in enumerate(preview.stages)
-        ]
-        self.all = [
-            Column(lambda: self.tr("Unit"), lambda name: display(name, 0.0)[1], number=False),
-            Column(lambda: self.tr("σ before"), lambda name: _shown(name, float(preview.before[INDEX[name]]))),
-            *stages,
-            Column(lambda: self.tr("σ limit"), lambda name: _bound(name, preview.limits.get(name))),
-        ]
-        if preview.targets:
-            self.all.append(Column(lambda: self.tr("σ target"), lambda name: _bound(name, preview.targets.get(name))))
-        self.all.append(Column(lambda: self.tr("Expected"), self._verdict, number=False, state=self._state))
 
-    def tr(self, text: str) -> str:
-        """The text in the current language."""
-        return QCoreApplication.translate("_Columns", text)
+def _problem_texts(preview: Preview) -> list[str]:
+    """What is wrong with the plan, in a line each."""
+    problems = [_violation_text(violation) for violation in preview.violations]
+    for stage in preview.stages:
+        if stage.error:
+            problems.append(f"{term('stage', stage.stage)}: {show(stage.error)}")
+        if stage.reason == "" and not preview.violations:
+            problems.append(say("engineer.too_few_rounds", stage=stage.stage, rounds=stage.rounds))
+    return problems
 
-    def _sigma_after(self, number: int, name: str) -> str:
-        sigma = self._preview.stages[number].sigma
-        return "—" if sigma is None else _shown(name, float(sigma[INDEX[name]]))
 
-    def _gain(self, number: int, name: str) -> str:
-        """By how much a stage improves a parameter."""
-        stage = self._preview.stages[number]
-        if stage.sigma is None:
-            return "" if stage.error is None else show(stage.error)
-        before = self._preview.before if number == 0 else self._preview.stages[number - 1].sigma
-        if name not in stage.estimated or before is None:
-            return self.tr("This stage does not estimate it.")
-        after = float(stage.sigma[INDEX[name]])
-        gain = float(before[INDEX[name]]) / after if after > 0.0 else 1.0
-        return self.tr("{0:.3g} times better known than before this stage").format(gain)
+def _violation_text(violation: Violation) -> str:
+    """A violated limit with its step and the remedy."""
+    if violation.kind == "plan":
+        return f"{term('stage', violation.stage)}: {show(violation.text)}"
+    values = {"stage": violation.stage, "step": violation.step, "more": violation.more}
+    code = "engineer.move_and_more" if violation.more else "engineer.move"
+    value, low, high = (float(v) for v in np.rad2deg([violation.value, violation.low, violation.high]))
+    if violation.kind != "travel":
+        high = round(high, 6)
+    return say(
+        f"engineer.violated_{violation.kind}",
+        move=say(code, move=step_sentence("move", violation.label), **values),
+        joint=violation.joint,
+        value=value,
+        low=low,
+        high=high,
+    )
 
-    def _verdict(self, name: str) -> str:
-        reached = _reached(self._preview, name)
-        if reached is None:
-            return "—" if name in self._preview.limits else self.tr("no limit")
-        return self.tr("reached") if reached else self.tr("missed")
 
-    def _state(self, name: str) -> str | None:
-        reached = _reached(self._preview, name)
-        return None if reached is None else "good" if reached else "bad"
+def _sigma_after(preview: Preview, number: int, name: str) -> str:
+    sigma = preview.stages[number].sigma
+    return "—" if sigma is None else _shown(name, float(sigma[INDEX[name]]))
+
+
+def _gain_text(preview: Preview, number: int, name: str) -> str:
+    """By how much a stage improves a parameter."""
+    stage = preview.stages[number]
+    if stage.sigma is None:
+        return "" if stage.error is None else show(stage.error)
+    before = preview.before if number == 0 else preview.stages[number - 1].sigma
+    if name not in stage.estimated or before is None:
+        return say("engineer.not_estimated")
+    after = float(stage.sigma[INDEX[name]])
+    return say("engineer.gain", gain=float(before[INDEX[name]]) / after if after > 0.0 else 1.0)
+
+
+def _reached_text(preview: Preview, name: str) -> str:
+    reached = _reached(preview, name)
+    if reached is None:
+        return "—" if name in preview.limits else say("engineer.no_limit")
+    return say("engineer.reached" if reached else "engineer.missed")
+
+
+def _state(preview: Preview, name: str) -> str | None:
+    reached = _reached(preview, name)
+    return None if reached is None else "good" if reached else "bad"
 
 
 def _names(preview: Preview) -> tuple[str, ...]:
@@ -290,13 +276,11 @@ def _reached(preview: Preview, name: str) -> bool | None:
     return None if sigma is None or limit is None else float(sigma[INDEX[name]]) <= limit
 
 
-def _shown(name: str, sigma: float) -> str:
-    """A sigma in the unit shown, with three digits."""
+def _shown(name: str, sigma: float | None) -> str:
+    """A sigma in the unit shown, with three digits; "" for None."""
+    if sigma is None:
+        return ""
     value = abs(display(name, sigma)[0])
     if value >= 1000.0:
         return f"{value:.0f}"
     return f"{value:#.3g}".rstrip(".") if value >= 1e-4 else f"{value:.2g}"
-
-
-def _bound(name: str, bound: float | None) -> str:
-    return "" if bound is None else _shown(name, bound)

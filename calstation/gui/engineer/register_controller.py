@@ -10,7 +10,7 @@ from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.engineer.registers_view import RegistersView
 from calstation.gui.shell import AppContext
-from calstation.gui.text import error_text, event_sentence, fault_text, step_sentence
+from calstation.gui.text import error_text, event_sentence, fault_text, say, step_sentence
 from calstation.gui.widgets import JobWatch
 from calstation.registers import TargetRegisters, UnitRegisters, read_unit, wanted_registers
 from calstation.results import FinishedRun
@@ -63,15 +63,14 @@ class RegisterController(QObject):
         """Why nothing can be written yet, "" if it can."""
         view = self.view
         if view.target is None:
-            return self.tr("Open a result or finish a run first: its values are what is written.")
+            return say("engineer.no_target")
         if view.unit is None:
-            return self.tr("Read the unit first, so that what changes can be seen.")
+            return say("engineer.no_unit")
         named = self._request().serial
         for serial in (view.unit.serial, view.unit.serial if named == UNNAMED else named):
             if serial != view.target.serial:
-                text = self.tr("Unit {0} is in the fixture, the result is of {1}.")
-                return text.format(serial, view.target.serial)
-        return "" if view.changes else self.tr("The unit holds these values already.")
+                return say("engineer.other_unit", found=serial, wanted=view.target.serial)
+        return "" if view.changes else say("engineer.nothing_to_write")
 
     def _product_changed(self) -> None:
         """The registers depend on the product's profile: find them again."""
@@ -99,7 +98,7 @@ class RegisterController(QObject):
     def _write(self, values: Mapping[str, float], at_rest: bool) -> None:
         assert self._run is not None
         if self._app.job_queue.at_device:
-            self.view.show_error(lambda: self.tr("Another page is using a device; try again in a few seconds."))
+            self.view.show_error(lambda: say("engineer.device_busy"))
             return
         result = self._run.result
         self._operation = RegisterOperation(
@@ -111,7 +110,7 @@ class RegisterController(QObject):
         )
         self._incomplete = ""
         self.view.begin()
-        self.view.show_progress(lambda: self.tr("Starting the engine and connecting."))
+        self.view.show_progress(lambda: say("engineer.write_starting"))
         self._app.engine_link.start(self._operation)
 
     def _follow(self, event: Event) -> None:
@@ -138,4 +137,4 @@ class RegisterController(QObject):
         elif incomplete:
             self.view.show_error(lambda: event_sentence(incomplete, {}))
         else:
-            self.view.show_error(lambda: self.tr("Stopped before anything was written."))
+            self.view.show_error(lambda: say("engineer.write_stopped"))

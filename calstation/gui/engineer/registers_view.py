@@ -5,8 +5,9 @@ from collections.abc import Callable
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
+from calstation.gui.engineer.result_view import align_columns
 from calstation.gui.history import local_time
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
     Column,
@@ -25,31 +26,27 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
-from calstation.physics import aligned, display
+from calstation.physics import display
 from calstation.registers import Register, TargetRegisters, UnitRegisters
 
 _NONE = "–"
 
 
 class RegistersView(QWidget):
-    """Emits `read_wanted`, and `write_wanted(values, at_rest)` once a write is confirmed.
-
-    Attributes
-    ----------
-    unit : registers read from the unit, None before
-    target : registers that the result asks for, None without a result
-    engineer : name for the journal
-    table : the station whose table turns to verify a write, "" for a rig turned by hand
-    """
+    """Emits `read_wanted`, and `write_wanted(values, at_rest)` once a write is confirmed."""
 
     read_wanted = Signal()
     write_wanted = Signal(object, bool)
 
     def __init__(self) -> None:
         super().__init__()
+        #: Registers read from the unit, None before, and those that the result asks for, None without a result.
         self.unit: UnitRegisters | None = None
         self.target: TargetRegisters | None = None
-        self.engineer = self.table = ""
+        #: Name for the journal.
+        self.engineer = ""
+        #: The station whose table turns to verify a write, "" for a rig turned by hand.
+        self.table = ""
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
         self._cells: dict[str, dict[str, str]] = {}
@@ -82,16 +79,10 @@ class RegistersView(QWidget):
         self._table = ParameterTable(self._model)
         self._table.setObjectName("register_table")
         self._table.verticalHeader().setDefaultSectionSize(26)
-        bind(self._table.setAccessibleName, lambda: self.tr("Registers, old against new"))
+        bind(self._table.setAccessibleName, lambda: say("engineer.registers"))
+        status = (self._badge, (self._about, 1), (self._job, 1))
         column(
-            row(
-                self._badge,
-                (self._about, 1),
-                (self._job, 1),
-                self._read_button,
-                self._write_button,
-                spacing=2 * theme.GRID,
-            ),
+            row(*status, self._read_button, self._write_button, spacing=2 * theme.GRID),
             self._reason,
             self._notice,
             (self._table, 1),
@@ -146,13 +137,7 @@ class RegistersView(QWidget):
             self._notice.dismiss()
 
     def _show_texts(self) -> None:
-        self._empty.say(
-            self.tr("Registers, old against new"),
-            self.tr(
-                "Open a result or finish a run to see what it would write, and read the unit in the fixture to see "
-                "what it holds. Nothing is written without confirmation."
-            ),
-        )
+        self._empty.say(say("engineer.registers"), say("engineer.about_registers"))
         self._model.refresh()
         self._refresh()
 
@@ -165,11 +150,7 @@ class RegistersView(QWidget):
         self._new = {} if target is None else {r.parameter: r for r in target.registers}
         names = sorted({**self._old, **self._new}, key=self._address)
         self._cells = {name: self._row_cells(name) for name in names}
-        for key in ("old", "new", "change"):
-            present = [name for name in names if key in self._cells[name]]
-            texts = aligned([self._cells[name][key] for name in present])
-            for name, text in zip(present, texts, strict=True):
-                self._cells[name][key] = text
+        align_columns(self._cells, ("old", "new", "change"))
         self._model.set_names(names)
         self._table.setVisible(bool(names))
         self._empty.setVisible(not names)
@@ -200,11 +181,13 @@ class RegistersView(QWidget):
     def _before_run(self, name: str) -> str:
         """The value that the run found and replaced."""
         target = self.target
-        found = next((r for r in target.before if r.parameter == name), None) if target is not None else None
-        if target is None or not target.written or found is None:
+        if target is None or not target.written:
             return ""
-        value, unit = display(name, found.value)
-        return self.tr("before the run: {0} {1}").format(f"{value:.4f}", unit)
+        found = next((r.value for r in target.before if r.parameter == name), None)
+        if found is None:
+            return ""
+        value, unit = display(name, found)
+        return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
 
     def _ask(self) -> None:
         """State exactly what will change, and wait for confirmation."""
@@ -212,6 +195,16 @@ class RegistersView(QWidget):
         assert target is not None
         assert unit is not None
         changes, table, count = self.changes, self.table, len(target.registers)
+        values = {
+            "changes": len(changes),
+            "addresses": self._addresses(changes),
+            "commits": unit.commits + 1,
+            "engineer": self.engineer,
+        }
+
+        def text() -> str:
+            verification = say("engineer.verify_by_turns" if table else "engineer.verify_at_rest", table=table)
+            return f"{say('engineer.about_write', **values)}\n{verification}"
 
         def choice(name: str, words: Words, *, at_rest: bool) -> Choice:
             return Choice(name, words, lambda: self.write_wanted.emit(target.values, at_rest))
@@ -224,29 +217,8 @@ class RegistersView(QWidget):
             choices.append(choice(confirm, lambda: self.tr("Write and turn the table"), at_rest=False))
         else:
             choices.append(choice(confirm, lambda: self.tr("Write {0} registers").format(count), at_rest=True))
-        self._notice.ask(
-            "caution",
-            lambda: self.tr("Write {0} registers of unit {1}?").format(count, unit.serial),
-            lambda: (
-                self.tr(
-                    "{0} of them change, exactly as the table shows below ({1}); all others keep their values. "
-                    "The unit commits them to flash and restarts: flash write number {2} known here. "
-                    "The journal records it under the name {3}."
-                ).format(len(changes), self._addresses(changes), unit.commits + 1, self.engineer)
-                + "\n"
-                + self._verification(table)
-            ),
-            choices,
-        )
-
-    def _verification(self, table: str) -> str:
-        """How the output is verified after the write, and what moves for it."""
-        if not table:
-            return self.tr("Then its output is checked at rest; do not touch the unit.")
-        return self.tr(
-            "The table of “{0}” moves: home first, then whole turns of both axes before and after the write, which "
-            "verify the gyros as well. Is everyone clear of the table and the unit secured? STOP works at any time."
-        ).format(table)
+        title = {"count": count, "serial": unit.serial}
+        self._notice.ask("caution", lambda: say("engineer.ask_write", **title), text, choices)
 
     def _addresses(self, names: list[str]) -> str:
         """Addresses as ranges."""
@@ -270,57 +242,43 @@ class RegistersView(QWidget):
         self._about.setVisible(not busy)
         for each in (self._read_button, self._write_button):
             each.setVisible(not busy and self._progress is None)
-        state = self._state()
-        self._badge.setVisible(not busy and state is not None)
-        if state is not None:
-            self._badge.show_state(*state)
+        kind, state = self._state()
+        self._badge.setVisible(not busy and bool(state))
+        if state:
+            self._badge.show_state(kind, say(f"engineer.state_{state}", count=len(self.changes)))
         theme.set_kind(self._about, "error" if self._error else "")
         words = self._error or self._progress or self._sentences
         self._about.setText(words())
 
-    def _state(self) -> tuple[str, str] | None:
-        """Kind and text of the badge."""
+    def _state(self) -> tuple[str, str]:
+        """Shape of the badge and name of its words, "" if there is none."""
         if self._progress is not None:
-            return "active", self.tr("being written")
+            return "active", "writing"
         if self._error:
-            return "bad", self.tr("not done")
+            return "bad", "failed"
         if self._proof:
-            return "good", self.tr("written and read back")
+            return "good", "verified"
         if self.unit is None and self.target is not None and self.target.written:
-            return "good", self.tr("written by the run")
+            return "good", "written"
         if self.unit is not None and self._new:
-            count = len(self.changes)
-            return ("caution", self.tr("{0} differ").format(count)) if count else ("good", self.tr("equal"))
-        return None
+            return ("caution", "differ") if self.changes else ("good", "equal")
+        return "", ""
 
     def _sentences(self) -> str:
-        texts = []
-        if self._proof:
-            verified = {
-                "turn": self.tr("Verified with a turn of the table."),
-                "rest": self.tr("Verified at rest; no turn was made."),
-            }
-            read_back = self.tr("Only read back: the unit's output does not show its registers.")
-            texts.append(verified.get(self._proof, read_back))
-        if self.unit is not None:
-            unit = self.unit
-            texts.append(
-                self.tr("Unit {0}, {1}, firmware {2}; flash writes known here: {3}.").format(
-                    unit.serial, unit.model, unit.firmware, unit.commits
-                )
-            )
+        """What the table shows."""
+        texts = [say(f"engineer.verified_{self._proof}")] if self._proof else []
+        unit, target = self.unit, self.target
+        if unit is not None:
+            values = {"model": unit.model, "firmware": unit.firmware, "commits": unit.commits}
+            texts.append(say("engineer.unit_read", serial=unit.serial, **values))
             if unit.virtual:
-                texts.append(self.tr("A virtual unit starts afresh with every bench."))
-        elif self.target is not None and self.target.written:
-            texts.append(
-                self.tr("In the unit: as the run wrote it and read it back, {0}.").format(
-                    local_time(self.target.written_utc)
-                )
-                if self.target.written_utc
-                else self.tr("In the unit: as the run wrote it and read it back.")
-            )
+                texts.append(say("engineer.unit_virtual"))
+        elif target is not None and target.written and target.written_utc:
+            texts.append(say("engineer.unit_written_at", time=local_time(target.written_utc)))
+        elif target is not None and target.written:
+            texts.append(say("engineer.unit_written"))
         elif self._old:
-            texts.append(self.tr("Old: as the run found them. Read the unit to see what it holds now."))
+            texts.append(say("engineer.old_of_run"))
         elif self._new:
-            texts.append(self.tr("Read the unit to see what it holds now."))
+            texts.append(say("engineer.read_unit"))
         return " ".join(texts)

@@ -8,7 +8,7 @@ from PySide6.QtCore import QEvent, QPointF
 from PySide6.QtGui import QResizeEvent
 
 from calstation.gui.engineer.stacked_plots import Band, StackedPlots, name_axis
-from calstation.gui.text import on_language_change, term
+from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import ElidedLabel, ThemedPlot, column, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
 from calstation.results import Diagnostics, StageDiagnostics
@@ -91,9 +91,7 @@ class ResidualsView(StackedPlots):
 
     def _explain(self) -> None:
         theme.set_kind(self._rest_label, "muted")
-        self._rest_label.setText(
-            self.tr("Measured minus expected at every rest, with ±1 σ of the rest's own noise; point at a rest.")
-        )
+        self._rest_label.setText(say("engineer.about_rests"))
 
     def _describe_rest(self, plot: ThemedPlot, at: QPointF) -> None:
         """Describe the rest under the pointer."""
@@ -103,17 +101,16 @@ class ResidualsView(StackedPlots):
         k = min(max(round(view.mapSceneToView(at).x()), 0), len(self._rests) - 1)
         stage, i = self._rests[k]
         rests = stage.rests
-        x, y, z = (float(v) for v in rests.up[i])
-        text = self.tr("{0}, rest {1}, up ({2:+.2f}, {3:+.2f}, {4:+.2f})").format(
-            term("stage", stage.stage), i + 1, x, y, z
-        )
+        up = dict(zip("xyz", rests.up[i].tolist(), strict=True))
+        text = say("engineer.rest", stage=stage.stage, number=i + 1, **up)
         if np.isfinite(rests.angles[i]).all():
-            outer, inner = np.rad2deg(rests.angles[i])
-            text += self.tr(", outer {0:.1f}°, inner {1:.1f}°").format(float(outer), float(inner))
-        text += self.tr(": {0:+.2f} µg, {1:+.4f} °/h vertical, {2:+.4f} °/h horizontal").format(
-            float(rests.force[i] / MICRO_G),
-            float(rests.vertical_rate[i] / DEGREE_PER_HOUR),
-            float(rests.horizontal_rate[i] / DEGREE_PER_HOUR),
+            outer, inner = np.rad2deg(rests.angles[i]).tolist()
+            text += say("engineer.rest_angles", outer=outer, inner=inner)
+        text += say(
+            "engineer.rest_residuals",
+            force=float(rests.force[i] / MICRO_G),
+            vertical=float(rests.vertical_rate[i] / DEGREE_PER_HOUR),
+            horizontal=float(rests.horizontal_rate[i] / DEGREE_PER_HOUR),
         )
         theme.set_kind(self._rest_label, "")
         self._rest_label.setText(text)
@@ -129,11 +126,13 @@ def upward_axis(up: FloatArray) -> str:
 
 def _columns(stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, FloatArray]]:
     """Values and sigmas of each plot, in the units shown."""
-    none = np.empty(0)
-    rests = [stage.rests for stage in stages]
-    force = np.concatenate([none, *(r.force for r in rests)]) / MICRO_G
-    force_sigma = np.concatenate([none, *(r.force_sigma for r in rests)]) / MICRO_G
-    vertical = np.concatenate([none, *(r.vertical_rate for r in rests)]) / DEGREE_PER_HOUR
-    horizontal = np.concatenate([none, *(r.horizontal_rate for r in rests)]) / DEGREE_PER_HOUR
-    rate_sigma = np.concatenate([none, *(r.rate_sigma for r in rests)]) / DEGREE_PER_HOUR
-    return [(force, force_sigma), (vertical, rate_sigma), (horizontal, rate_sigma)]
+
+    def column(name: str, unit: float) -> FloatArray:
+        return np.concatenate([np.empty(0), *(getattr(stage.rests, name) for stage in stages)]) / unit
+
+    rate_sigma = column("rate_sigma", DEGREE_PER_HOUR)
+    return [
+        (column("force", MICRO_G), column("force_sigma", MICRO_G)),
+        (column("vertical_rate", DEGREE_PER_HOUR), rate_sigma),
+        (column("horizontal_rate", DEGREE_PER_HOUR), rate_sigma),
+    ]

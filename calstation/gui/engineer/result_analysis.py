@@ -11,7 +11,7 @@ from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.residuals_view import ResidualsView
 from calstation.gui.engineer.result_view import ResultView, verdict_text
 from calstation.gui.shell import AppContext
-from calstation.gui.text import error_text, on_language_change, term
+from calstation.gui.text import error_text, on_language_change, say
 from calstation.gui.widgets import EmptyState, JobRow, JobWatch, Words, column, theme
 from calstation.results import Diagnostics, FinishedRun, Preview, diagnose, load_finished_run
 
@@ -20,12 +20,12 @@ class ResultAnalysis(QObject):
     """The four views of a result and the jobs that fill them.
 
     Emits `changed` when another run is being opened or could not be, `loaded(run)` once it is open, and
-    `failed(path, error)`.
+    `failed(error)`.
     """
 
     changed = Signal()
     loaded = Signal(object)
-    failed = Signal(object, object)
+    failed = Signal(object)
 
     def __init__(self, app: AppContext, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -38,17 +38,14 @@ class ResultAnalysis(QObject):
         self.result, self.observability = ResultView(), ObservabilityView()
         self.innovations, self.residuals = InnovationsView(), ResidualsView()
         self._result, self._observability = _LazyView(self.result), _LazyView(self.observability)
-        self._deep = tuple(_LazyView(view, self._diagnosing) for view in (self.innovations, self.residuals))
+        self._computed = tuple(_LazyView(view, self._diagnosing) for view in (self.innovations, self.residuals))
+        #: Parameters, innovations, residuals, observability.
+        self.views: tuple[QWidget, ...] = (self._result, *self._computed, self._observability)
         self.loading.done.connect(self._loaded)
         self.loading.failed.connect(self._not_loaded)
         self._diagnosing.done.connect(self._diagnosed)
-        self._diagnosing.failed.connect(self._not_diagnosed)
-        self._diagnosing.cancelled.connect(self._cancelled)
-
-    @property
-    def views(self) -> tuple[QWidget, ...]:
-        """Parameters, innovations, residuals, observability."""
-        return (self._result, *self._deep, self._observability)
+        self._diagnosing.failed.connect(lambda error: self._not_diagnosed(lambda: error_text(error).sentences))
+        self._diagnosing.cancelled.connect(lambda: self._not_diagnosed(None))
 
     def open(self, path: Path) -> None:
         """Open a result or a log."""
@@ -65,18 +62,18 @@ class ResultAnalysis(QObject):
     def prepare(self, view: QWidget | None) -> None:
         """Compute innovations and residuals if `view` shows them and they are not there yet."""
         run = self._run
-        if run is None or view not in self._deep or run.log == self._diagnosed_log is not None:
+        if run is None or view not in self._computed or run.log == self._diagnosed_log is not None:
             return
         if run.log is None:
-            self._show_deep_empty(lambda: self.tr("The log is no longer there."))
+            self._not_diagnosed(lambda: say("engineer.log_gone"))
         elif not run.result.stages:
-            self._show_deep_empty(lambda: self._why_no_answer(run))
+            self._not_diagnosed(lambda: _why_no_result(run))
         else:
             self._diagnosed_log = run.log
             log, stages = run.result.log, tuple(run.result.stages)
             job = self._app.job_queue.submit(diagnose, run.log, stages, log.first_seq, log.last_seq)
             self._diagnosing.watch(job)
-            for lazy in self._deep:
+            for lazy in self._computed:
                 lazy.show_work()
 
     def source(self) -> str:
@@ -96,42 +93,36 @@ class ResultAnalysis(QObject):
             self.result.show_run(run)
             self._result.show_view()
         else:
-            self._result.show_empty(lambda: self._why_no_answer(run))
+            self._result.show_empty(lambda: _why_no_result(run))
         self.observability.show_stages(run.result.observability)
         self._observability.show_view()
-        for lazy in self._deep:
+        for lazy in self._computed:
             lazy.show_empty()
         self.changed.emit()
         self.loaded.emit(run)
 
     def _not_loaded(self, error: CalstationError) -> None:
-        path, self._path = self._path, None
+        self._path = None
         self.changed.emit()
-        self.failed.emit(path, error)
+        self.failed.emit(error)
 
     def _diagnosed(self, found: Diagnostics) -> None:
         self.innovations.show_diagnostics(found)
         self.residuals.show_diagnostics(found)
-        for lazy in self._deep:
+        for lazy in self._computed:
             lazy.show_view()
 
-    def _not_diagnosed(self, error: CalstationError) -> None:
+    def _not_diagnosed(self, why: Words | None) -> None:
         self._diagnosed_log = None
-        self._show_deep_empty(lambda: error_text(error).sentences)
-
-    def _cancelled(self) -> None:
-        self._diagnosed_log = None
-        self._show_deep_empty(None)
-
-    def _show_deep_empty(self, why: Words | None) -> None:
-        for lazy in self._deep:
+        for lazy in self._computed:
             lazy.show_empty(why)
 
-    def _why_no_answer(self, run: FinishedRun) -> str:
-        text = self.tr("The run ended without a result: {0}").format(term("badge", run.result.outcome))
-        fault = run.result.fault
-        error = run.result.error if fault is None else error_text(fault).sentences
-        return f"{text}. {error}" if error else text
+
+def _why_no_result(run: FinishedRun) -> str:
+    result = run.result
+    text = say("engineer.no_result", outcome=result.outcome)
+    error = result.error if result.fault is None else error_text(result.fault).sentences
+    return f"{text}. {error}" if error else text
 
 
 class _LazyView(QStackedWidget):
@@ -165,13 +156,7 @@ class _LazyView(QStackedWidget):
 
     def _show_texts(self) -> None:
         if self._why is not None:
-            self._empty.say(self.tr("Nothing to show for this run"), self._why())
+            self._empty.say(say("engineer.nothing_to_show"), self._why())
         else:
-            self._empty.say(
-                self.tr("No run opened yet"),
-                self.tr("Finish a run, open a result or a log here, or choose a run on the History page."),
-            )
-        self._working.say(
-            self.tr("Solving the log again"),
-            self.tr("Innovations and residuals are computed from the log; the result does not store them."),
-        )
+            self._empty.say(say("engineer.no_run"), say("engineer.about_no_run"))
+        self._working.say(say("engineer.solving"), say("engineer.about_solving"))

@@ -2,11 +2,10 @@
 
 from collections.abc import Callable
 
-from PySide6.QtCore import QCoreApplication
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.history import local_time
-from calstation.gui.text import KINDS, bind, of_parameter, on_language_change, term
+from calstation.gui.text import KINDS, bind, of_parameter, on_language_change, say, term
 from calstation.gui.widgets import (
     ChecksTable,
     Column,
@@ -30,15 +29,7 @@ _NOTABLE = 3.0
 _MOST_CHECKS = 26 * theme.GRID
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "sigma_limit")
 #: Shape of each verdict of a parameter (`widgets.badge.KINDS`).
-_SHAPES = {
-    "good": "good",
-    "near": "caution",
-    "lost": "caution",
-    "value": "bad",
-    "sigma": "bad",
-    "both": "bad",
-    "none": None,
-}
+_SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
 
 
 class ResultView(QWidget):
@@ -47,10 +38,8 @@ class ResultView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.shown: FinishedRun | None = None
+        #: Texts of each parameter by column; besides ``verdict``, a key of `_SHAPES` or ``none``, and ``changed``.
         self._cells: dict[str, dict[str, str]] = {}
-        #: The verdict of each parameter, a key of `_SHAPES`.
-        self._verdicts: dict[str, str] = {}
-        self._changed: frozenset[str] = frozenset()
         self._badge = StateBadge(theme.SECTION)
         self._about = label(wrap=True)
         self._model = ParameterModel(
@@ -60,19 +49,19 @@ class ResultView(QWidget):
                 Column(lambda: self.tr("± σ"), self._text("sigma")),
                 Column(lambda: self.tr("Previous"), self._text("previous")),
                 Column(lambda: self.tr("Change"), self._text("change")),
-                Column(lambda: self.tr("in σ"), self._text("in_sigma"), state=self._change_state),
+                Column(
+                    lambda: self.tr("in σ"),
+                    self._text("in_sigma"),
+                    state=lambda name: "caution" if "changed" in self._cells[name] else None,
+                ),
                 Column(lambda: self.tr("Value limit"), self._text("limit")),
                 Column(lambda: self.tr("σ limit"), self._text("sigma_limit")),
-                Column(
-                    lambda: self.tr("Stage"),
-                    lambda name: term("stage", self._cells[name]["stage"]),
-                    number=False,
-                ),
+                Column(lambda: self.tr("Stage"), lambda name: term("stage", self._cells[name]["stage"]), number=False),
                 Column(
                     lambda: self.tr("Verdict"),
-                    self._verdict,
+                    lambda name: term("engineer", f"verdict_{self._cells[name]['verdict']}"),
                     number=False,
-                    state=lambda name: _SHAPES[self._verdicts[name]],
+                    state=lambda name: _SHAPES.get(self._cells[name]["verdict"]),
                 ),
             )
         )
@@ -83,10 +72,7 @@ class ResultView(QWidget):
         self._checks = ChecksTable()
         self._checks.setObjectName("acceptance_checks")
         copy = button("copy_button", lambda: self.tr("Copy table"), self._table.copy)
-        bind(
-            copy.setToolTip,
-            lambda: self.tr("The selected rows, or all, as a table for a spreadsheet (Ctrl+C)"),
-        )
+        bind(copy.setToolTip, lambda: self.tr("The selected rows, or all, as a table for a spreadsheet (Ctrl+C)"))
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
             (self._table, 1),
@@ -99,26 +85,20 @@ class ResultView(QWidget):
     def show_run(self, finished: FinishedRun) -> None:
         """Show a run."""
         self.shown = finished
-        result, previous = finished.result, finished.previous
-        parameters = result.parameters
+        result, parameters = finished.result, finished.result.parameters
         names = [name for name in NAMES if name in parameters]
         names += [name for name in parameters if name not in NAMES]
         checks: dict[str, dict[str, Check]] = {name: {} for name in names}
         for check in result.checks:
             if of_parameter(check) and check.subject in checks:
                 checks[check.subject][check.kind] = check
-        self._cells = {name: _cells(name, parameters[name], previous.get(name), checks[name]) for name in names}
-        for key in _NUMBERS:
-            present = [name for name in names if key in self._cells[name]]
-            texts = aligned([self._cells[name][key] for name in present])
-            for name, text in zip(present, texts, strict=True):
-                self._cells[name][key] = text
-        self._verdicts = {name: "lost" if name in result.unobservable else _verdict(checks[name]) for name in names}
-        self._changed = frozenset(
-            name
-            for name in names
-            if name in previous and abs(parameters[name].value - previous[name]) > _NOTABLE * parameters[name].sigma
-        )
+        self._cells = {
+            name: _cells(name, parameters[name], finished.previous.get(name), checks[name]) for name in names
+        }
+        for name in result.unobservable:
+            if name in self._cells:
+                self._cells[name]["verdict"] = "lost"
+        align_columns(self._cells, _NUMBERS)
         self._model.set_names(names)
         general = [check for check in result.checks if not of_parameter(check)]
         self._checks.show_checks(general)
@@ -132,12 +112,8 @@ class ResultView(QWidget):
             return
         result = self.shown.result
         if result.outcome == "resolved":
-            kind, text = {
-                None: ("none", self.tr("solved offline, no limits")),
-                True: ("good", self.tr("solved offline, inside the limits")),
-                False: ("bad", self.tr("solved offline, outside the limits")),
-            }[result.passed]
-            self._badge.show_state(kind, text)
+            kind = {None: "none", True: "good", False: "bad"}[result.passed]
+            self._badge.show_state(kind, say(f"engineer.resolved_{kind}"))
         else:
             self._badge.show_state(KINDS.get(result.outcome, "none"), verdict_text(result))
         about = []
@@ -147,38 +123,19 @@ class ResultView(QWidget):
         if near := sum(check.near_miss for check in result.checks):
             about.append(self.tr("near-misses: {0}").format(near))
         if result.registers is not None and result.verified:
-            about += self._register_texts(result.registers)
+            about += _register_texts(result.registers)
         self._about.setText("  ·  ".join(about))
-
-    def _register_texts(self, registers: Registers) -> list[str]:
-        """When the registers were written, and which were kept."""
-        texts = [
-            self.tr("registers written {0}").format(local_time(registers.written_utc))
-            if registers.written_utc
-            else self.tr("registers written")
-        ]
-        if registers.proved_on == "read_back":
-            texts.append(self.tr("read back only: the unit's output does not show its registers"))
-        if registers.kept:
-            texts.append(self.tr("kept, found better before: {0}").format(", ".join(registers.kept)))
-        return texts
 
     def _text(self, key: str) -> Callable[[str], str]:
         return lambda name: self._cells[name].get(key, _NONE)
 
-    def _change_state(self, name: str) -> str | None:
-        return "caution" if name in self._changed else None
 
-    def _verdict(self, name: str) -> str:
-        return {
-            "good": self.tr("inside"),
-            "near": self.tr("near-miss"),
-            "value": self.tr("value outside"),
-            "sigma": self.tr("σ too large"),
-            "both": self.tr("value outside, σ too large"),
-            "lost": self.tr("not determined"),
-            "none": self.tr("no limit"),
-        }[self._verdicts[name]]
+def align_columns(cells: dict[str, dict[str, str]], keys: tuple[str, ...]) -> None:
+    """Pad the numbers of these columns so that their points line up; `cells` by row and column."""
+    for key in keys:
+        present = [texts for texts in cells.values() if key in texts]
+        for texts, text in zip(present, aligned([texts[key] for texts in present]), strict=True):
+            texts[key] = text
 
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
@@ -189,13 +146,24 @@ def verdict_text(result: Result, *, stages: bool = True) -> str:
     result : of the run
     stages : whether the stages of a partial run are named
     """
-    word = term("badge", result.outcome)
     if not result.partial or not result.stages:
-        return word
+        return term("badge", result.outcome)
     if not stages:
-        return QCoreApplication.translate("verdict", "{0} (partial)").format(word)
-    names = ", ".join(term("stage", stage) for stage in result.stages)
-    return QCoreApplication.translate("verdict", "{0} (partial: {1})").format(word, names)
+        return say("engineer.partial", outcome=result.outcome)
+    return say("engineer.partial_stages", outcome=result.outcome, stages=list(result.stages))
+
+
+def _register_texts(registers: Registers) -> list[str]:
+    """When the registers were written, and which were kept."""
+    if registers.written_utc:
+        texts = [say("engineer.registers_written_at", time=local_time(registers.written_utc))]
+    else:
+        texts = [say("engineer.registers_written")]
+    if registers.proved_on == "read_back":
+        texts.append(say("engineer.registers_read_back"))
+    if registers.kept:
+        texts.append(say("engineer.registers_kept", names=", ".join(registers.kept)))
+    return texts
 
 
 def _verdict(checks: dict[str, Check]) -> str:
@@ -217,12 +185,15 @@ def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict
         "value": number(value, sigma),
         "sigma": number(sigma, sigma),
         "stage": parameter.stage,
+        "verdict": _verdict(checks),
     }
     if previous is not None:
         before, _ = _display(name, previous)
         cells["previous"] = number(before, sigma)
         cells["change"] = "0" if before == value else number(value - before, sigma)
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
+        if abs(parameter.value - previous) > _NOTABLE * parameter.sigma:
+            cells["changed"] = "yes"
     if "within" in checks and isinstance(checks["within"].limit, tuple):
         low, high = (_display(name, bound)[0] for bound in checks["within"].limit)
         cells["limit"] = f"±{_limit(high)}" if low == -high else f"{_limit(low)} … {_limit(high)}"
