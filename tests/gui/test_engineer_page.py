@@ -1,4 +1,4 @@
-"""An engineer at the window, by real clicks: parts and schedules chosen, previewed, run, looked at, written."""
+"""The engineer page, operated by clicks: stages and schedules, preview, run, analysis, registers."""
 
 import json
 import tomllib
@@ -39,17 +39,17 @@ STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
 
 class Engineer(Operator):
-    """An operator who turns to the engineer page and may know the PIN."""
+    """Operates the engineer page."""
 
     def open_page(self) -> "Engineer":
-        """Turn to the page and name the unit and oneself."""
+        """Show the page and type serial number and name."""
         self.window.show_page("engineer_page")
         self.type("engineer_serial_edit", SERIAL)
         self.type("engineer_name_edit", "wang")
         return self
 
     def unlock(self) -> "Engineer":
-        """Set this new place's PIN."""
+        """Set the first PIN of the site."""
         self.press("unlock_schedule_button")
         for name in ("pin_edit", "pin_again_edit"):
             self.qtbot.keyClicks(self.widget(name, QLineEdit), "2468")
@@ -58,26 +58,26 @@ class Engineer(Operator):
         return self
 
     def type(self, name: str, text: str) -> None:
-        """Type into a field in place of what it held."""
+        """Replace the text of a field."""
         edit = self.widget(name, QLineEdit)
         edit.selectAll()
         self.qtbot.keyClicks(edit, text) if text else self.qtbot.keyClick(edit, Qt.Key.Key_Delete)
 
     def tick(self, *names: str) -> None:
-        """Tick exactly these of the parts and stages' boxes, by object name; the others not."""
+        """Check only these boxes of parts and stages, by object name."""
         for box in self.page.findChildren(QCheckBox):
             if box.objectName().startswith("stage_check_"):
                 box.setChecked(False)
         for name in names:
             self.widget(name, QCheckBox).click()
 
-    def turn_to(self, view: int) -> None:
-        """Turn to a view: preview, parameters, innovations, residuals, observability, registers."""
+    def show_view(self, view: int) -> None:
+        """Show a view: preview, parameters, innovations, residuals, observability, registers."""
         self.widget("engineer_views", QTabBar).setCurrentIndex(view)
 
     def preview(self) -> None:
         """Press Preview and wait for it."""
-        self.turn_to(0)
+        self.show_view(0)
         self.press("preview_button")
         self.until(lambda: not self.page.preview.watch.busy)
 
@@ -93,7 +93,7 @@ class Engineer(Operator):
         return dict(self.page.analysis.result.shown.result.to_json())
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
-        """A parameter table as it stands: texts by row and heading."""
+        """The texts of a parameter table by row and heading."""
         model = self.widget(table, QTableView).model()
         across, down = Qt.Orientation.Horizontal, Qt.Orientation.Vertical
         headings = [model.headerData(i, across) for i in range(model.columnCount())]
@@ -105,13 +105,13 @@ class Engineer(Operator):
         }
 
     def why_not(self, name: str) -> str:
-        """The tooltip of a button that cannot be pressed."""
+        """The tooltip of a disabled button."""
         button = self.widget(name, QPushButton)
         assert not button.isEnabled(), name
         return str(button.toolTip())
 
-    def check_closed(self) -> None:
-        """While a run is going nothing of it can be touched, and says why."""
+    def check_disabled(self) -> None:
+        """Check that a run disables its settings and that their tooltips say why."""
         for name in ("engineer_start_button", "read_registers_button", "write_registers_button"):
             assert "going on" in self.why_not(name)
         for name in ("stage_check_rate", "schedule_six_position_dwell_s"):
@@ -120,7 +120,7 @@ class Engineer(Operator):
 
     @property
     def page(self) -> EngineerPage:
-        """The page itself, for what no widget tells."""
+        """The page, for what its widgets do not show."""
         found = self.window.findChild(EngineerPage, "engineer_page")
         assert isinstance(found, EngineerPage)
         return found
@@ -128,7 +128,7 @@ class Engineer(Operator):
 
 @pytest.fixture
 def engineer(window: Any, qtbot: Any, site_folder: SiteFolder) -> Engineer:
-    """At the engineer page, with the short product chosen, in the operator's role."""
+    """The engineer page with the short product, in the role of an operator."""
     return Engineer(window, qtbot, site_folder).open_page()
 
 
@@ -138,7 +138,7 @@ def number(text: str) -> float:
 
 
 @pytest.mark.long
-def test_each_part_is_previewed_run_and_shown(engineer: Engineer) -> None:
+def test_each_part_can_be_previewed_and_run(engineer: Engineer) -> None:
     for part, stages in (
         ("part_check_scale_factors", ("rate", "six_position")),
         ("part_check_installation", ("excitation",)),
@@ -148,22 +148,22 @@ def test_each_part_is_previewed_run_and_shown(engineer: Engineer) -> None:
         ticked = [s for s in STAGES if engineer.widget(f"stage_check_{s}", QCheckBox).isChecked()]
         assert tuple(ticked) == stages
         engineer.preview()
-        foretold = engineer.cells("preview_table")
+        expected_table = engineer.cells("preview_table")
         result = engineer.start()
         assert result["stages"] == list(stages)
         assert result["operator"] == "wang"
         assert result["outcome"] == ("failed" if stages == ("azimuth_flip",) else "passed")
         shown = engineer.cells("result_table")
-        assert list(shown) == list(result["parameters"]) == list(foretold)
+        assert list(shown) == list(result["parameters"]) == list(expected_table)
         for name, row in shown.items():
             expected = {"inside": "reached", "no limit": "no limit"}.get(row["Verdict"], "missed")
-            assert foretold[name]["Expected"] == expected, name
+            assert expected_table[name]["Expected"] == expected, name
             if stages == ("excitation",):
-                last = list(foretold[name])[2]
-                assert number(foretold[name][last]) == pytest.approx(number(row["± σ"]), rel=0.15), name
+                last = list(expected_table[name])[2]
+                assert number(expected_table[name][last]) == pytest.approx(number(row["± σ"]), rel=0.15), name
 
 
-def test_single_stages_run_in_any_order_here_and_on_the_operator_page(engineer: Engineer) -> None:
+def test_single_stages_can_be_chosen_in_any_order(engineer: Engineer) -> None:
     engineer.tick("stage_check_rate", "stage_check_excitation")
     parts = {name: engineer.widget(f"part_check_{name}", QCheckBox) for name in ("scale_factors", "biases")}
     assert parts["scale_factors"].checkState() == Qt.CheckState.PartiallyChecked
@@ -191,24 +191,24 @@ def test_single_stages_run_in_any_order_here_and_on_the_operator_page(engineer: 
     engineer.until(lambda: "This file cannot be opened" in engineer.says())
 
 
-def test_a_schedule_is_checked_as_typed_previewed_and_saved_to_its_product(
+def test_a_schedule_is_checked_previewed_and_saved_to_the_product(
     engineer: Engineer,
 ) -> None:
     engineer.unlock()
     engineer.tick("stage_check_rate")
     engineer.page.choice.parts.select("rate")
-    for field, text, said in (
+    for field, text, problem in (
         ("schedule_rate_dwell_s", "1", "Too small; enter 2 to 600 s."),
         ("schedule_rate_dwell_s", "long", "Not a number; enter 2 to 600 s."),
         ("schedule_rate_turns", "1.5", "Must be a whole number, 1 to 50."),
         ("schedule_rate_rate_dps", "130", "The table reaches 120 °/s at most; lower the value."),
     ):
         engineer.type(field, text)
-        assert said in engineer.says()
+        assert problem in engineer.says()
         assert "Rate" in engineer.why_not("engineer_start_button")
         assert "Rate" in engineer.why_not("preview_button")
         engineer.press("reset_schedule_button")
-        assert said not in engineer.says()
+        assert problem not in engineer.says()
     assert engineer.widget("engineer_start_button").isEnabled()
     assert engineer.widget("schedule_rate_dwell_s", QLineEdit).text() == "2"
 
@@ -243,13 +243,13 @@ def test_a_schedule_is_checked_as_typed_previewed_and_saved_to_its_product(
 
 
 @pytest.mark.long
-def test_a_departure_is_run_and_stands_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
+def test_a_changed_schedule_is_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
     engineer.tick("stage_check_six_position")
     before = engineer.start()
     engineer.unlock()
     engineer.page.choice.parts.select("six_position")
     engineer.type("schedule_six_position_dwell_s", "4")
-    after = engineer.start(engineer.check_closed)
+    after = engineer.start(engineer.check_disabled)
     assert open_log(Path(after["log"]["file"])).meta.schedule["six_position"]["dwell_s"] == 4.0
     assert after["configuration_sha256"] != before["configuration_sha256"]
     previous = {name: row["Previous"] for name, row in engineer.cells("result_table").items()}
@@ -268,19 +268,19 @@ def test_a_departure_is_run_and_stands_in_the_log_and_in_the_hash(engineer: Engi
 SIZE = {"accel_bias": 9.80665e-6, "accel_scale": 1e-6}
 
 
-def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
+def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
     engineer.tick("stage_check_six_position", "stage_check_azimuth_flip")
     result = engineer.start()
     page = engineer.page
     table = engineer.widget("result_table", QTableView)
-    engineer.turn_to(1)
+    engineer.show_view(1)
     table.setFocus()
     engineer.qtbot.keyClick(table, Qt.Key.Key_C, Qt.KeyboardModifier.ControlModifier)
     lines = QGuiApplication.clipboard().text().splitlines()
     assert lines[0].split("\t")[:3] == ["parameter", "Unit", "Value"]
     assert [line.split("\t")[0] for line in lines[1:]] == list(result["parameters"])
 
-    engineer.turn_to(2)
+    engineer.show_view(2)
     engineer.until(lambda: page.analysis.innovations.isVisible())
     combo = engineer.widget("innovation_stage_combo", QComboBox)
     assert [combo.itemText(i) for i in range(combo.count())] == ["Six positions", "Azimuth flips"]
@@ -288,14 +288,14 @@ def test_a_run_is_looked_at_closely(engineer: Engineer) -> None:
     nis = result["consistency"]["azimuth_flip"]["nis_mean"]
     assert engineer.cells("nis_table")["azimuth_flip"]["Mean NIS"] == f"{nis:.3f}"
 
-    engineer.turn_to(3)
+    engineer.show_view(3)
     assert page.analysis.residuals.isVisible()
     plot = page.analysis.residuals.plots[0]
     point = plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
     engineer.qtbot.mouseMove(plot.viewport(), point.toPoint())
     engineer.until(lambda: "rest" in engineer.widget("rest_label", QLabel).text())
 
-    engineer.turn_to(4)
+    engineer.show_view(4)
     assert "determined by this stage" in engineer.widget("unobservable_label", QLabel).text().lower()
     heat = page.analysis.observability.map
     assert tooltip_at(heat, heat.centre_of(6, 0)).startswith("gyro_bias_x after step")
@@ -313,17 +313,17 @@ def tooltip_at(heat: HeatMap, at: QPoint) -> str:
     return heat.describe(at)
 
 
-def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer: Engineer) -> None:
+def test_registers_are_read_compared_and_written_after_confirmation(engineer: Engineer) -> None:
     engineer.site_folder.write(flash_file=str(engineer.site_folder.folder / "flash.bin"), out_of_limits=True)
     engineer.window.app.product_changed.emit()
     engineer.tick("stage_check_six_position")
     result = engineer.start()
     assert result["outcome"] == "failed"
-    engineer.turn_to(5)
+    engineer.show_view(5)
     assert "PIN" in engineer.why_not("write_registers_button")
-    engineer.turn_to(0)
+    engineer.show_view(0)
     engineer.unlock()
-    engineer.turn_to(5)
+    engineer.show_view(5)
     engineer.until(lambda: engineer.page.registers.target is not None)
     assert "Read the unit first" in engineer.why_not("write_registers_button")
     assert engineer.widget("write_reason_label", QLabel).text() == engineer.why_not("write_registers_button")
@@ -345,7 +345,7 @@ def test_registers_are_read_set_beside_the_result_and_written_on_a_word(engineer
     engineer.until(lambda: "written and read back" in engineer.says())
     assert "verified with a turn of the table" in engineer.says()
     engineer.until_ended()
-    assert (engineer.run.state, engineer.run.fault) == ("idle", None), "what is no calibration has not passed"
+    assert (engineer.run.state, engineer.run.fault) == ("idle", None), "a register write has no verdict"
     (entry,) = register_journal.history(engineer.site_folder.runs, SERIAL)
     assert (entry.by, entry.why, entry.closing) == ("wang", "hand", "done")
     after = engineer.cells("register_table")
@@ -369,29 +369,29 @@ def finished_run(found: dict[str, Any], **more: Any) -> FinishedRun:
     return FinishedRun(Result.from_json(result), None, {})
 
 
-def at_the_registers(engineer: Engineer, **bench: Any) -> None:
-    """A result that asks for registers, its unit read, and the word asked for."""
+def ask_to_write(engineer: Engineer, **bench: Any) -> None:
+    """Show a result, read the unit and press Write."""
     engineer.site_folder.write(flash_file=str(engineer.site_folder.folder / "flash.bin"), **bench)
     engineer.window.app.product_changed.emit()
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
-    engineer.page._controller.show_run(finished_run(found))
-    engineer.turn_to(5)
+    engineer.page.registers.show_run(finished_run(found))
+    engineer.show_view(5)
     engineer.until(lambda: bool(engineer.cells("register_table")))
     engineer.press("read_registers_button")
     engineer.until(lambda: engineer.page.registers.unit is not None)
     engineer.press("write_registers_button")
 
 
-def test_a_result_of_another_profile_asks_for_its_own_product(engineer: Engineer) -> None:
+def test_a_result_of_another_profile_requires_its_own_product(engineer: Engineer) -> None:
     engineer.unlock()
     found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
-    engineer.page._controller.show_run(finished_run(found))
-    engineer.turn_to(5)
+    engineer.page.registers.show_run(finished_run(found))
+    engineer.show_view(5)
     engineer.until(lambda: bool(engineer.cells("register_table")))
     used = {"imu": {"name": "bench_mems", "version": None, "sha256": ""}}
     other = finished_run(found, product="MEMS grade C", configuration=used)
-    engineer.page._controller.show_run(other)
+    engineer.page.registers.show_run(other)
     engineer.until(
         lambda: "choose the result's own product, 'MEMS grade C'" in engineer.says().replace("Choose", "choose")
     )
@@ -399,8 +399,8 @@ def test_a_result_of_another_profile_asks_for_its_own_product(engineer: Engineer
 
 
 @pytest.mark.long
-def test_registers_are_written_with_the_table_left_alone_by_choice(engineer: Engineer) -> None:
-    at_the_registers(engineer)
+def test_registers_can_be_written_with_the_table_at_rest(engineer: Engineer) -> None:
+    ask_to_write(engineer)
     engineer.press("confirm_at_rest_button")
     engineer.until(lambda: "written and read back" in engineer.says())
     assert "Verified at rest; no turn was made." in engineer.says()
@@ -409,19 +409,19 @@ def test_registers_are_written_with_the_table_left_alone_by_choice(engineer: Eng
 
 
 @pytest.mark.long
-def test_a_table_that_cannot_turn_says_so_and_what_else_can_be_done(engineer: Engineer) -> None:
-    at_the_registers(engineer, interlock_closed=False)
+def test_a_table_that_cannot_turn_suggests_writing_at_rest(engineer: Engineer) -> None:
+    ask_to_write(engineer, interlock_closed=False)
     engineer.press("confirm_write_button")
     engineer.until(lambda: "not done" in engineer.says())
     assert "Or choose “Write, table at rest”." in engineer.says()
     assert register_journal.history(engineer.site_folder.runs, SERIAL) == []
     engineer.until_ended()
-    assert engineer.run.fault is not None, "told on the operator page as well, and to be acknowledged there"
+    assert engineer.run.fault is not None, "the operator page shows the fault and asks for acknowledgement"
 
 
 @pytest.mark.long
-def test_stop_ends_a_turn_behind_a_write(engineer: Engineer) -> None:
-    at_the_registers(engineer, speed=5.0)
+def test_stop_ends_a_turn_after_a_write(engineer: Engineer) -> None:
+    ask_to_write(engineer, speed=5.0)
     engineer.press("confirm_write_button")
     engineer.until(lambda: "Checking the output" in engineer.says())
     engineer.press("stop_button")
@@ -431,7 +431,7 @@ def test_stop_ends_a_turn_behind_a_write(engineer: Engineer) -> None:
     assert register_journal.interrupted(engineer.site_folder.runs, SERIAL) is not None
 
 
-def test_a_part_says_so_and_when_its_registers_were_written(engineer: Engineer) -> None:
+def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engineer: Engineer) -> None:
     row = {"value": 1e-4, "sigma": 1e-6, "unit": "1", "stage": "rate"}
     result = {
         "schema": "calstation.result/1",
@@ -461,11 +461,11 @@ def test_a_part_says_so_and_when_its_registers_were_written(engineer: Engineer) 
     rows = engineer.cells("register_table")
     assert (rows["gyro_scale_x"]["In the unit"], rows["gyro_scale_x"]["New"]) == ("500.0000", "–")
     assert (rows["gyro_scale_y"]["In the unit"], rows["gyro_scale_y"]["Change"]) == ("100.0000", "0")
-    engineer.turn_to(5)
+    engineer.show_view(5)
     assert "as the run wrote it and read it back, 2026-11-21" in engineer.says()
 
 
-def test_a_plan_that_the_table_cannot_run_is_explained_in_both_languages(qapp: QApplication) -> None:
+def test_a_plan_beyond_the_travel_is_explained_in_both_languages(qapp: QApplication) -> None:
     refusal = Text.of("plan.turns_exceed_travel", turns=7, needed_deg=2520, axis="outer", travel_deg=2160.0)
     assert show(refusal).endswith("Lower turns in the schedule of rate.")
     language.use("zh_CN")

@@ -1,4 +1,4 @@
-"""The station page by real clicks: checked as typed, saved as versions, links tested, read-only for the operator."""
+"""The station page, operated by clicks: checks while typing, versions, connection tests, rights of the operator."""
 
 import re
 import tomllib
@@ -53,8 +53,8 @@ PIN = "2468"
 LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station_options="")
 
 
-class Hands:
-    """What a user does on the page, whether it stands in the window or alone."""
+class PageDriver:
+    """Operates the page as a user does, in the window or alone."""
 
     def __init__(self, root: QWidget, page: StationPage, qtbot: QtBot) -> None:
         self.root, self.page, self.app, self._bot = root, page, page.app, qtbot
@@ -65,7 +65,7 @@ class Hands:
         assert found, name
         return next((widget for widget in found if widget.isVisible()), found[0])
 
-    def turn(self, section: int) -> None:
+    def show_section(self, section: int) -> None:
         """Choose a section."""
         self.page.nav.setCurrentRow(section)
 
@@ -97,12 +97,12 @@ class Hands:
         self.type("new_name_edit", name)
         self.press("make_file_button")
 
-    def says(self, field: str) -> str:
+    def message(self, field: str) -> str:
         """The message beneath an input."""
         label = self.find(QLabel, f"{field}_message")
         return str(label.text())
 
-    def finished(self, device: str) -> list[str]:
+    def findings(self, device: str) -> list[str]:
         """Wait for a connection test; the sentences of what it found."""
         panel = (self.page.table_link if device == "table" else self.page.imu_link).test
         self._bot.waitUntil(lambda: panel.report is not None, timeout=60_000)
@@ -112,15 +112,17 @@ class Hands:
 
 @pytest.fixture(scope="module")
 def job_queue() -> Iterator[JobQueue]:
-    """One workshop for all pages of this file: starting its process takes longer than most of the tests."""
+    """One job queue for all pages of this file: starting its process takes longer than most of the tests."""
     made = JobQueue()
     yield made
     made.close()
 
 
 @pytest.fixture
-def operator(site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch) -> Iterator[Hands]:
-    """An operator at the page, which stands alone below its header."""
+def operator(
+    site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[PageDriver]:
+    """The page alone below its header, in the role of an operator."""
     application = QApplication.instance()
     assert isinstance(application, QApplication)
     if not application.styleSheet():
@@ -139,26 +141,26 @@ def operator(site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: p
     root.resize(1366, 700)
     root.show()
     qtbot.waitExposed(root)
-    yield Hands(root, page, qtbot)
+    yield PageDriver(root, page, qtbot)
     app.engine_link.close()
     language.use("en")
 
 
 @pytest.fixture
-def hands(operator: Hands) -> Hands:
-    """An engineer at the page."""
+def page_driver(operator: PageDriver) -> PageDriver:
+    """The page in the role of an engineer."""
     operator.app.role.set_first_pin(PIN)
     return operator
 
 
 @pytest.fixture
-def whole(window: MainWindow, qtbot: QtBot) -> Hands:
-    """An engineer at the page in the whole window."""
+def whole(window: MainWindow, qtbot: QtBot) -> PageDriver:
+    """The page in the main window, in the role of an engineer."""
     window.app.role.set_first_pin(PIN)
     window.show_page("station_page")
     page = window.findChild(StationPage, "station_page")
     assert isinstance(page, StationPage)
-    return Hands(window, page, qtbot)
+    return PageDriver(window, page, qtbot)
 
 
 @pytest.fixture
@@ -175,10 +177,10 @@ def saved(path: Path) -> dict[str, Any]:
 # Who may do what
 
 
-def test_the_operator_sees_the_values_and_may_change_none(operator: Hands) -> None:
-    hands = operator
-    hands.turn(SITE)
-    edit = hands.find(QLineEdit, "site_latitude_deg_edit")
+def test_an_operator_can_read_but_not_change_values(operator: PageDriver) -> None:
+    page_driver = operator
+    page_driver.show_section(SITE)
+    edit = page_driver.find(QLineEdit, "site_latitude_deg_edit")
     assert edit.text() == "34.25"
     names = [
         "name_edit",
@@ -187,159 +189,170 @@ def test_the_operator_sees_the_values_and_may_change_none(operator: Hands) -> No
         "handover_folder_edit",
         "new_pin_edit",
     ]
-    for widget in [*(hands.find(QLineEdit, name) for name in names), hands.find(QComboBox, "station_combo")]:
+    for widget in [
+        *(page_driver.find(QLineEdit, name) for name in names),
+        page_driver.find(QComboBox, "station_combo"),
+    ]:
         assert not widget.isEnabled()
         assert "engineer" in widget.toolTip()
-    assert hands.page.profiles.editor.isReadOnly()
-    hands.app.role.set_first_pin(PIN)
+    assert page_driver.page.profiles.editor.isReadOnly()
+    page_driver.app.role.set_first_pin(PIN)
     assert edit.isEnabled()
     assert edit.toolTip() == ""
-    hands.app.role.lock()
+    page_driver.app.role.lock()
     assert not edit.isEnabled()
 
 
-def test_language_and_colours_need_no_engineer(whole: Hands, window: MainWindow, qtbot: QtBot) -> None:
-    hands = whole
-    hands.app.role.lock()
-    hands.turn(PERSONAL)
-    hands.choose("theme_combo", "dark")
+def test_an_operator_can_change_language_and_theme(whole: PageDriver, window: MainWindow, qtbot: QtBot) -> None:
+    page_driver = whole
+    page_driver.app.role.lock()
+    page_driver.show_section(PERSONAL)
+    page_driver.choose("theme_combo", "dark")
     assert theme.current() == "dark"
-    hands.choose("station_language_combo", "中文")
+    page_driver.choose("station_language_combo", "中文")
     assert language.current() == "zh_CN"
     qtbot.waitUntil(lambda: window.language_combo.currentData() == "zh_CN")
-    assert hands.page.nav.item(SITE).text() == "站址"
-    hands.choose("station_language_combo", "English")
-    qtbot.waitUntil(lambda: hands.page.nav.item(SITE).text() == "Site")
+    assert page_driver.page.nav.item(SITE).text() == "站址"
+    page_driver.choose("station_language_combo", "English")
+    qtbot.waitUntil(lambda: page_driver.page.nav.item(SITE).text() == "Site")
 
 
-# Checked as typed, saved whole
+# Checking and saving
 
 
-def test_a_wrong_value_is_told_beside_it_and_cannot_be_saved(hands: Hands, site_folder: Any) -> None:
-    hands.turn(SITE)
+def test_a_wrong_value_shows_an_error_and_cannot_be_saved(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.show_section(SITE)
     before = site_folder.station.read_bytes()
-    hands.type("site_latitude_deg_edit", "95")
-    assert hands.says("site_latitude_deg") == "Out of range; it must be at most 90."
-    save = hands.find(QPushButton, "save_station_button")
+    page_driver.type("site_latitude_deg_edit", "95")
+    assert page_driver.message("site_latitude_deg") == "Out of range; it must be at most 90."
+    save = page_driver.find(QPushButton, "save_station_button")
     assert not save.isEnabled()
     assert save.toolTip() == "Correct first, in “test”: site.latitude_deg: Out of range; it must be at most 90."
-    assert hands.find(QLabel, "unsaved_label").text() == "● Not saved: test"
-    hands.type("site_latitude_deg_edit", "ten")
-    assert hands.says("site_latitude_deg") == "Not a number; type one like 12.5."
-    hands.type("site_height_m_edit", "")
-    assert hands.says("site_height_m") == "Missing; fill it in."
-    hands.press("discard_station_button")
-    assert hands.find(QLineEdit, "site_latitude_deg_edit").text() == "34.25"
+    assert page_driver.find(QLabel, "unsaved_label").text() == "● Not saved: test"
+    page_driver.type("site_latitude_deg_edit", "ten")
+    assert page_driver.message("site_latitude_deg") == "Not a number; type one like 12.5."
+    page_driver.type("site_height_m_edit", "")
+    assert page_driver.message("site_height_m") == "Missing; fill it in."
+    page_driver.press("discard_station_button")
+    assert page_driver.find(QLineEdit, "site_latitude_deg_edit").text() == "34.25"
     assert not save.isVisible()
     assert site_folder.station.read_bytes() == before
 
 
-def test_a_right_value_is_saved_as_a_version_with_its_comments(hands: Hands, site_folder: Any) -> None:
+def test_saving_makes_a_version_and_keeps_comments(page_driver: PageDriver, site_folder: Any) -> None:
     text = "# our line\n" + site_folder.station.read_text(encoding="utf-8")
     site_folder.station.write_text(text, encoding="utf-8")
-    hands.turn(SITE)
-    hands.page.drafts.discard()
-    hands.page.drafts.station.open(site_folder.station)
-    told: list[int] = []
-    hands.app.station_changed.connect(lambda: told.append(1))
-    hands.type("site_latitude_deg_edit", "39.9")
-    hands.press("save_station_button")
+    page_driver.show_section(SITE)
+    page_driver.page.drafts.discard()
+    page_driver.page.drafts.station.open(site_folder.station)
+    notified: list[int] = []
+    page_driver.app.station_changed.connect(lambda: notified.append(1))
+    page_driver.type("site_latitude_deg_edit", "39.9")
+    page_driver.press("save_station_button")
     assert saved(site_folder.station)["site"]["latitude_deg"] == 39.9
     assert site_folder.station.read_text(encoding="utf-8").startswith("# our line\n")
     latest = versions.list_versions("stations", "test")[0]
-    assert latest.author == hands.page.drafts.author
-    assert told
-    assert hands.find(QLabel, "unsaved_label").text() == "✓ Saved: test"
-    hands.type("site_latitude_deg_edit", "39")
-    assert "Not saved" in hands.find(QLabel, "unsaved_label").text()
+    assert latest.author == page_driver.page.drafts.author
+    assert notified
+    assert page_driver.find(QLabel, "unsaved_label").text() == "✓ Saved: test"
+    page_driver.type("site_latitude_deg_edit", "39")
+    assert "Not saved" in page_driver.find(QLabel, "unsaved_label").text()
 
 
-def test_the_station_at_hand_is_listed_once(hands: Hands, site_folder: Any) -> None:
-    box = hands.page.station_box
+def test_the_current_station_is_listed_once(page_driver: PageDriver, site_folder: Any) -> None:
+    box = page_driver.page.station_box
     listed = [box.itemText(i) for i in range(box.count())]
     assert len(listed) == len(set(listed))
     assert box.currentText() == "test (virtual bench)"
 
 
-def test_a_shipped_file_is_saved_as_the_sites_own(hands: Hands, site_folder: Any) -> None:
-    hands.turn(TABLE)
-    hands.type("outer_high_deg_edit", "-2000")
-    assert hands.says("outer_high_deg") == "low_deg = -1080 must be below high_deg = -2000. Correct one of them."
-    assert "no travel" in hands.page.findChild(TravelPlot).accessibleName()
-    hands.type("outer_high_deg_edit", "400")
-    assert hands.says("outer_high_deg") == ""
-    assert "1480° in all" not in hands.page.findChild(TravelPlot).accessibleName()
-    assert "4.11 turns in all" in hands.page.findChild(TravelPlot).accessibleName()
-    hands.press("save_station_button")
+def test_a_shipped_file_is_saved_in_the_folder_of_the_site(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.show_section(TABLE)
+    page_driver.type("outer_high_deg_edit", "-2000")
+    assert (
+        page_driver.message("outer_high_deg") == "low_deg = -1080 must be below high_deg = -2000. Correct one of them."
+    )
+    assert "no travel" in page_driver.page.findChild(TravelPlot).accessibleName()
+    page_driver.type("outer_high_deg_edit", "400")
+    assert page_driver.message("outer_high_deg") == ""
+    assert "1480° in all" not in page_driver.page.findChild(TravelPlot).accessibleName()
+    assert "4.11 turns in all" in page_driver.page.findChild(TravelPlot).accessibleName()
+    page_driver.press("save_station_button")
     own = site_folder.home / "tables" / "bench.toml"
     assert saved(own)["outer"]["high_deg"] == 400
     assert "CiA 402" in own.read_text(encoding="utf-8")
     assert [v.number for v in versions.list_versions("tables", "bench")] == [2, 1]
 
 
-def test_axes_are_three_numbers_and_a_unit_vector(hands: Hands) -> None:
-    hands.turn(TABLE)
-    edits = hands.find(QWidget, "outer_axis_edit").findChildren(QLineEdit)
+def test_an_axis_must_be_a_unit_vector(page_driver: PageDriver) -> None:
+    page_driver.show_section(TABLE)
+    edits = page_driver.find(QWidget, "outer_axis_edit").findChildren(QLineEdit)
     edits[1].setFocus()
     edits[1].selectAll()
-    hands._bot.keyClicks(edits[1], "0.5")
-    assert hands.says("outer_axis") == "1.0, 0.5, 0.0 has length 1.11803. Give a unit vector."
-    hands._bot.keyClicks(edits[1], "x")
-    assert hands.says("outer_axis") == "Not a number; type one like 12.5."
+    page_driver._bot.keyClicks(edits[1], "0.5")
+    assert page_driver.message("outer_axis") == "1.0, 0.5, 0.0 has length 1.11803. Give a unit vector."
+    page_driver._bot.keyClicks(edits[1], "x")
+    assert page_driver.message("outer_axis") == "Not a number; type one like 12.5."
 
 
-def test_gravity_and_its_plausibility_follow_the_typing(hands: Hands) -> None:
-    hands.turn(SITE)
-    normal = hands.find(QLabel, "normal_gravity_label")
+def test_gravity_is_compared_with_normal_gravity_while_typing(page_driver: PageDriver) -> None:
+    page_driver.show_section(SITE)
+    normal = page_driver.find(QLabel, "normal_gravity_label")
     assert normal.text() == "9.79547 m/s²"
-    hands.type("site_latitude_deg_edit", "60")
+    page_driver.type("site_latitude_deg_edit", "60")
     assert normal.text() == "9.81794 m/s²"
-    hands.choose("gravity_way_combo", "surveyed")
-    edit = hands.find(QLineEdit, "site_gravity_mps2_edit")
-    assert edit.text() == "9.7", "no place has it: the surveyed value is to be typed"
-    hands.type("site_gravity_mps2_edit", "9.80")
-    assert "-0.18 % from normal gravity" in hands.says("site_gravity_mps2")
-    assert "off by -1828 ppm" in hands.says("site_gravity_mps2")
-    assert hands.find(QPushButton, "save_station_button").isEnabled(), "advice is no refusal"
-    hands.choose("gravity_way_combo", "normal")
+    page_driver.choose("gravity_way_combo", "surveyed")
+    edit = page_driver.find(QLineEdit, "site_gravity_mps2_edit")
+    assert edit.text() == "9.7", "no site has this value, so the surveyed value must be typed"
+    page_driver.type("site_gravity_mps2_edit", "9.80")
+    assert "-0.18 % from normal gravity" in page_driver.message("site_gravity_mps2")
+    assert "off by -1828 ppm" in page_driver.message("site_gravity_mps2")
+    assert page_driver.find(QPushButton, "save_station_button").isEnabled(), "advice does not prevent saving"
+    page_driver.choose("gravity_way_combo", "normal")
     assert not edit.isVisible()
 
 
-def test_a_place_is_confirmed_at_this_computer_by_a_button(hands: Hands) -> None:
-    hands.turn(SITE)
-    assert not hands.find(QPushButton, "confirm_place_button").isVisible(), "a virtual bench stands nowhere"
-    hands.copy_station("line_3")
-    assert "This site has not been confirmed" in hands.says("site_confirmed_on")
-    hands.press("confirm_place_button")
-    hands.press("save_station_button")
+def test_a_site_is_confirmed_on_this_computer(page_driver: PageDriver) -> None:
+    page_driver.show_section(SITE)
+    assert not page_driver.find(QPushButton, "confirm_place_button").isVisible(), (
+        "a virtual bench has no site to confirm"
+    )
+    page_driver.copy_station("line_3")
+    assert "This site has not been confirmed" in page_driver.message("site_confirmed_on")
+    page_driver.press("confirm_place_button")
+    page_driver.press("save_station_button")
     path = library.find("stations", "line_3")
     here = f"{this_computer()}: 34.25 108.9 400.0 normal"
     assert saved(path)["site"]["confirmed_on"] == [here]
-    assert hands.says("site_confirmed_on").startswith("✓")
-    assert not hands.find(QPushButton, "confirm_place_button").isVisible()
-    draft, told = hands.page.drafts.station, ("site", "confirmed_on")
-    draft.set({told: ["plant-2: 34.25 108.9 400.0 normal", here]})
-    hands.type("site_height_m_edit", "1200")
-    assert "not this one on this computer" in hands.says("site_confirmed_on"), "of another height nobody has said it"
-    hands.press("confirm_place_button")
-    assert draft.value(told) == [
+    assert page_driver.message("site_confirmed_on").startswith("✓")
+    assert not page_driver.find(QPushButton, "confirm_place_button").isVisible()
+    draft, confirmed = page_driver.page.drafts.station, ("site", "confirmed_on")
+    draft.set({confirmed: ["plant-2: 34.25 108.9 400.0 normal", here]})
+    page_driver.type("site_height_m_edit", "1200")
+    assert "not this one on this computer" in page_driver.message("site_confirmed_on"), (
+        "the confirmation is of another height"
+    )
+    page_driver.press("confirm_place_button")
+    assert draft.value(confirmed) == [
         "plant-2: 34.25 108.9 400.0 normal",
         f"{this_computer()}: 34.25 108.9 1200.0 normal",
     ]
-    hands.type("site_height_m_edit", "ten")
-    assert not hands.find(QPushButton, "confirm_place_button").isVisible(), "nobody can be sure of that"
+    page_driver.type("site_height_m_edit", "ten")
+    assert not page_driver.find(QPushButton, "confirm_place_button").isVisible(), "a wrong value cannot be confirmed"
 
 
-def test_an_unknown_azimuth_is_left_out_of_the_file(hands: Hands, site_folder: Any) -> None:
-    hands.turn(SITE)
-    hands.choose("azimuth_way_combo", "found")
-    hands.press("save_station_button")
+def test_an_azimuth_found_from_the_data_is_not_in_the_file(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.show_section(SITE)
+    page_driver.choose("azimuth_way_combo", "found")
+    page_driver.press("save_station_button")
     assert "azimuth_deg" not in saved(site_folder.station)["site"]
-    hands.choose("azimuth_way_combo", "given")
-    hands.type("site_azimuth_deg_edit", "")
-    assert hands.find(QLineEdit, "site_azimuth_deg_edit").isVisible(), "stays while it is typed anew"
-    hands.type("site_azimuth_deg_edit", "90.5")
-    hands.press("save_station_button")
+    page_driver.choose("azimuth_way_combo", "given")
+    page_driver.type("site_azimuth_deg_edit", "")
+    assert page_driver.find(QLineEdit, "site_azimuth_deg_edit").isVisible(), (
+        "the input stays while a new value is typed"
+    )
+    page_driver.type("site_azimuth_deg_edit", "90.5")
+    page_driver.press("save_station_button")
     assert saved(site_folder.station)["site"]["azimuth_deg"] == 90.5
 
 
@@ -347,97 +360,97 @@ def test_an_unknown_azimuth_is_left_out_of_the_file(hands: Hands, site_folder: A
 
 
 @pytest.mark.parametrize("answer", ["stay_button", "discard_and_go_button", "save_and_go_button"])
-def test_leaving_with_unsaved_changes_asks_inline(
-    whole: Hands, window: MainWindow, site_folder: Any, answer: str
+def test_leaving_with_unsaved_changes_asks_first(
+    whole: PageDriver, window: MainWindow, site_folder: Any, answer: str
 ) -> None:
-    hands, tabs = whole, window.page_tabs
-    hands.type("name_edit", "line 7")
+    page_driver, tabs = whole, window.page_tabs
+    page_driver.type("name_edit", "line 7")
     tabs.setCurrentIndex(0)
-    assert tabs.currentWidget() is hands.page
-    assert hands.page.notice.asking
-    hands.press(answer)
-    assert not hands.page.notice.asking
-    assert (tabs.currentWidget() is hands.page) == (answer == "stay_button")
+    assert tabs.currentWidget() is page_driver.page
+    assert page_driver.page.notice.asking
+    page_driver.press(answer)
+    assert not page_driver.page.notice.asking
+    assert (tabs.currentWidget() is page_driver.page) == (answer == "stay_button")
     assert saved(site_folder.station)["name"] == ("line 7" if answer.startswith("save") else "test bench")
 
 
-def test_closing_the_window_with_unsaved_changes_asks_too(whole: Hands, window: MainWindow) -> None:
-    hands = whole
-    hands.type("name_edit", "line 7")
+def test_closing_the_window_with_unsaved_changes_asks_first(whole: PageDriver, window: MainWindow) -> None:
+    page_driver = whole
+    page_driver.type("name_edit", "line 7")
     assert not window.close()
-    assert hands.page.notice.asking
-    hands.press("discard_and_go_button")
+    assert page_driver.page.notice.asking
+    page_driver.press("discard_and_go_button")
     assert not window.isVisible()
 
 
 # Stations
 
 
-def test_a_new_station_is_made_from_a_copy_and_stays_chosen(hands: Hands, site_folder: Any) -> None:
-    hands.press("new_station_button")
-    make = hands.find(QPushButton, "make_file_button")
-    for name, told in (("", "Type a name first."), ("line 3", "Only letters"), ("test", "taken")):
-        hands.type("new_name_edit", name)
+def test_a_new_station_is_a_copy_and_is_remembered(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.press("new_station_button")
+    make = page_driver.find(QPushButton, "make_file_button")
+    for name, reason in (("", "Type a name first."), ("line 3", "Only letters"), ("test", "taken")):
+        page_driver.type("new_name_edit", name)
         assert not make.isEnabled()
-        assert told in make.toolTip()
-    hands.type("new_name_edit", "line_3")
-    hands.press("make_file_button")
+        assert reason in make.toolTip()
+    page_driver.type("new_name_edit", "line_3")
+    page_driver.press("make_file_button")
     path = site_folder.home / "stations" / "line_3.toml"
     assert saved(path)["name"] == "line_3"
-    assert hands.app.station_path == path
-    assert hands.find(QComboBox, "station_combo").currentText() == "line_3"
-    assert AppContext().station_path == path, "remembered when the program starts again"
-    hands.choose("station_combo", "virtual_bench (virtual bench)")
-    assert hands.app.station_path == library.find("stations", "virtual_bench")
+    assert page_driver.app.station_path == path
+    assert page_driver.find(QComboBox, "station_combo").currentText() == "line_3"
+    assert AppContext().station_path == path, "remembered at the next start"
+    page_driver.choose("station_combo", "virtual_bench (virtual bench)")
+    assert page_driver.app.station_path == library.find("stations", "virtual_bench")
 
 
-def test_a_file_from_elsewhere_becomes_the_sites_own_under_a_free_name(hands: Hands, tmp_path: Path) -> None:
+def test_a_file_from_another_folder_is_saved_under_a_free_name(page_driver: PageDriver, tmp_path: Path) -> None:
     elsewhere = tmp_path / "test.toml"
     elsewhere.write_bytes((tmp_path / "home" / "stations" / "test.toml").read_bytes())
-    hands.app.set_station(elsewhere)
-    hands.type("name_edit", "from elsewhere")
-    hands.press("save_station_button")
-    assert hands.app.station_path == tmp_path / "home" / "stations" / "test-2.toml"
+    page_driver.app.set_station(elsewhere)
+    page_driver.type("name_edit", "from elsewhere")
+    page_driver.press("save_station_button")
+    assert page_driver.app.station_path == tmp_path / "home" / "stations" / "test-2.toml"
     assert saved(elsewhere)["name"] == "test bench"
 
 
 # Links
 
 
-def test_the_virtual_bench_is_tested_by_its_buttons(hands: Hands) -> None:
-    for section, device, told in (
+def test_connection_tests_of_the_virtual_bench_pass(page_driver: PageDriver) -> None:
+    for section, device, finding in (
         (TABLE_LINK, "table", "bench-table, serial number T-0001."),
         (IMU_LINK, "imu", "bench-imu, serial number SN-000001."),
     ):
-        hands.turn(section)
-        hands.press(f"test_{device}_button")
-        assert not hands.find(QPushButton, f"test_{device}_button").isEnabled()
-        assert told in hands.finished(device)
-        assert hands.find(QWidget, f"{device}_test_badge").text() == "The link works"
+        page_driver.show_section(section)
+        page_driver.press(f"test_{device}_button")
+        assert not page_driver.find(QPushButton, f"test_{device}_button").isEnabled()
+        assert finding in page_driver.findings(device)
+        assert page_driver.find(QWidget, f"{device}_test_badge").text() == "The link works"
 
 
-def test_a_wrong_port_is_told_with_its_mend_in_both_languages(hands: Hands, chinese: Callable[[], None]) -> None:
-    hands.copy_station("line_3")
-    hands.turn(TABLE_LINK)
-    hands.choose("table_way_combo", "serial line")
-    assert hands.says("table_port").startswith("The port is missing. Add the port")
-    test = hands.find(QPushButton, "test_table_button")
+def test_a_missing_port_is_explained_in_both_languages(page_driver: PageDriver, chinese: Callable[[], None]) -> None:
+    page_driver.copy_station("line_3")
+    page_driver.show_section(TABLE_LINK)
+    page_driver.choose("table_way_combo", "serial line")
+    assert page_driver.message("table_port").startswith("The port is missing. Add the port")
+    test = page_driver.find(QPushButton, "test_table_button")
     assert not test.isEnabled()
     assert test.toolTip() == "Correct what is marked first."
-    box = next(b for b in hands.root.findChildren(QComboBox, "table_port_edit") if b.isVisible())
-    hands._bot.keyClicks(box.lineEdit(), "/dev/ttyNONE7")
-    hands.press("test_table_button")
-    told = hands.finished("table")
-    assert told[0] == "Port /dev/ttyNONE7 does not exist."
-    assert told[1].startswith("Plug the adapter in, or choose another port.")
+    box = next(b for b in page_driver.root.findChildren(QComboBox, "table_port_edit") if b.isVisible())
+    page_driver._bot.keyClicks(box.lineEdit(), "/dev/ttyNONE7")
+    page_driver.press("test_table_button")
+    findings = page_driver.findings("table")
+    assert findings[0] == "Port /dev/ttyNONE7 does not exist."
+    assert findings[1].startswith("Plug the adapter in, or choose another port.")
     chinese()
-    hands._bot.waitUntil(lambda: hands.finished("table")[0] == "没有端口 /dev/ttyNONE7。")
-    hands._bot.keyClicks(box.lineEdit(), "8")
-    assert hands.page.table_link.test.report is None, "what was found belongs to another setting"
+    page_driver._bot.waitUntil(lambda: page_driver.findings("table")[0] == "没有端口 /dev/ttyNONE7。")
+    page_driver._bot.keyClicks(box.lineEdit(), "8")
+    assert page_driver.page.table_link.test.report is None, "findings of other settings are removed"
 
 
-def test_an_operator_resets_what_the_table_has_latched(
-    operator: Hands, site_folder: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
+def test_an_operator_can_reset_a_latched_fault(
+    operator: PageDriver, site_folder: Any, monkeypatch: pytest.MonkeyPatch, chinese: Callable[[], None]
 ) -> None:
     with closing(BenchHost.start({"speed": 0.0})) as host:
         where, _, port = host.endpoints["clock"].rpartition(":")
@@ -452,13 +465,13 @@ def test_an_operator_resets_what_the_table_has_latched(
         }
         site_folder.station.write_text(tomli_w.dumps(real), encoding="utf-8")
         operator.app.station_changed.emit()
-        operator.turn(TABLE_LINK)
+        operator.show_section(TABLE_LINK)
         reset = operator.find(QPushButton, "table_reset_button")
-        assert not reset.isVisible(), "nothing is known of a fault"
+        assert not reset.isVisible(), "no fault is known yet"
         operator.press("test_table_button")
-        assert "The fault “drive” is latched." in operator.finished("table")
+        assert "The fault “drive” is latched." in operator.findings("table")
         assert reset.isVisible()
-        assert not reset.hasFocus(), "a key meant for something else must not reset it"
+        assert not reset.hasFocus(), "the focus must not move to the reset button"
         operator.app.engine_link.request = RunRequest("SN-000042", site_folder.station)
         with monkeypatch.context() as going:
             going.setattr(EngineLink, "running", property(lambda _: True))
@@ -466,17 +479,19 @@ def test_an_operator_resets_what_the_table_has_latched(
             assert not reset.isEnabled()
             assert reset.toolTip() == "A run is going on; reset when it has ended."
         operator.app.engine_link.running_changed.emit(False)
-        told = operator.find(QLabel, "table_reset_button_result")
+        result = operator.find(QLabel, "table_reset_button_result")
         operator.press("table_reset_button")
-        operator._bot.waitUntil(lambda: "was reset" in told.text(), timeout=60_000)
-        operator.finished("table")
-        assert operator.find(QWidget, "table_test_badge").text() == "The link works", "it was tested again"
+        operator._bot.waitUntil(lambda: "was reset" in result.text(), timeout=60_000)
+        operator.findings("table")
+        assert operator.find(QWidget, "table_test_badge").text() == "The link works", (
+            "the test is repeated after a reset"
+        )
         assert not reset.isVisible()
         chinese()
-        operator._bot.waitUntil(lambda: told.text() == "故障“驱动器”已复位；现在没有锁存的故障。")
+        operator._bot.waitUntil(lambda: result.text() == "故障“驱动器”已复位；现在没有锁存的故障。")
         language.use("en")
 
-        # The same where a run's end tells the fault; an open interlock keeps it latched.
+        # The same from the verdict of a run; an open interlock keeps the fault latched.
         clock.order({"order": "interlock", "value": 0})
         verdict = VerdictPanel(operator.app)
         operator._bot.addWidget(verdict)
@@ -499,72 +514,72 @@ def test_an_operator_resets_what_the_table_has_latched(
         clock.close()
 
 
-def test_a_usb_adapter_is_chosen_by_its_serial_number(hands: Hands) -> None:
-    hands.copy_station("line_3")
-    hands.turn(IMU_LINK)
-    link = hands.page.imu_link
-    hands._bot.waitUntil(lambda: not link.searching.busy, timeout=30_000)
+def test_a_usb_adapter_is_chosen_by_its_serial_number(page_driver: PageDriver) -> None:
+    page_driver.copy_station("line_3")
+    page_driver.show_section(IMU_LINK)
+    link = page_driver.page.imu_link
+    page_driver._bot.waitUntil(lambda: not link.searching.busy, timeout=30_000)
     ports = (
         FoundPort("/dev/ttyUSB4", "FT232R USB UART", "FTDI", "A9XYZ", "1-2", "usb:A9XYZ"),
         FoundPort("/dev/ttyS0", "", "", None, "", None),
     )
     link.port_box.offer(ports)
-    hands.choose("imu_port_edit", "usb:A9XYZ")
+    page_driver.choose("imu_port_edit", "usb:A9XYZ")
     assert link.port_box.currentText() == "usb:A9XYZ"
-    assert hands.says("imu_port") == "FT232R USB UART, FTDI · /dev/ttyUSB4"
-    hands.press("save_station_button")
+    assert page_driver.message("imu_port") == "FT232R USB UART, FTDI · /dev/ttyUSB4"
+    page_driver.press("save_station_button")
     assert saved(library.find("stations", "line_3"))["imu"]["port"] == "usb:A9XYZ"
 
 
-def test_serial_settings_are_the_profiles_or_the_stations_own(hands: Hands) -> None:
-    hands.copy_station("line_3")
-    hands.turn(IMU_LINK)
-    draft = hands.page.drafts.station
-    hands.choose("imu_own_serial_combo", "the profile's (921600 8N1)")
+def test_serial_settings_come_from_the_profile_or_the_station(page_driver: PageDriver) -> None:
+    page_driver.copy_station("line_3")
+    page_driver.show_section(IMU_LINK)
+    draft = page_driver.page.drafts.station
+    page_driver.choose("imu_own_serial_combo", "the profile's (921600 8N1)")
     assert draft.value(("imu", "serial")) is None
-    hands.choose("imu_own_serial_combo", "this station's own")
+    page_driver.choose("imu_own_serial_combo", "this station's own")
     assert draft.value(("imu", "serial")) == {"baud": 921600, "data_bits": 8, "parity": "N", "stop_bits": 1}
-    box = hands.find(QComboBox, "imu_serial_baud_edit")
+    box = page_driver.find(QComboBox, "imu_serial_baud_edit")
     box.lineEdit().clear()
-    hands._bot.keyClicks(box.lineEdit(), "12.5")
-    assert hands.says("imu_serial_baud") == "Not a whole number; type one like 12."
-    hands.turn(TABLE_LINK)
-    hands.type("table_unit_edit", "300")
-    assert hands.says("table_unit") == "Out of range; it must be at most 255."
+    page_driver._bot.keyClicks(box.lineEdit(), "12.5")
+    assert page_driver.message("imu_serial_baud") == "Not a whole number; type one like 12."
+    page_driver.show_section(TABLE_LINK)
+    page_driver.type("table_unit_edit", "300")
+    assert page_driver.message("table_unit") == "Out of range; it must be at most 255."
 
 
-def test_no_test_and_no_change_in_force_while_a_run_is_going(hands: Hands, monkeypatch: pytest.MonkeyPatch) -> None:
-    hands.turn(TABLE_LINK)
-    hands.app.engine_link.request = RunRequest("SN-000042")
+def test_a_run_prevents_connection_tests_and_saving(page_driver: PageDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    page_driver.show_section(TABLE_LINK)
+    page_driver.app.engine_link.request = RunRequest("SN-000042")
     monkeypatch.setattr(EngineLink, "running", property(lambda _: True))
-    hands.app.engine_link.running_changed.emit(True)
-    button = hands.find(QPushButton, "test_table_button")
+    page_driver.app.engine_link.running_changed.emit(True)
+    button = page_driver.find(QPushButton, "test_table_button")
     assert not button.isEnabled()
     assert button.toolTip() == "A run is going on; test when it has ended."
-    hands.turn(STATION)
-    hands.type("name_edit", "line 7")
-    save = hands.find(QPushButton, "save_station_button")
+    page_driver.show_section(STATION)
+    page_driver.type("name_edit", "line 7")
+    save = page_driver.find(QPushButton, "save_station_button")
     assert not save.isEnabled()
     assert save.toolTip() == "A run is going on; changes can be saved when it has ended."
-    assert not hands.find(QComboBox, "station_combo").isEnabled()
-    assert hands.page.may_leave(lambda: None), "nobody is kept from a run"
+    assert not page_driver.find(QComboBox, "station_combo").isEnabled()
+    assert page_driver.page.may_leave(lambda: None), "during a run the page can be left"
     monkeypatch.undo()
-    hands.app.engine_link.running_changed.emit(False)
+    page_driver.app.engine_link.running_changed.emit(False)
     assert button.isEnabled()
     assert save.isEnabled()
 
 
-def test_tab_goes_through_the_inputs_as_read_and_the_wheel_changes_nothing(hands: Hands) -> None:
-    hands.turn(SITE)
-    hands.choose("gravity_way_combo", "surveyed")
+def test_tab_follows_the_reading_order_and_the_wheel_changes_nothing(page_driver: PageDriver) -> None:
+    page_driver.show_section(SITE)
+    page_driver.choose("gravity_way_combo", "surveyed")
     order = ["site_latitude_deg_edit", "site_longitude_deg_edit", "site_height_m_edit", "azimuth_way_combo"]
     order += ["site_azimuth_deg_edit", "gravity_way_combo", "site_gravity_mps2_edit"]
-    widget = hands.find(QLineEdit, order[0])
+    widget = page_driver.find(QLineEdit, order[0])
     widget.setFocus()
     for name in order:
-        assert QApplication.focusWidget() is hands.find(QWidget, name), name
-        hands._bot.keyClick(QApplication.focusWidget(), Qt.Key.Key_Tab)
-    box = hands.find(QComboBox, "gravity_way_combo")
+        assert QApplication.focusWidget() is page_driver.find(QWidget, name), name
+        page_driver._bot.keyClick(QApplication.focusWidget(), Qt.Key.Key_Tab)
+    box = page_driver.find(QComboBox, "gravity_way_combo")
     event = QWheelEvent(
         QPointF(5, 5), box.mapToGlobal(QPointF(5, 5)), QPoint(), QPoint(0, -120),
         Qt.MouseButton.NoButton, Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase, False,
@@ -573,7 +588,7 @@ def test_tab_goes_through_the_inputs_as_read_and_the_wheel_changes_nothing(hands
     assert box.currentText().startswith("surveyed")
 
 
-def test_every_finding_and_reason_has_words() -> None:
+def test_every_finding_is_in_the_catalogue() -> None:
     source = "".join(
         (Path(page_module.__file__).parents[2] / "connection" / f"{name}.py").read_text(encoding="utf-8")
         for name in ("link_test", "table_test", "imu_test")
@@ -584,7 +599,7 @@ def test_every_finding_and_reason_has_words() -> None:
     assert {f"finding.{name}" for name in ids} <= set(family("finding"))
 
 
-def test_a_rule_that_the_page_does_not_know_is_told_in_the_loaders_words() -> None:
+def test_a_problem_without_a_field_message_shows_its_own_message() -> None:
     (problem,) = check_data("products", {"name": "x", "imu": "bench_nav", "serial_pattern": "(", "limits": {}})
     assert problem_text(problem).startswith("“(” is not a regular expression")
 
@@ -592,95 +607,97 @@ def test_a_rule_that_the_page_does_not_know_is_told_in_the_loaders_words() -> No
 # Profiles as text
 
 
-def test_files_that_were_put_there_beside_the_window_are_offered(hands: Hands) -> None:
-    hands.turn(PROFILES)
-    files = hands.page.profiles.file_box
+def test_files_added_outside_the_window_are_offered(page_driver: PageDriver) -> None:
+    page_driver.show_section(PROFILES)
+    files = page_driver.page.profiles.file_box
     text = library.find("products", "nav_a").read_text(encoding="utf-8")
     (library.site_folder() / "products").mkdir(parents=True, exist_ok=True)
     (library.site_folder() / "products" / "nav_b.toml").write_text(text, encoding="utf-8")
     assert files.findText("nav_b") < 0
-    hands.turn(IMU_LINK)
-    box = hands.find(QComboBox, "imu_test_product")
+    page_driver.show_section(IMU_LINK)
+    box = page_driver.find(QComboBox, "imu_test_product")
     box.showPopup()
     assert box.findText("nav_b") >= 0
     box.hidePopup()
-    hands.turn(PROFILES)
+    page_driver.show_section(PROFILES)
     assert files.findText("nav_b") >= 0
 
 
-def test_a_wrong_text_is_marked_at_its_line(hands: Hands) -> None:
-    hands.turn(PROFILES)
-    profiles = hands.page.profiles
+def test_a_problem_in_a_text_leads_to_its_line(page_driver: PageDriver) -> None:
+    page_driver.show_section(PROFILES)
+    profiles = page_driver.page.profiles
     profiles.open("products", "nav_a")
     profiles.editor.setPlainText(profiles.editor.toPlainText().replace("turns = 2", "turns = 0"))
-    problems = hands.find(QListWidget, "problems_list")
+    problems = page_driver.find(QListWidget, "problems_list")
     assert problems.count() == 1
     assert problems.item(0).text().startswith("Line 17: schedule.rate.turns: 0 is out of range")
     problems.setCurrentRow(0)
     problems.itemClicked.emit(problems.item(0))
     assert profiles.editor.textCursor().blockNumber() == 16
-    assert not hands.find(QPushButton, "save_station_button").isEnabled()
+    assert not page_driver.find(QPushButton, "save_station_button").isEnabled()
 
 
-def test_versions_are_listed_compared_and_taken_back(hands: Hands, site_folder: Any) -> None:
-    hands.turn(PROFILES)
-    profiles = hands.page.profiles
+def test_versions_can_be_compared_and_restored(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.show_section(PROFILES)
+    profiles = page_driver.page.profiles
     profiles.open("products", "nav_a")
     for turns in (3, 4):
         text = re.sub(r"turns = \d", f"turns = {turns}", profiles.editor.toPlainText())
         profiles.editor.setPlainText(text)
-        hands.press("save_station_button")
+        page_driver.press("save_station_button")
     own = site_folder.home / "products" / "nav_a.toml"
     assert saved(own)["schedule"]["rate"]["turns"] == 4
-    listed = hands.find(QListWidget, "versions_list")
+    listed = page_driver.find(QListWidget, "versions_list")
     assert [listed.item(i).text().split()[0] for i in range(listed.count())] == ["3", "2", "1"]
     assert "current" in listed.item(0).text()
     listed.setCurrentRow(2)
-    hands.press("compare_button")
+    page_driver.press("compare_button")
     shown = profiles.diff.toPlainText()
     assert "-turns = 2" in shown
     assert "+turns = 4" in shown
-    hands.press("take_back_button")
+    page_driver.press("take_back_button")
     assert "turns = 2" in profiles.editor.toPlainText()
-    hands.press("save_station_button")
+    page_driver.press("save_station_button")
     assert saved(own)["schedule"]["rate"]["turns"] == 2
     assert versions.list_versions("products", "nav_a")[0].number == 4
 
 
-def test_form_and_text_of_one_file_never_differ(hands: Hands) -> None:
-    hands.turn(PROFILES)
-    hands.page.profiles.open("stations", "test")
-    hands.page.profiles.editor.setPlainText(hands.page.profiles.editor.toPlainText().replace("34.25", "12.5"))
-    hands.turn(SITE)
-    assert hands.find(QLineEdit, "site_latitude_deg_edit").text() == "12.5"
-    hands.type("site_latitude_deg_edit", "13.5")
-    assert "latitude_deg = 13.5" in hands.page.profiles.editor.toPlainText()
+def test_form_and_text_of_a_file_show_the_same_values(page_driver: PageDriver) -> None:
+    page_driver.show_section(PROFILES)
+    page_driver.page.profiles.open("stations", "test")
+    page_driver.page.profiles.editor.setPlainText(
+        page_driver.page.profiles.editor.toPlainText().replace("34.25", "12.5")
+    )
+    page_driver.show_section(SITE)
+    assert page_driver.find(QLineEdit, "site_latitude_deg_edit").text() == "12.5"
+    page_driver.type("site_latitude_deg_edit", "13.5")
+    assert "latitude_deg = 13.5" in page_driver.page.profiles.editor.toPlainText()
 
 
-def test_a_text_that_is_no_toml_can_be_mended(hands: Hands) -> None:
-    hands.turn(PROFILES)
-    profiles = hands.page.profiles
+def test_a_text_that_is_not_valid_toml_can_be_corrected(page_driver: PageDriver) -> None:
+    page_driver.show_section(PROFILES)
+    profiles = page_driver.page.profiles
     profiles.open("stations", "test")
     right = profiles.editor.toPlainText()
     profiles.editor.setPlainText(right.replace("[site]", "[site"))
-    assert "not valid TOML" in hands.find(QLabel, "station_problem_label").text()
-    hands.turn(SITE)
-    hands.type("site_latitude_deg_edit", "1")
+    assert "not valid TOML" in page_driver.find(QLabel, "station_problem_label").text()
+    page_driver.show_section(SITE)
+    page_driver.type("site_latitude_deg_edit", "1")
     profiles.editor.setPlainText(right)
-    assert hands.find(QLineEdit, "site_latitude_deg_edit").text() == "34.25"
+    assert page_driver.find(QLineEdit, "site_latitude_deg_edit").text() == "34.25"
 
 
 # The engineer's PIN
 
 
-def test_the_pin_is_changed_only_by_who_knows_it(hands: Hands) -> None:
-    hands.turn(PERSONAL)
-    message = hands.page.personal.pin_message
+def test_changing_the_pin_requires_the_current_pin(page_driver: PageDriver) -> None:
+    page_driver.show_section(PERSONAL)
+    message = page_driver.page.personal.pin_message
 
     def change(old: str, new: str, again: str) -> str:
         for name, text in (("old_pin_edit", old), ("new_pin_edit", new), ("new_pin_again_edit", again)):
-            hands.type(name, text)
-        hands.press("change_pin_button")
+            page_driver.type(name, text)
+        page_driver.press("change_pin_button")
         return str(message.text())
 
     assert change("1111", "13579", "13578") == "The two are not the same."

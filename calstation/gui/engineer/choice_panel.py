@@ -5,12 +5,12 @@ from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QScrollArea, QToolButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QToolButton, QVBoxLayout, QWidget
 
 from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
 from calstation.gui.text import bind, on_language_change, term
-from calstation.gui.widgets import button, column, enable, label, row, theme
+from calstation.gui.widgets import button, column, enable, label, row, scroll_area, theme
 
 #: Stages of each part, by the end of the part's object name.
 PARTS = {
@@ -41,13 +41,10 @@ class ChoicePanel(QFrame):
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
         content = QWidget()
         self._form_box = column(on=content, spacing=0, margins=(0, 0, theme.GRID // 2, 0))
-        self._area = QScrollArea()
-        self._area.setFrameShape(QFrame.Shape.NoFrame)
-        self._area.setWidgetResizable(True)
-        self._area.setWidget(content)
+        self._area = scroll_area(content)
+        self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         for widget in (content, self._area.viewport()):
             widget.setAutoFillBackground(False)
-        self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column(
             self.parts,
             self._heading,
@@ -91,7 +88,7 @@ class ChoicePanel(QFrame):
             self._form_box.addWidget(form)
         self.parts.offer(options.offered, options.stages)
 
-    def lock(self, choice: str, schedule: str, save: str) -> None:
+    def lock(self, choice: str, schedule: str, save: str, *, new_pin: bool) -> None:
         """Disable parts of the panel, each with its reason; "" enables it.
 
         Parameters
@@ -99,7 +96,10 @@ class ChoicePanel(QFrame):
         choice : why stages cannot be chosen
         schedule : why values cannot be edited
         save : why the product cannot be saved
+        new_pin : whether no PIN has been set yet, by which the button that unlocks is named
         """
+        self._new_pin = new_pin
+        self._show_texts()
         self.parts.lock(choice)
         for form in self._forms.values():
             form.lock(choice or schedule)
@@ -112,11 +112,6 @@ class ChoicePanel(QFrame):
         enable(self._save_button, choice or schedule or save)
         self._reason.setText("" if schedule else choice or save)
         self._reason.setVisible(bool(self._reason.text()))
-
-    def ask_for_pin(self, new: bool) -> None:
-        """Name the button that unlocks; `new` while no PIN has been set."""
-        self._new_pin = new
-        self._show_texts()
 
     def _show_texts(self) -> None:
         self._unlock_button.setText(

@@ -1,16 +1,15 @@
 """Innovations of a stage in units of their sigmas, against ±3, and the mean NIS of every stage with its band."""
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QSignalBlocker
-from PySide6.QtWidgets import QComboBox
 
+from calstation.gui.engineer.cell_table import ROW, CellTable
 from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
+from calstation.gui.engineer.stage_combo import StageCombo
 from calstation.gui.text import on_language_change, say, term
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable, column, label, row, theme
+from calstation.gui.widgets import Column, column, label, row, theme
 from calstation.results import Diagnostics, StageDiagnostics
 
 #: Largest number of observations inside ±3 σ drawn in each plot; more are thinned out.
@@ -20,8 +19,6 @@ _BOUND = 3.0
 _FEW = 100
 #: Least range of a plot, sigmas either way.
 _LEAST_RANGE = 5.0
-#: Height of a row of the table, px.
-_ROW = 26
 
 
 class InnovationsView(StackedPlots):
@@ -30,62 +27,50 @@ class InnovationsView(StackedPlots):
     def __init__(self) -> None:
         super().__init__(3, 7 * theme.GRID)
         self._diagnostics: Diagnostics | None = None
-        self._rows: dict[str, _NisRow] = {}
-        self._stage_combo = QComboBox()
-        self._stage_combo.setObjectName("innovation_stage_combo")
-        self._stage_combo.setMinimumWidth(22 * theme.GRID)
+        self._stage_combo = StageCombo("innovation_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self.refresh)
         caption = label(lambda: self.tr("Stage"))
         caption.setBuddy(self._stage_combo)
         self._beyond = label()
-        self._nis = ParameterModel(
+        self._nis = table = CellTable("nis_table")
+        table.verticalHeader().hide()
+        table.set_columns(
             (
                 Column(lambda: self.tr("Stage"), partial(term, "stage"), number=False),
-                Column(lambda: self.tr("Mean NIS"), lambda name: self._rows[name].mean),
-                Column(lambda: self.tr("99.9 % band"), lambda name: self._rows[name].band),
+                table.column(lambda: self.tr("Mean NIS"), "mean"),
+                table.column(lambda: self.tr("99.9 % band"), "band"),
                 Column(
                     lambda: self.tr("Verdict"),
-                    lambda name: say(f"engineer.nis_{self._rows[name].verdict}"),
+                    lambda name: say(f"engineer.nis_{table.cells[name]['verdict']}"),
                     number=False,
-                    state=lambda name: self._rows[name].state,
+                    state=lambda name: table.cells[name]["state"],
                 ),
-            ),
-            grouped=False,
+            )
         )
-        self._table = ParameterTable(self._nis)
-        self._table.setObjectName("nis_table")
-        self._table.verticalHeader().hide()
-        self._table.verticalHeader().setDefaultSectionSize(_ROW)
         column(
             row(caption, self._stage_combo, 2 * theme.GRID, (self._beyond, 1)),
             *((plot, 1) for plot in self.plots),
-            self._table,
+            table,
             on=self,
             spacing=theme.GRID // 2,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._show_texts)
+        on_language_change(self, self._nis.refresh)
 
     def show_diagnostics(self, diagnostics: Diagnostics) -> None:
         """Show diagnostics, starting with the stage that has most innovations."""
         self._diagnostics = diagnostics
         sizes = {s.stage: len(s.innovations.seq) for s in diagnostics.stages if s.innovations is not None}
-        with QSignalBlocker(self._stage_combo):
-            self._stage_combo.clear()
-            for stage in sizes:
-                self._stage_combo.addItem("", stage)
-            longest = max(sizes, key=lambda stage: sizes[stage], default="")
-            self._stage_combo.setCurrentIndex(max(self._stage_combo.findData(longest), 0))
-        self._rows = {stage.stage: _NisRow.of(stage) for stage in diagnostics.stages}
-        self._nis.set_names(list(self._rows))
-        header = self._table.horizontalHeader().sizeHint().height()
-        self._table.setFixedHeight(header + _ROW * len(diagnostics.stages) + theme.GRID // 2)
-        self._show_texts()
+        longest = max(sizes, key=lambda stage: sizes[stage], default="")
+        self._stage_combo.offer(list(sizes), longest)
+        self._nis.show_cells({stage.stage: _nis_cells(stage) for stage in diagnostics.stages})
+        header = self._nis.horizontalHeader().sizeHint().height()
+        self._nis.setFixedHeight(header + ROW * len(diagnostics.stages) + theme.GRID // 2)
         self.refresh()
 
     def draw(self) -> None:
         """Draw the innovations of the chosen stage."""
-        stage = self._stage(str(self._stage_combo.currentData()))
+        stage = self._stage(self._stage_combo.stage)
         if stage is None or stage.innovations is None:
             self._beyond.setText("")
             return
@@ -125,33 +110,18 @@ class InnovationsView(StackedPlots):
             return "x, σ", "y, σ", "z, σ"
         return self.tr("east, σ"), self.tr("north, σ"), self.tr("up, σ")
 
-    def _show_texts(self) -> None:
-        name_stages(self._stage_combo)
-        self._nis.refresh()
 
-
-@dataclass(frozen=True)
-class _NisRow:
+def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
     """The mean NIS of a stage, its band, and a state and the name of its words."""
-
-    mean: str
-    band: str
-    state: str
-    verdict: str
-
-    @classmethod
-    def of(cls, stage: StageDiagnostics) -> "_NisRow":
-        """The row of a stage."""
-        c = stage.consistency
-        state, verdict = "good", "inside"
-        if not c.passed:
-            state, verdict = "bad", "above"
-        elif c.warning:
-            state, verdict = "none" if c.count < _FEW else "caution", "below"
-        return cls(f"{c.nis_mean:.3f}", f"{c.nis_low:.3f} – {c.nis_high:.3f}", state, verdict)
-
-
-def name_stages(combo: QComboBox) -> None:
-    """Name the stages whose ids are the data of a box's entries."""
-    for index in range(combo.count()):
-        combo.setItemText(index, term("stage", combo.itemData(index)))
+    c = stage.consistency
+    state, verdict = "good", "inside"
+    if not c.passed:
+        state, verdict = "bad", "above"
+    elif c.warning:
+        state, verdict = "none" if c.count < _FEW else "caution", "below"
+    return {
+        "mean": f"{c.nis_mean:.3f}",
+        "band": f"{c.nis_low:.3f} – {c.nis_high:.3f}",
+        "state": state,
+        "verdict": verdict,
+    }

@@ -5,13 +5,13 @@ from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPoint, QRectF, QSignalBlocker
+from PySide6.QtCore import QEvent, QPoint, QRectF
 from PySide6.QtGui import QHelpEvent
-from PySide6.QtWidgets import QComboBox, QFrame, QScrollArea, QToolTip, QWidget
+from PySide6.QtWidgets import QToolTip, QWidget
 
-from calstation.gui.engineer.innovations_view import name_stages
+from calstation.gui.engineer.stage_combo import StageCombo
 from calstation.gui.text import on_language_change, term
-from calstation.gui.widgets import EmptyState, ThemedPlot, column, label, row, theme
+from calstation.gui.widgets import EmptyState, ThemedPlot, column, label, row, scroll_area, theme
 from calstation.physics import FloatArray
 
 #: Strength from which a state counts as observable.
@@ -27,18 +27,13 @@ class ObservabilityView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._stages: Mapping[str, Mapping[str, Any]] = {}
-        self._stage_combo = QComboBox()
-        self._stage_combo.setObjectName("observability_stage_combo")
-        self._stage_combo.setMinimumWidth(22 * theme.GRID)
+        self._stage_combo = StageCombo("observability_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self._show)
         self._caption = label(lambda: self.tr("Stage"))
         self._caption.setBuddy(self._stage_combo)
         self._lost = label(name="unobservable_label", wrap=True)
         self.map = HeatMap()
-        self._scroll = QScrollArea()
-        self._scroll.setWidgetResizable(True)
-        self._scroll.setFrameShape(QFrame.Shape.NoFrame)
-        self._scroll.setWidget(self.map)
+        self._scroll = scroll_area(self.map)
         self._empty = EmptyState()
         column(
             row(self._caption, self._stage_combo, 2 * theme.GRID, (self._lost, 1)),
@@ -52,14 +47,10 @@ class ObservabilityView(QWidget):
     def show_stages(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
         """Show the observability of stages, as a result or a preview has it."""
         self._stages = {name: found for name, found in stages.items() if found.get("segments")}
-        with QSignalBlocker(self._stage_combo):
-            self._stage_combo.clear()
-            for name in self._stages:
-                self._stage_combo.addItem("", name)
-        self._show_texts()
+        self._stage_combo.offer(list(self._stages))
+        self._show()
 
     def _show_texts(self) -> None:
-        name_stages(self._stage_combo)
         self._empty.say(
             self.tr("No observability to show"),
             self.tr("Only stages solved by the filter report it: the excitation and the azimuth flips."),
@@ -67,7 +58,7 @@ class ObservabilityView(QWidget):
         self._show()
 
     def _show(self) -> None:
-        found = self._stages.get(str(self._stage_combo.currentData()))
+        found = self._stages.get(self._stage_combo.stage)
         for widget in (self._scroll, self._caption, self._stage_combo, self._lost):
             widget.setVisible(found is not None)
         self._empty.setVisible(found is None)

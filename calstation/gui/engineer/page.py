@@ -5,20 +5,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFileDialog, QStackedWidget, QTabBar
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QFileDialog, QLineEdit, QStackedWidget, QTabBar, QVBoxLayout, QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
 from calstation.errors import CalstationError
 from calstation.gui.engineer.choice_panel import ChoicePanel
-from calstation.gui.engineer.header import EngineerHeader
 from calstation.gui.engineer.preview import PreviewView
-from calstation.gui.engineer.register_controller import UNNAMED, RegisterController
+from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.shell import AppContext, Page
+from calstation.gui.shell import AppContext, Page, RunStatus, RunStrip
 from calstation.gui.text import bind, error_text, on_language_change, say
-from calstation.gui.widgets import Choice, ElidedLabel, JobWatch, NoticeBar, button, column, row, theme
-from calstation.results import FinishedRun, compute_preview
+from calstation.gui.widgets import (
+    Choice,
+    ElidedLabel,
+    JobWatch,
+    NoticeBar,
+    Words,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    theme,
+)
+from calstation.results import FinishedRun
 from calstation.sequencer import Event, Verdict
 
 _LEFT = 46 * theme.GRID
@@ -34,13 +45,12 @@ class EngineerPage(Page):
         #: Why station and product cannot be used together.
         self._problem: CalstationError | None = None
         self._faulty = False
-        self.header = self._fields = EngineerHeader(app.run)
-        self._fields.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
+        self.header = self._header = _Header(app.run)
+        self._header.engineer_edit.setText(str(app.settings.value("engineer_name", "")))
         self.choice = ChoicePanel()
         self.notice = NoticeBar()
-        self.preview = PreviewView()
-        self._controller = RegisterController(app, self._request, self)
-        self.registers = self._controller.view
+        self.preview = PreviewView(app, self._request)
+        self.registers = RegistersView(app, self._request)
         self.analysis = ResultAnalysis(app, self)
         self._saving = JobWatch(self)
         self._lay_out()
@@ -76,14 +86,13 @@ class EngineerPage(Page):
         self.choice.changed.connect(self._choice_changed)
         self.choice.unlock_wanted.connect(app.role.ask)
         self.choice.save_wanted.connect(self._ask_to_save)
-        self._fields.start_pressed.connect(self._start)
-        self._fields.edited.connect(self._update)
-        self.preview.wanted.connect(self._preview)
+        self._header.start_pressed.connect(self._start)
+        self._header.edited.connect(self._update)
         self.preview.watch.done.connect(self.analysis.show_preview)
         self.analysis.changed.connect(lambda: self._source.setText(self.analysis.source()))
         self.analysis.loaded.connect(self._loaded)
         self.analysis.failed.connect(self._not_loaded)
-        self._controller.changed.connect(self._update)
+        self.registers.changed.connect(self._update)
         self._saving.done.connect(self._saved)
         self._saving.failed.connect(self._not_saved)
         self._tabs.currentChanged.connect(self._show_view)
@@ -125,8 +134,8 @@ class EngineerPage(Page):
         self.choice.setEnabled(found is not None and bool(found.offered))
         if found is not None and found.offered:
             self.choice.show_options(found)
-            if not self._fields.serial:
-                self._fields.serial_edit.setText(found.serial)
+            if not self._header.serial:
+                self._header.serial_edit.setText(found.serial)
         self._update()
 
     def _choice_changed(self) -> None:
@@ -154,21 +163,17 @@ class EngineerPage(Page):
         self._update()
 
     def _request(self) -> RunRequest:
-        app, fields = self.app, self._fields
+        app, header = self.app, self._header
         return RunRequest(
-            fields.serial or UNNAMED,
+            header.serial or UNNAMED,
             app.station_path,
             app.product_path,
             self.choice.parts.stages,
             app.runs_folder,
-            fields.engineer or None,
+            header.engineer or None,
             schedule=self.choice.schedule,
             beyond_attempts=app.role.engineer,
         )
-
-    def _preview(self) -> None:
-        self.preview.watch.watch(self.app.job_queue.submit(compute_preview, self._request()))
-        self.preview.begin()
 
     def _ask_to_save(self) -> None:
         assert self._options is not None
@@ -181,14 +186,14 @@ class EngineerPage(Page):
         self.notice.ask(
             "caution",
             lambda: say("engineer.ask_save", stage=stage, product=product),
-            lambda: say("engineer.about_save", engineer=self._fields.engineer),
+            lambda: say("engineer.about_save", engineer=self._header.engineer),
             (Choice("cancel_save_button", lambda: self.tr("Cancel"), lambda: None), confirm),
         )
 
     def _save(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
         assert self._options is not None
         job = self.app.job_queue.submit(
-            save_schedule, self._options.product, changes, self._fields.engineer, cancellable=False
+            save_schedule, self._options.product, changes, self._header.engineer, cancellable=False
         )
         self._saving.watch(job)
         self._update()
@@ -215,7 +220,7 @@ class EngineerPage(Page):
         if self.app.job_queue.at_device:
             self.notice.ask("caution", lambda: say("engineer.communicating"), lambda: say("engineer.start_again"))
             return
-        self.app.settings.setValue("engineer_name", self._fields.engineer)
+        self.app.settings.setValue("engineer_name", self._header.engineer)
         if self._options.virtual:
             self._run()
             return
@@ -254,7 +259,7 @@ class EngineerPage(Page):
         dialog.open()
 
     def _loaded(self, run: FinishedRun) -> None:
-        self._controller.show_run(run)
+        self.registers.show_run(run)
         if self._views.currentIndex() == 0 and not self.app.engine_link.running:
             self._tabs.setCurrentIndex(1)
         self.analysis.prepare(self._views.currentWidget())
@@ -275,18 +280,16 @@ class EngineerPage(Page):
         busy = ""
         if self.app.engine_link.running:
             busy = say("window.busy_registers" if self.app.run.register_operation else "window.busy_run")
-        name = "" if self._fields.engineer else say("engineer.no_name")
+        name = "" if self._header.engineer else say("engineer.no_name")
         device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
-        self._fields.lock(busy)
-        self._fields.set_why_no_start(problem or busy or device or choice or self._why_no_unit())
-        self.choice.ask_for_pin(self.app.role.new)
-        self.choice.lock(busy, role, name or self._why_not_save())
+        self._header.lock(busy)
+        self._header.set_why_no_start(problem or busy or device or choice or self._why_no_unit())
+        self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         self.preview.set_why_not(problem or choice)
-        self.registers.engineer = self._fields.engineer
         self.registers.table = "" if found is None or found.by_hand else found.station
         read = problem or busy or device
-        self.registers.set_why_not(read, role or read or name or self._controller.why_not_write())
+        self.registers.set_why_not(read, role or read or name or self.registers.why_not_write())
 
     def _why_no_options(self) -> str:
         if self._problem is not None:
@@ -308,7 +311,7 @@ class EngineerPage(Page):
         return ""
 
     def _why_no_unit(self) -> str:
-        serial, found = self._fields.serial, self._options
+        serial, found = self._header.serial, self._options
         if not serial:
             return say("engineer.no_serial")
         if found is not None and not re.fullmatch(found.serial_pattern, serial):
@@ -321,3 +324,56 @@ class EngineerPage(Page):
         if not self.choice.form.valid:
             return say("engineer.wrong_values")
         return "" if self.choice.form.departures else say("engineer.values_of_product")
+
+
+class _Header(QWidget):
+    """The strip beside STOP: unit, engineer, START, and how the run is doing; emits `edited` with every key."""
+
+    start_pressed = Signal()
+    edited = Signal()
+
+    def __init__(self, run: RunStatus) -> None:
+        super().__init__()
+        self.serial_edit, self.engineer_edit = QLineEdit(), QLineEdit()
+        serial = self._captioned(self.serial_edit, "engineer_serial_edit", lambda: self.tr("Serial number"))
+        engineer = self._captioned(self.engineer_edit, "engineer_name_edit", lambda: self.tr("Your name"))
+        self.serial_edit.setFixedWidth(24 * theme.GRID)
+        self.serial_edit.setMaxLength(80)
+        bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
+        self.engineer_edit.setFixedWidth(25 * theme.GRID)
+        self.engineer_edit.setMaxLength(40)
+        bind(self.engineer_edit.setPlaceholderText, lambda: self.tr("your name, for the record"))
+        self._start_button = button(
+            "engineer_start_button", lambda: self.tr("START"), self.start_pressed, kind="primary"
+        )
+        self._start_button.setFixedHeight(theme.BIG_BUTTON)
+        self._start_button.setMinimumWidth(22 * theme.GRID)
+        self._start_button.setFont(theme.font(theme.SECTION, bold=True))
+        row(serial, engineer, self._start_button, (RunStrip(run), 1), on=self, spacing=2 * theme.GRID)
+
+    @property
+    def serial(self) -> str:
+        """The serial number typed."""
+        return self.serial_edit.text().strip()
+
+    @property
+    def engineer(self) -> str:
+        """The name typed."""
+        return self.engineer_edit.text().strip()
+
+    def lock(self, why: str) -> None:
+        """Disable serial number and name with a reason; "" enables them."""
+        for edit in (self.serial_edit, self.engineer_edit):
+            enable(edit, why)
+
+    def set_why_no_start(self, why: str) -> None:
+        """Disable START with a reason; "" enables it."""
+        enable(self._start_button, why)
+
+    def _captioned(self, edit: QLineEdit, name: str, words: Words) -> QVBoxLayout:
+        edit.setObjectName(name)
+        edit.setFixedHeight(theme.BUTTON)
+        edit.textChanged.connect(lambda _: self.edited.emit())
+        caption = label(words)
+        caption.setBuddy(edit)
+        return column(caption, edit, spacing=0)

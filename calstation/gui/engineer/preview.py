@@ -1,22 +1,24 @@
 """The preview: motion, time, limits and expected sigmas of the chosen stages, before anything moves."""
 
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QSplitter, QStackedWidget, QWidget
 
+from calstation.config import RunRequest
 from calstation.errors import CalstationError
+from calstation.gui.engineer.cell_table import CellTable
 from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
+from calstation.gui.shell import AppContext
 from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
 from calstation.gui.widgets import (
     Column,
     EmptyState,
     JobRow,
     JobWatch,
-    ParameterModel,
-    ParameterTable,
     StateBadge,
     button,
     column,
@@ -26,16 +28,24 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import INDEX, NAMES, display
-from calstation.results import Preview, Violation
+from calstation.results import Preview, Violation, compute_preview
+
+#: Shape of each verdict of a parameter (`widgets.badge.KINDS`).
+_STATES = {"reached": "good", "missed": "bad"}
 
 
 class PreviewView(QWidget):
-    """The preview and the button that asks for it with `wanted`."""
+    """The preview of a request and the button that computes it.
 
-    wanted = Signal()
+    Parameters
+    ----------
+    app : shared state of the window
+    request : gives the request of a run as chosen now
+    """
 
-    def __init__(self) -> None:
+    def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
+        self._app, self._request = app, request
         self.preview: Preview | None = None
         self._outdated = False
         self._error: CalstationError | None = None
@@ -44,17 +54,14 @@ class PreviewView(QWidget):
         self.watch.failed.connect(self._failed)
         self.watch.cancelled.connect(self._refresh)
         self._job = JobRow(self.watch)
-        self._button = button("preview_button", lambda: self.tr("Preview"), self.wanted)
+        self._button = button("preview_button", lambda: self.tr("Preview"), self._start)
         self._badge = StateBadge()
         self._summary = label(name="preview_summary")
         self._problems = label(kind="error", name="preview_violations", wrap=True)
         self._problems.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._plot = MotionPlot()
         self._plot.setMinimumHeight(22 * theme.GRID)
-        self._model = ParameterModel(())
-        self._table = ParameterTable(self._model)
-        self._table.setObjectName("preview_table")
-        self._table.verticalHeader().setDefaultSectionSize(26)
+        self._table = CellTable("preview_table", grouped=True)
         self._empty = EmptyState()
         split = QSplitter(Qt.Orientation.Vertical)
         split.setChildrenCollapsible(False)
@@ -79,26 +86,26 @@ class PreviewView(QWidget):
         self._outdated = self.preview is not None
         self._refresh()
 
-    def begin(self) -> None:
-        """Show that a preview is being computed."""
-        self._error = None
-        self._refresh()
-
     def set_why_not(self, why: str) -> None:
         """Enable the button, or disable it with the reason."""
         enable(self._button, why)
 
+    def _start(self) -> None:
+        self.watch.watch(self._app.job_queue.submit(compute_preview, self._request()))
+        self._error = None
+        self._refresh()
+
     def _show_texts(self) -> None:
         self._empty.say(say("engineer.preview_empty"), say("engineer.preview_about"))
-        self._model.refresh()
+        self._table.refresh()
         self._refresh()
 
     def _done(self, preview: Preview) -> None:
         self.preview, self._outdated = preview, False
         self._plot.show_preview(preview)
-        self._model.set_names(())
-        self._model.set_columns(self._columns(preview))
-        self._model.set_names(_names(preview))
+        self._table.show_cells({})
+        self._table.set_columns(self._columns(preview))
+        self._table.show_cells({name: _cells(preview, name) for name in _names(preview)})
         self._table.setVisible(not preview.violations)
         self._stack.setCurrentIndex(1)
         self._refresh()
@@ -130,26 +137,25 @@ class PreviewView(QWidget):
 
     def _columns(self, preview: Preview) -> list[Column]:
         """Unit, sigma before, after each stage, limit, target, verdict."""
+        table = self._table
         stages = [
-            Column(
-                partial(term, "stage", stage.stage),
-                partial(_sigma_after, preview, number),
-                hint=partial(_gain_text, preview, number),
+            table.column(
+                partial(term, "stage", stage.stage), f"after_{number}", hint=partial(_gain_text, preview, number)
             )
             for number, stage in enumerate(preview.stages)
         ]
-        target = Column(lambda: self.tr("σ target"), lambda name: _shown(name, preview.targets.get(name)))
+        target = table.column(lambda: self.tr("σ target"), "target")
         return [
-            Column(lambda: self.tr("Unit"), lambda name: display(name, 0.0)[1], number=False),
-            Column(lambda: self.tr("σ before"), lambda name: _shown(name, float(preview.before[INDEX[name]]))),
+            table.column(lambda: self.tr("Unit"), "unit", number=False),
+            table.column(lambda: self.tr("σ before"), "before"),
             *stages,
-            Column(lambda: self.tr("σ limit"), lambda name: _shown(name, preview.limits.get(name))),
+            table.column(lambda: self.tr("σ limit"), "limit"),
             *([target] if preview.targets else []),
             Column(
                 lambda: self.tr("Expected"),
-                partial(_reached_text, preview),
+                lambda name: term("engineer", table.cells[name]["verdict"]),
                 number=False,
-                state=partial(_state, preview),
+                state=lambda name: _STATES.get(table.cells[name]["verdict"]),
             ),
         ]
 
@@ -234,9 +240,20 @@ def _violation_text(violation: Violation) -> str:
     )
 
 
-def _sigma_after(preview: Preview, number: int, name: str) -> str:
-    sigma = preview.stages[number].sigma
-    return "—" if sigma is None else _shown(name, float(sigma[INDEX[name]]))
+def _cells(preview: Preview, name: str) -> dict[str, str]:
+    """The texts of a parameter's row."""
+    reached = _reached(preview, name)
+    verdict = "unknown" if name in preview.limits else "no_limit"
+    cells = {
+        "unit": display(name, 0.0)[1],
+        "before": _shown(name, float(preview.before[INDEX[name]])),
+        "limit": _shown(name, preview.limits.get(name)),
+        "target": _shown(name, preview.targets.get(name)),
+        "verdict": verdict if reached is None else "reached" if reached else "missed",
+    }
+    for number, stage in enumerate(preview.stages):
+        cells[f"after_{number}"] = "—" if stage.sigma is None else _shown(name, float(stage.sigma[INDEX[name]]))
+    return cells
 
 
 def _gain_text(preview: Preview, number: int, name: str) -> str:
@@ -249,18 +266,6 @@ def _gain_text(preview: Preview, number: int, name: str) -> str:
         return say("engineer.not_estimated")
     after = float(stage.sigma[INDEX[name]])
     return say("engineer.gain", gain=float(before[INDEX[name]]) / after if after > 0.0 else 1.0)
-
-
-def _reached_text(preview: Preview, name: str) -> str:
-    reached = _reached(preview, name)
-    if reached is None:
-        return "—" if name in preview.limits else say("engineer.no_limit")
-    return say("engineer.reached" if reached else "engineer.missed")
-
-
-def _state(preview: Preview, name: str) -> str | None:
-    reached = _reached(preview, name)
-    return None if reached is None else "good" if reached else "bad"
 
 
 def _names(preview: Preview) -> tuple[str, ...]:

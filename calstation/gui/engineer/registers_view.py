@@ -1,22 +1,32 @@
-"""The unit's registers, old against new, and an explicit write that states what it will change."""
+"""The unit's registers, old against new: read as a job, and written by the engine after a confirmation."""
 
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.engineer.result_view import align_columns
+from calstation.config import RegisterOperation, RunRequest
+from calstation.errors import CalstationError
+from calstation.gui.engineer.cell_table import CellTable
 from calstation.gui.history import local_time
-from calstation.gui.text import bind, on_language_change, say
+from calstation.gui.shell import AppContext
+from calstation.gui.text import (
+    bind,
+    error_text,
+    event_sentence,
+    fault_text,
+    on_language_change,
+    say,
+    step_sentence,
+)
 from calstation.gui.widgets import (
     Choice,
-    Column,
     EmptyState,
     JobRow,
     JobWatch,
     NoticeBar,
-    ParameterModel,
-    ParameterTable,
     StateBadge,
     Words,
     button,
@@ -27,105 +37,96 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import display
-from calstation.registers import Register, TargetRegisters, UnitRegisters
+from calstation.registers import Register, TargetRegisters, UnitRegisters, read_unit, wanted_registers
+from calstation.results import FinishedRun
+from calstation.sequencer import Event, Fault, Message, Settled, StepStarted
 
-_NONE = "–"
+#: Stands for the unit in a request while no serial number is given.
+UNNAMED = "-"
+
+#: Events that tell in which state an incomplete write has left the unit.
+_INCOMPLETE = ("transfer_unproved", "old_unproved")
 
 
 class RegistersView(QWidget):
-    """Emits `read_wanted`, and `write_wanted(values, at_rest)` once a write is confirmed."""
+    """Emits `changed` when other actions may have become possible.
 
-    read_wanted = Signal()
-    write_wanted = Signal(object, bool)
+    Parameters
+    ----------
+    app : shared state of the window
+    request : gives the request of a run as chosen now, for its station, product and engineer
+    """
 
-    def __init__(self) -> None:
+    changed = Signal()
+
+    def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
+        self._app, self._request = app, request
         #: Registers read from the unit, None before, and those that the result asks for, None without a result.
         self.unit: UnitRegisters | None = None
         self.target: TargetRegisters | None = None
-        #: Name for the journal.
-        self.engineer = ""
         #: The station whose table turns to verify a write, "" for a rig turned by hand.
         self.table = ""
+        self._run: FinishedRun | None = None
+        self._operation: RegisterOperation | None = None
+        #: The last event of `_INCOMPLETE` of the present write.
+        self._incomplete = ""
+        #: What verified the present write, "" if there was none; see `Settled.proof`.
+        self._proof = ""
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
-        self._cells: dict[str, dict[str, str]] = {}
         self._why_not = ""
         self._error: Words | None = None
         self._progress: Words | None = None
-        #: What verified the present write, "" if there was none; see `Settled.proof`.
-        self._proof = ""
-        self.watch = JobWatch(self)
+        self.watch, self._target_watch = JobWatch(self), JobWatch(self)
+        self.watch.done.connect(self._show_unit)
         self.watch.cancelled.connect(self._refresh)
-        self._job = JobRow(self.watch)
-        self._notice = NoticeBar()
+        self._target_watch.done.connect(self._show_target)
+        for watch in (self.watch, self._target_watch):
+            watch.failed.connect(self._failed)
+        self._lay_out()
+        app.engine_link.event.connect(self._follow)
+        app.product_changed.connect(self._product_changed)
+        on_language_change(self, self._show_texts)
+
+    def _lay_out(self) -> None:
+        self._job, self._notice = JobRow(self.watch), NoticeBar()
         self._empty, self._badge, self._about = EmptyState(), StateBadge(), label(wrap=True)
         self._reason = label(kind="muted", name="write_reason_label")
         self._reason.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self._read_button = button("read_registers_button", lambda: self.tr("Read the unit"), self.read_wanted)
+        self._read_button = button("read_registers_button", lambda: self.tr("Read the unit"), self._read)
         self._write_button = button("write_registers_button", lambda: self.tr("Write to the unit"), self._ask)
-        self._model = ParameterModel(
+        self._table = table = CellTable("register_table")
+        table.set_columns(
             (
-                Column(lambda: self.tr("Address"), self._text("address")),
-                Column(lambda: self.tr("Unit"), self._text("unit"), number=False),
-                Column(self._old_heading, self._text("old"), hint=self._before_run),
-                Column(lambda: self.tr("stored as"), self._text("old_raw")),
-                Column(lambda: self.tr("New"), self._text("new")),
-                Column(lambda: self.tr("stored as"), self._text("new_raw")),
-                Column(lambda: self.tr("Change"), self._text("change")),
-            ),
-            grouped=False,
+                table.column(lambda: self.tr("Address"), "address"),
+                table.column(lambda: self.tr("Unit"), "unit", number=False),
+                table.column(self._old_heading, "old", hint=self._before_run),
+                table.column(lambda: self.tr("stored as"), "old_raw"),
+                table.column(lambda: self.tr("New"), "new"),
+                table.column(lambda: self.tr("stored as"), "new_raw"),
+                table.column(lambda: self.tr("Change"), "change"),
+            )
         )
-        self._table = ParameterTable(self._model)
-        self._table.setObjectName("register_table")
-        self._table.verticalHeader().setDefaultSectionSize(26)
-        bind(self._table.setAccessibleName, lambda: say("engineer.registers"))
+        bind(table.setAccessibleName, lambda: say("engineer.registers"))
         status = (self._badge, (self._about, 1), (self._job, 1))
         column(
             row(*status, self._read_button, self._write_button, spacing=2 * theme.GRID),
             self._reason,
             self._notice,
-            (self._table, 1),
+            (table, 1),
             (self._empty, 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._show_texts)
 
-    @property
-    def changes(self) -> list[str]:
-        """Parameters whose register would get another value."""
-        return [n for n, new in self._new.items() if n in self._old and self._old[n].raw != new.raw]
-
-    def show_target(self, target: TargetRegisters | None) -> None:
-        """Show the registers that a result asks for."""
-        self.target = target
-        self._proof, self._error = "", None
-        if target is None or self.unit is None or self.unit.serial != target.serial:
-            self.unit = None
-        self._fill()
-
-    def show_unit(self, unit: UnitRegisters, proof: str = "") -> None:
-        """Show the registers of the unit; `proof` tells what verified them if they have just been written."""
-        self.unit, self._proof = unit, proof
-        self._error = self._progress = None
-        self._fill()
-
-    def begin(self) -> None:
-        """Show that the unit is being read or written."""
-        self._error = None
-        self._notice.dismiss()
-        self._refresh()
-
-    def show_progress(self, words: Words) -> None:
-        """Show the progress of a write."""
-        self._progress = words
-        self._refresh()
-
-    def show_error(self, words: Words) -> None:
-        """Show why a read or write was not done."""
-        self._error, self._progress = words, None
-        self._refresh()
+    def show_run(self, run: FinishedRun) -> None:
+        """Find the registers that a run's result asks for."""
+        self._run = run
+        self._show_target(None)
+        if run.result.parameters:
+            job = self._app.job_queue.submit(wanted_registers, self._request(), run.result)
+            self._target_watch.watch(job)
 
     def set_why_not(self, read: str, write: str) -> None:
         """Disable reading and writing with their reasons; "" enables them."""
@@ -136,9 +137,107 @@ class RegistersView(QWidget):
         if write:
             self._notice.dismiss()
 
+    def why_not_write(self) -> str:
+        """Why nothing can be written yet, "" if it can."""
+        if self.target is None:
+            return say("engineer.no_target")
+        if self.unit is None:
+            return say("engineer.no_unit")
+        named = self._request().serial
+        for serial in (self.unit.serial, self.unit.serial if named == UNNAMED else named):
+            if serial != self.target.serial:
+                return say("engineer.other_unit", found=serial, wanted=self.target.serial)
+        return "" if self._changes() else say("engineer.nothing_to_write")
+
+    # ---- reading and writing
+
+    def _product_changed(self) -> None:
+        """The registers depend on the product's profile: find them again."""
+        if self._run is not None and self._operation is None:
+            self.show_run(self._run)
+
+    def _read(self) -> None:
+        job = self._app.job_queue.submit(read_unit, self._request(), self._app.runs_folder, cancellable=False)
+        self.watch.watch(job)
+        self._error = None
+        self._notice.dismiss()
+        self._refresh()
+        self.changed.emit()
+
+    def _write(self, target: TargetRegisters, *, at_rest: bool) -> None:
+        assert self._run is not None
+        if self._app.job_queue.at_device:
+            self._show_error(lambda: say("engineer.device_busy"))
+            return
+        result = self._run.result
+        self._operation = RegisterOperation(
+            replace(self._request(), serial=result.serial),
+            "write",
+            dict(target.values),
+            Path(result.log.file).name,
+            at_rest=at_rest,
+        )
+        self._incomplete = ""
+        self._error = None
+        self._show_progress(lambda: say("engineer.write_starting"))
+        self._app.engine_link.start(self._operation)
+
+    def _follow(self, event: Event) -> None:
+        """Show the progress and the end of the present write."""
+        if self._operation is None or self._app.engine_link.operation is not self._operation:
+            return
+        if isinstance(event, Message):
+            if event.id in _INCOMPLETE:
+                self._incomplete = event.id
+            self._show_progress(lambda: event_sentence(event.id, event.values))
+        elif isinstance(event, StepStarted):
+            self._show_progress(lambda: step_sentence(event.kind, event.label))
+        elif isinstance(event, Settled | Fault):
+            self._operation = None
+            self._show_end(event)
+
+    def _show_end(self, event: Settled | Fault) -> None:
+        incomplete = self._incomplete
+        if isinstance(event, Fault):
+            self._show_error(lambda: fault_text(event).sentences)
+        elif event.closing != "stopped":
+            self._show_unit(UnitRegisters.of(event.unit), event.proof)
+        elif incomplete:
+            self._show_error(lambda: event_sentence(incomplete, {}))
+        else:
+            self._show_error(lambda: say("engineer.write_stopped"))
+
+    def _failed(self, error: CalstationError) -> None:
+        self._show_error(lambda: error_text(error).sentences)
+
+    # ---- what is shown
+
+    def _show_target(self, target: TargetRegisters | None) -> None:
+        self.target = target
+        self._proof, self._error = "", None
+        if target is None or self.unit is None or self.unit.serial != target.serial:
+            self.unit = None
+        self._fill()
+        self.changed.emit()
+
+    def _show_unit(self, unit: UnitRegisters, proof: str = "") -> None:
+        self.unit, self._proof = unit, proof
+        self._error = self._progress = None
+        self._fill()
+        self.changed.emit()
+
+    def _show_progress(self, words: Words) -> None:
+        self._progress = words
+        self._refresh()
+
+    def _show_error(self, words: Words) -> None:
+        self._error, self._progress = words, None
+        self._refresh()
+        self.changed.emit()
+
     def _show_texts(self) -> None:
         self._empty.say(say("engineer.registers"), say("engineer.about_registers"))
-        self._model.refresh()
+        self._table.refresh()
         self._refresh()
 
     def _fill(self) -> None:
@@ -149,14 +248,12 @@ class RegistersView(QWidget):
         self._old = {register.parameter: register for register in old}
         self._new = {} if target is None else {r.parameter: r for r in target.registers}
         names = sorted({**self._old, **self._new}, key=self._address)
-        self._cells = {name: self._row_cells(name) for name in names}
-        align_columns(self._cells, ("old", "new", "change"))
-        self._model.set_names(names)
+        self._table.show_cells({name: self._cells(name) for name in names}, ("old", "new", "change"))
         self._table.setVisible(bool(names))
         self._empty.setVisible(not names)
         self._refresh()
 
-    def _row_cells(self, name: str) -> dict[str, str]:
+    def _cells(self, name: str) -> dict[str, str]:
         old, new = self._old.get(name), self._new.get(name)
         cells = {"address": str(self._address(name)), "unit": display(name, 0.0)[1]}
         if old is not None:
@@ -168,8 +265,9 @@ class RegistersView(QWidget):
             cells["change"] = "0" if old.raw == new.raw else f"{difference:+.4f}"
         return cells
 
-    def _text(self, key: str) -> Callable[[str], str]:
-        return lambda name: self._cells[name].get(key, _NONE)
+    def _changes(self) -> list[str]:
+        """Parameters whose register would get another value."""
+        return [n for n, new in self._new.items() if n in self._old and self._old[n].raw != new.raw]
 
     def _address(self, name: str) -> int:
         return (self._old.get(name) or self._new[name]).address
@@ -180,26 +278,24 @@ class RegistersView(QWidget):
 
     def _before_run(self, name: str) -> str:
         """The value that the run found and replaced."""
-        target = self.target
-        if target is None or not target.written:
-            return ""
-        found = next((r.value for r in target.before if r.parameter == name), None)
-        if found is None:
-            return ""
-        value, unit = display(name, found)
-        return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
+        before = self.target.before if self.target is not None and self.target.written else ()
+        for register in before:
+            if register.parameter == name:
+                value, unit = display(name, register.value)
+                return say("engineer.before_run", value=f"{value:.4f}", unit=unit)
+        return ""
 
     def _ask(self) -> None:
         """State exactly what will change, and wait for confirmation."""
         target, unit = self.target, self.unit
         assert target is not None
         assert unit is not None
-        changes, table, count = self.changes, self.table, len(target.registers)
+        changes, table, count = self._changes(), self.table, len(target.registers)
         values = {
             "changes": len(changes),
             "addresses": self._addresses(changes),
             "commits": unit.commits + 1,
-            "engineer": self.engineer,
+            "engineer": self._request().operator or "",
         }
 
         def text() -> str:
@@ -207,7 +303,7 @@ class RegistersView(QWidget):
             return f"{say('engineer.about_write', **values)}\n{verification}"
 
         def choice(name: str, words: Words, *, at_rest: bool) -> Choice:
-            return Choice(name, words, lambda: self.write_wanted.emit(target.values, at_rest))
+            return Choice(name, words, lambda: self._write(target, at_rest=at_rest))
 
         choices = [Choice("cancel_write_button", lambda: self.tr("Cancel"), lambda: None, primary=True)]
         confirm = "confirm_write_button"
@@ -245,7 +341,7 @@ class RegistersView(QWidget):
         kind, state = self._state()
         self._badge.setVisible(not busy and bool(state))
         if state:
-            self._badge.show_state(kind, say(f"engineer.state_{state}", count=len(self.changes)))
+            self._badge.show_state(kind, say(f"engineer.state_{state}", count=len(self._changes())))
         theme.set_kind(self._about, "error" if self._error else "")
         words = self._error or self._progress or self._sentences
         self._about.setText(words())
@@ -261,7 +357,7 @@ class RegistersView(QWidget):
         if self.unit is None and self.target is not None and self.target.written:
             return "good", "written"
         if self.unit is not None and self._new:
-            return ("caution", "differ") if self.changes else ("good", "equal")
+            return ("caution", "differ") if self._changes() else ("good", "equal")
         return "", ""
 
     def _sentences(self) -> str:

@@ -1,16 +1,13 @@
 """The result of a run, parameter by parameter: value, sigma, change since the run before, limits, verdict."""
 
-from collections.abc import Callable
-
 from PySide6.QtWidgets import QWidget
 
+from calstation.gui.engineer.cell_table import CellTable
 from calstation.gui.history import local_time
 from calstation.gui.text import KINDS, bind, of_parameter, on_language_change, say, term
 from calstation.gui.widgets import (
     ChecksTable,
     Column,
-    ParameterModel,
-    ParameterTable,
     StateBadge,
     button,
     column,
@@ -18,7 +15,7 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
-from calstation.physics import NAMES, aligned, display, number
+from calstation.physics import NAMES, display, number
 from calstation.records import Check
 from calstation.results import FinishedRun, Parameter, Registers, Result
 
@@ -38,44 +35,40 @@ class ResultView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.shown: FinishedRun | None = None
-        #: Texts of each parameter by column; besides ``verdict``, a key of `_SHAPES` or ``none``, and ``changed``.
-        self._cells: dict[str, dict[str, str]] = {}
         self._badge = StateBadge(theme.SECTION)
         self._about = label(wrap=True)
-        self._model = ParameterModel(
+        self._table = table = CellTable("result_table", grouped=True)
+        table.set_columns(
             (
-                Column(lambda: self.tr("Unit"), self._text("unit"), number=False),
-                Column(lambda: self.tr("Value"), self._text("value")),
-                Column(lambda: self.tr("± σ"), self._text("sigma")),
-                Column(lambda: self.tr("Previous"), self._text("previous")),
-                Column(lambda: self.tr("Change"), self._text("change")),
+                table.column(lambda: self.tr("Unit"), "unit", number=False),
+                table.column(lambda: self.tr("Value"), "value"),
+                table.column(lambda: self.tr("± σ"), "sigma"),
+                table.column(lambda: self.tr("Previous"), "previous"),
+                table.column(lambda: self.tr("Change"), "change"),
                 Column(
                     lambda: self.tr("in σ"),
-                    self._text("in_sigma"),
-                    state=lambda name: "caution" if "changed" in self._cells[name] else None,
+                    lambda name: table.cells[name].get("in_sigma", _NONE),
+                    state=lambda name: "caution" if "changed" in table.cells[name] else None,
                 ),
-                Column(lambda: self.tr("Value limit"), self._text("limit")),
-                Column(lambda: self.tr("σ limit"), self._text("sigma_limit")),
-                Column(lambda: self.tr("Stage"), lambda name: term("stage", self._cells[name]["stage"]), number=False),
+                table.column(lambda: self.tr("Value limit"), "limit"),
+                table.column(lambda: self.tr("σ limit"), "sigma_limit"),
+                Column(lambda: self.tr("Stage"), lambda name: term("stage", table.cells[name]["stage"]), number=False),
                 Column(
                     lambda: self.tr("Verdict"),
-                    lambda name: term("engineer", f"verdict_{self._cells[name]['verdict']}"),
+                    lambda name: term("engineer", f"verdict_{table.cells[name]['verdict']}"),
                     number=False,
-                    state=lambda name: _SHAPES.get(self._cells[name]["verdict"]),
+                    state=lambda name: _SHAPES.get(table.cells[name]["verdict"]),
                 ),
             )
         )
-        self._table = ParameterTable(self._model)
-        self._table.setObjectName("result_table")
-        self._table.verticalHeader().setDefaultSectionSize(26)
-        bind(self._table.setAccessibleName, lambda: self.tr("Parameters of the run"))
+        bind(table.setAccessibleName, lambda: self.tr("Parameters of the run"))
         self._checks = ChecksTable()
         self._checks.setObjectName("acceptance_checks")
-        copy = button("copy_button", lambda: self.tr("Copy table"), self._table.copy)
+        copy = button("copy_button", lambda: self.tr("Copy table"), table.copy)
         bind(copy.setToolTip, lambda: self.tr("The selected rows, or all, as a table for a spreadsheet (Ctrl+C)"))
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
-            (self._table, 1),
+            (table, 1),
             self._checks,
             on=self,
             margins=(0, theme.GRID, 0, 0),
@@ -92,14 +85,10 @@ class ResultView(QWidget):
         for check in result.checks:
             if of_parameter(check) and check.subject in checks:
                 checks[check.subject][check.kind] = check
-        self._cells = {
-            name: _cells(name, parameters[name], finished.previous.get(name), checks[name]) for name in names
-        }
-        for name in result.unobservable:
-            if name in self._cells:
-                self._cells[name]["verdict"] = "lost"
-        align_columns(self._cells, _NUMBERS)
-        self._model.set_names(names)
+        cells = {name: _cells(name, parameters[name], finished.previous.get(name), checks[name]) for name in names}
+        for name in cells.keys() & set(result.unobservable):
+            cells[name]["verdict"] = "lost"
+        self._table.show_cells(cells, _NUMBERS)
         general = [check for check in result.checks if not of_parameter(check)]
         self._checks.show_checks(general)
         self._checks.setFixedHeight(min(self._checks.height_of_rows(), _MOST_CHECKS))
@@ -107,7 +96,7 @@ class ResultView(QWidget):
         self._show_texts()
 
     def _show_texts(self) -> None:
-        self._model.refresh()
+        self._table.refresh()
         if self.shown is None:
             return
         result = self.shown.result
@@ -125,17 +114,6 @@ class ResultView(QWidget):
         if result.registers is not None and result.verified:
             about += _register_texts(result.registers)
         self._about.setText("  ·  ".join(about))
-
-    def _text(self, key: str) -> Callable[[str], str]:
-        return lambda name: self._cells[name].get(key, _NONE)
-
-
-def align_columns(cells: dict[str, dict[str, str]], keys: tuple[str, ...]) -> None:
-    """Pad the numbers of these columns so that their points line up; `cells` by row and column."""
-    for key in keys:
-        present = [texts for texts in cells.values() if key in texts]
-        for texts, text in zip(present, aligned([texts[key] for texts in present]), strict=True):
-            texts[key] = text
 
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
@@ -177,7 +155,10 @@ def _verdict(checks: dict[str, Check]) -> str:
 
 
 def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict[str, Check]) -> dict[str, str]:
-    """The texts of a row, numbers in the unit shown and rounded to the sigma."""
+    """The texts of a row, numbers in the unit shown and rounded to the sigma.
+
+    Besides, ``verdict`` is a key of `_SHAPES` or ``none``, and ``changed`` is there for a notable change.
+    """
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)
     cells = {

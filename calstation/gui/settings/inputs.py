@@ -5,7 +5,7 @@ from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QWheelEvent
-from PySide6.QtWidgets import QComboBox, QLabel, QLineEdit, QSizePolicy, QWidget
+from PySide6.QtWidgets import QComboBox, QLineEdit, QSizePolicy, QWidget
 
 from calstation.connection import FoundPort
 from calstation.gui.text import bind, on_language_change
@@ -68,38 +68,24 @@ class VectorEdit(QWidget):
             edit.show_value(part)
 
 
-class AddressEdit(QWidget):
-    """Host and port number; the value is ``scheme://host:port``."""
-
-    typed = Signal()
+class AddressEdit(WordEdit):
+    """Host and port number as ``host:port``; the value is ``scheme://host:port``."""
 
     def __init__(self, scheme: str, default_port: int) -> None:
         super().__init__()
-        self._scheme, self._default_port = scheme, default_port
-        self._host, self._number = QLineEdit(), QLineEdit()
-        self._number.setFixedWidth(9 * theme.GRID)
-        self._number.setAlignment(Qt.AlignmentFlag.AlignRight)
-        self._number.setPlaceholderText(str(default_port))
-        row((self._host, 1), QLabel(":"), self._number, on=self, spacing=theme.GRID // 2)
-        self.setFocusProxy(self._host)
-        for edit in (self._host, self._number):
-            edit.textEdited.connect(self.typed)
-        bind(self._host.setPlaceholderText, lambda: self.tr("name or IP address"))
-        bind(self._host.setAccessibleName, lambda: self.tr("host"))
-        bind(self._number.setAccessibleName, lambda: self.tr("port number"))
+        self._prefix, self._default_port = f"{scheme}://", str(default_port)
+        bind(self.setPlaceholderText, lambda: self.tr("name or IP address") + f":{default_port}")
 
     def value(self) -> Any:
         """The address typed, with the default port number if none is."""
-        host, number = self._host.text().strip(), self._number.text().strip()
-        return f"{self._scheme}://{host}:{number or self._default_port}" if host or number else None
+        text = self.text().strip()
+        host, _, number = text.rpartition(":") if ":" in text else (text, "", "")
+        return f"{self._prefix}{host}:{number or self._default_port}" if text else None
 
     def show_value(self, value: Any) -> None:
         """Show an address, unless it is the one typed."""
-        if value == self.value():
-            return
-        host, _, number = str(value or "").partition("://")[2].rpartition(":")
-        self._host.setText(host)
-        self._number.setText(number)
+        if value != self.value():
+            self.setText(str(value or "").partition("://")[2])
 
 
 class _Box(QComboBox):
@@ -227,7 +213,7 @@ class PortBox(_EditableBox):
 
 
 #: Every input that a field may have.
-Editor = WordEdit | VectorEdit | AddressEdit | ChoiceBox | NumberBox | PortBox
+Editor = WordEdit | VectorEdit | ChoiceBox | NumberBox | PortBox
 
 
 def _number(text: str) -> int | float | str | None:

@@ -7,10 +7,8 @@ from PySide6.QtCore import QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import (
     QComboBox,
-    QFrame,
     QListWidget,
     QListWidgetItem,
-    QScrollArea,
     QStackedWidget,
     QWidget,
 )
@@ -28,7 +26,7 @@ from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, error_text, on_language_change
-from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, theme
+from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, scroll_area, theme
 from calstation.schema import KeyPath
 
 _NAV = 26 * theme.GRID
@@ -110,7 +108,12 @@ class StationPage(Page):
         self._stack = QStackedWidget()
         for section in self._sections:
             QListWidgetItem(self.nav).setSizeHint(QSize(_NAV, theme.BUTTON))
-            self._stack.addWidget(section if section is self.profiles else _scrolled(section))
+            if section is self.profiles:
+                self._stack.addWidget(section)
+            else:
+                area = scroll_area(section)
+                area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+                self._stack.addWidget(area)
         self.nav.currentRowChanged.connect(self._show_section)
         self._problems = label(kind="error", name="station_problem_label", wrap=True)
         right = column(self.notice, self._new_bar, self._problems, (self._stack, 1))
@@ -298,12 +301,3 @@ class StationPage(Page):
         self.app.station_changed.emit()
         if kind in ("products", "imus"):
             self.app.product_changed.emit()
-
-
-def _scrolled(section: QWidget) -> QScrollArea:
-    area = QScrollArea()
-    area.setWidgetResizable(True)
-    area.setFrameShape(QFrame.Shape.NoFrame)
-    area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-    area.setWidget(section)
-    return area

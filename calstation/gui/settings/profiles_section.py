@@ -1,6 +1,7 @@
 """All files as text: products, IMUs, tables and stations, edited with marks and compared with older versions."""
 
 import difflib
+from datetime import datetime
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker
@@ -13,7 +14,6 @@ from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.settings.new_file import NewFileBar
 from calstation.gui.settings.text_view import TextView
-from calstation.gui.settings.versions_panel import VersionsPanel
 from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, error_text, on_language_change, say, show
 from calstation.gui.widgets import button, column, enable, label, row, theme
@@ -28,7 +28,9 @@ class ProfilesSection(QWidget):
         super().__init__()
         self._app, self._drafts = app, drafts
         self._draft: Draft | None = None
+        self._versions: tuple[Version, ...] = ()
         self._compared: Version | None = None
+        self._locked = ""
         self._make_choice()
         self.editor, self.diff = TextView("toml_edit"), TextView("diff_view")
         self.editor.textChanged.connect(self._typed)
@@ -47,14 +49,10 @@ class ProfilesSection(QWidget):
         self.views.tabBar().setDrawBase(False)
         for view in (text, self.diff):
             self.views.addTab(view, "")
-        self._versions = VersionsPanel()
-        self._versions.setFixedWidth(36 * theme.GRID)
-        self._versions.compared.connect(self._compare)
-        self._versions.restored.connect(self._restore)
         column(
             row(self.kind_box, self.file_box, self._new_button, (self._about, 1)),
             self._new,
-            (row((self.views, 1), self._versions, spacing=3 * theme.GRID), 1),
+            (row((self.views, 1), self._make_versions(), spacing=3 * theme.GRID), 1),
             on=self,
         )
         drafts.changed.connect(self.refresh)
@@ -79,14 +77,34 @@ class ProfilesSection(QWidget):
         self._new_button = button("new_file_button", lambda: self.tr("New from copy"), self._ask_new)
         self._about = label(kind="muted")
 
+    def _make_versions(self) -> QWidget:
+        """The versions of the file: number, time and author; to compare with the present text or to restore."""
+        title = label(lambda: self.tr("Versions"))
+        title.setFont(theme.font(bold=True))
+        self._no_versions = label(lambda: say("setting.no_versions"), "muted", wrap=True)
+        self._list = QListWidget()
+        self._list.setObjectName("versions_list")
+        self._list.setWordWrap(True)
+        self._list.setSpacing(theme.GRID // 2)
+        self._list.currentRowChanged.connect(lambda _: self._enable())
+        self._list.itemActivated.connect(lambda _: self._compare())
+        self._compare_button = button("compare_button", lambda: self.tr("Compare"), self._compare)
+        self._restore_button = button("take_back_button", lambda: self.tr("Restore"), self._restore)
+        made = QWidget()
+        made.setFixedWidth(36 * theme.GRID)
+        buttons = row(self._compare_button, self._restore_button)
+        column(title, self._no_versions, (self._list, 100), None, buttons, on=made)
+        return made
+
     def lock(self, reason: str) -> None:
         """Disable changes with the reason as tooltip; "" enables them."""
+        self._locked = reason
         self.editor.setReadOnly(bool(reason))
         self.editor.setToolTip(reason)
         enable(self._new_button, reason)
         if reason:
             self._new.hide()
-        self._versions.lock(reason)
+        self._enable()
 
     def open(self, kind: str, name: str) -> None:
         """Show a file."""
@@ -114,6 +132,7 @@ class ProfilesSection(QWidget):
         shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
         self._about.setText(say("setting.file_shipped" if shipped else "setting.file_own"))
         self._about.setToolTip(str(draft.path))
+        self._show_versions(draft)
         self._show_difference()
 
     def showEvent(self, event: QShowEvent) -> None:
@@ -151,7 +170,7 @@ class ProfilesSection(QWidget):
         kind = self.kind_box.value()
         self._draft = self._drafts.of(kind, library.find(kind, name))
         self._compared = None
-        self._versions.show_versions(self._draft)
+        self._versions = versions.list_versions(kind, name)
         self.refresh()
 
     def _typed(self) -> None:
@@ -163,18 +182,48 @@ class ProfilesSection(QWidget):
         if draft is not None and 0 <= number < len(draft.problems):
             self.editor.go_to(draft.problems[number].line)
 
-    def _compare(self, version: Version) -> None:
-        self._compared = version
+    def _compare(self) -> None:
+        self._compared = self._chosen
         self._show_difference()
         self.views.setCurrentIndex(_COMPARE)
 
-    def _restore(self, version: Version) -> None:
-        """Put the text of a version into the editor and show how it differs from the saved one."""
+    def _restore(self) -> None:
+        """Put the text of the version chosen into the editor and show how it differs from the saved one."""
+        if self._draft is None or self._chosen is None:
+            return
         self.views.setCurrentIndex(_COMPARE)
-        text = self._text_of(version)
-        if self._draft is not None and text is not None:
+        text = self._text_of(self._chosen)
+        if text is not None:
             self._compared = None
             self._draft.rewrite(text)
+
+    @property
+    def _chosen(self) -> Version | None:
+        number = self._list.currentRow()
+        return self._versions[number] if 0 <= number < len(self._versions) else None
+
+    def _show_versions(self, draft: Draft) -> None:
+        chosen, digest = self._list.currentRow(), versions.sha256(draft.saved)
+        stored = next((v.number for v in self._versions if v.sha256 == digest), None)
+        self._list.clear()
+        for version in self._versions:
+            saved = datetime.fromisoformat(version.saved_utc).astimezone()
+            author = version.author if version.author is not None else self.tr("found, not saved here")
+            mark = self.tr("  ·  current") if version.number == stored else ""
+            first = f"{version.number}  ·  {saved:%Y-%m-%d %H:%M}{mark}"
+            self._list.addItem(f"{first}\n{author}  ·  {version.sha256[:12]}")
+        self._list.setCurrentRow(min(chosen, len(self._versions) - 1))
+        self._no_versions.setVisible(not self._versions)
+        for widget in (self._list, self._compare_button, self._restore_button):
+            widget.setVisible(bool(self._versions))
+        self._enable()
+
+    def _enable(self) -> None:
+        """Enable what may be done with the version chosen; tooltips say why not."""
+        none = "" if self._chosen is not None else self.tr("Choose a version in the list.")
+        tip = self.tr("Puts its text into the editor; saving makes it a new version.")
+        enable(self._compare_button, none)
+        enable(self._restore_button, self._locked or none, tip)
 
     def _show_difference(self) -> None:
         draft = self._draft

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QScrollArea, QSizePolicy, QWidget
+from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.config import DEFAULT_PRODUCT, StationConfig, library
 from calstation.connection import LinkTestRequest, check_imu_link, check_table_link
@@ -22,6 +22,7 @@ from calstation.gui.widgets import (
     enable,
     label,
     row,
+    scroll_area,
     theme,
 )
 from calstation.messages import Finding, Report, render
@@ -85,12 +86,8 @@ class TestPanel(QFrame):
     def _lay_out(self) -> None:
         self._lines = QWidget()
         self._list = column(None, on=self._lines, margins=(0, 0, theme.GRID, 0))
-        scroll = QScrollArea()
-        scroll.setWidgetResizable(True)
-        scroll.setFrameShape(QFrame.Shape.NoFrame)
-        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        scroll.setProperty("kind", "clear")
-        scroll.setWidget(self._lines)
+        findings = scroll_area(self._lines)
+        findings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         caption = label(lambda: self.tr("Expected: the IMU of product"))
         caption.setBuddy(self.product_box)
         for widget in (caption, self.product_box):
@@ -106,7 +103,7 @@ class TestPanel(QFrame):
             self._why,
             self.reset,
             self._nothing,
-            (scroll, 1),
+            (findings, 1),
             on=self,
             margins=(2 * theme.GRID, 2 * theme.GRID, theme.GRID, theme.GRID),
         )

@@ -30,29 +30,6 @@
     </message>
 </context>
 <context>
-    <name>EngineerHeader</name>
-    <message>
-        <source>Serial number</source>
-        <translation>序列号</translation>
-    </message>
-    <message>
-        <source>Your name</source>
-        <translation>姓名</translation>
-    </message>
-    <message>
-        <source>scan or type</source>
-        <translation>扫码或输入</translation>
-    </message>
-    <message>
-        <source>your name, for the record</source>
-        <translation>您的姓名，用于记录</translation>
-    </message>
-    <message>
-        <source>START</source>
-        <translation>开始</translation>
-    </message>
-</context>
-<context>
     <name>EngineerPage</name>
     <message>
         <source>Engineer</source>
@@ -163,7 +140,7 @@
     <name>InnovationsView</name>
     <message>
         <source>Stage</source>
-        <extracomment>Largest number of observations inside ±3 σ drawn in each plot; more are thinned out. With fewer observations, a mean below its band is not significant. Least range of a plot, sigmas either way. Height of a row of the table, px.</extracomment>
+        <extracomment>Largest number of observations inside ±3 σ drawn in each plot; more are thinned out. With fewer observations, a mean below its band is not significant. Least range of a plot, sigmas either way.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -265,6 +242,7 @@
     <name>PreviewView</name>
     <message>
         <source>Preview</source>
+        <extracomment>Shape of each verdict of a parameter (`widgets.badge.KINDS`).</extracomment>
         <translation>预览</translation>
     </message>
     <message>
@@ -324,7 +302,7 @@
     </message>
     <message>
         <source>Read the unit</source>
-        <extracomment>Registers read from the unit, None before, and those that the result asks for, None without a result. Name for the journal. The station whose table turns to verify a write, &quot;&quot; for a rig turned by hand. What verified the present write, &quot;&quot; if there was none; see `Settled.proof`.</extracomment>
+        <extracomment>Stands for the unit in a request while no serial number is given. Events that tell in which state an incomplete write has left the unit. Registers read from the unit, None before, and those that the result asks for, None without a result. The station whose table turns to verify a write, &quot;&quot; for a rig turned by hand. The last event of `_INCOMPLETE` of the present write. What verified the present write, &quot;&quot; if there was none; see `Settled.proof`.</extracomment>
         <translation>读取产品</translation>
     </message>
     <message>
@@ -384,7 +362,7 @@
     <name>ResultView</name>
     <message>
         <source>Unit</source>
-        <extracomment>A change of more than this many sigmas is marked. Greatest height of the table of checks that concern no single parameter, px. Shape of each verdict of a parameter (`widgets.badge.KINDS`). Texts of each parameter by column; besides ``verdict``, a key of `_SHAPES` or ``none``, and ``changed``.</extracomment>
+        <extracomment>A change of more than this many sigmas is marked. Greatest height of the table of checks that concern no single parameter, px. Shape of each verdict of a parameter (`widgets.badge.KINDS`).</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -442,6 +420,29 @@
     <message>
         <source>near-misses: {0}</source>
         <translation>临界 {0} 项</translation>
+    </message>
+</context>
+<context>
+    <name>_Header</name>
+    <message>
+        <source>Serial number</source>
+        <translation>序列号</translation>
+    </message>
+    <message>
+        <source>Your name</source>
+        <translation>姓名</translation>
+    </message>
+    <message>
+        <source>scan or type</source>
+        <translation>扫码或输入</translation>
+    </message>
+    <message>
+        <source>your name, for the record</source>
+        <translation>您的姓名，用于记录</translation>
+    </message>
+    <message>
+        <source>START</source>
+        <translation>开始</translation>
     </message>
 </context>
 <context>

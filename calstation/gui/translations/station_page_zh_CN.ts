@@ -7,14 +7,6 @@
         <source>name or IP address</source>
         <translation>主机名或 IP 地址</translation>
     </message>
-    <message>
-        <source>host</source>
-        <translation>主机</translation>
-    </message>
-    <message>
-        <source>port number</source>
-        <translation>端口号</translation>
-    </message>
 </context>
 <context>
     <name>LinkSection</name>
@@ -152,6 +144,14 @@
         <translation>文件类别</translation>
     </message>
     <message>
+        <source>Versions</source>
+        <translation>版本</translation>
+    </message>
+    <message>
+        <source>Restore</source>
+        <translation>恢复</translation>
+    </message>
+    <message>
         <source>Products</source>
         <translation>产品</translation>
     </message>
@@ -166,6 +166,22 @@
     <message>
         <source>Stations</source>
         <translation>工位</translation>
+    </message>
+    <message>
+        <source>found, not saved here</source>
+        <translation>原有文件，非在此保存</translation>
+    </message>
+    <message>
+        <source>  ·  current</source>
+        <translation>  ·  当前</translation>
+    </message>
+    <message>
+        <source>Choose a version in the list.</source>
+        <translation>请先在列表中选择版本。</translation>
+    </message>
+    <message>
+        <source>Puts its text into the editor; saving makes it a new version.</source>
+        <translation>把该版本放回编辑器；保存后成为新版本。</translation>
     </message>
     <message>
         <source>as saved</source>
@@ -452,37 +468,6 @@
     <message>
         <source>Test the IMU</source>
         <translation>测试 IMU</translation>
-    </message>
-</context>
-<context>
-    <name>VersionsPanel</name>
-    <message>
-        <source>Versions</source>
-        <translation>版本</translation>
-    </message>
-    <message>
-        <source>Compare</source>
-        <translation>比较</translation>
-    </message>
-    <message>
-        <source>Restore</source>
-        <translation>恢复</translation>
-    </message>
-    <message>
-        <source>  ·  current</source>
-        <translation>  ·  当前</translation>
-    </message>
-    <message>
-        <source>found, not saved here</source>
-        <translation>原有文件，非在此保存</translation>
-    </message>
-    <message>
-        <source>Choose a version in the list.</source>
-        <translation>请先在列表中选择版本。</translation>
-    </message>
-    <message>
-        <source>Puts its text into the editor; saving makes it a new version.</source>
-        <translation>把该版本放回编辑器；保存后成为新版本。</translation>
     </message>
 </context>
 <context>
