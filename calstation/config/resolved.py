@@ -36,7 +36,7 @@ from calstation.devices.profiles import (
 )
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
-from calstation.physics import Step, group_indices, normal_gravity
+from calstation.physics import INDEX, PARAMETERS, Step, group_indices, normal_gravity
 from calstation.records import (
     FileSection,
     ImuSection,
@@ -206,6 +206,18 @@ class ResolvedConfiguration:
     def solve_context(self) -> SolveContext:
         """Site, IMU and table as the solvers use them, SI."""
         return context_from_meta(self.log_meta())
+
+    def sigma_limits(self) -> dict[str, float]:
+        """Largest sigma allowed for each estimated parameter, SI, after the last stage that estimates it."""
+        context, limits = self.solve_context(), self.product.limits
+        last = {name: stage for stage in self.stages for name in method(stage).estimates(context) if name in INDEX}
+        found = {}
+        for name, stage in last.items():
+            limit = limits.get(name, limits.get(PARAMETERS[INDEX[name]].group))
+            sigma = limit.sigma_limit(stage) if limit is not None else None
+            if sigma is not None:
+                found[name] = sigma
+        return found
 
     @property
     def bench_seed(self) -> int | None:

@@ -1,6 +1,7 @@
 """Summary of a run before it starts, and the products that a station can calibrate."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +12,6 @@ from calstation.devices.imu import RegisterMap
 from calstation.errors import ConfigurationError
 from calstation.physics import GROUPS, NAMES, Carry, TableGeometry, group_indices
 from calstation.sequencer import DURATION, plan_time
-from procedures import method
 
 
 @dataclass(frozen=True)
@@ -85,39 +85,26 @@ def _up(geometry: TableGeometry, step: Carry) -> tuple[float, float, float]:
 
 
 def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
-    context = setup.solve_context()
-    last = {name: stage for stage in setup.stages for name in method(stage).estimates(context)}
-    limits = setup.product.limits
-    found: dict[str, float] = {}
-    for group in GROUPS:
-        for name in (NAMES[i] for i in group_indices(group)):
-            limit = limits.get(name, limits.get(group))
-            sigma = limit.sigma_limit(last[name]) if limit is not None and name in last else None
-            if sigma is not None:
-                found[group] = min(sigma, found.get(group, sigma))
-    return found
+    allowed = setup.sigma_limits()
+    groups = {group: [NAMES[i] for i in group_indices(group)] for group in GROUPS}
+    return {
+        group: min(allowed[n] for n in names if n in allowed)
+        for group, names in groups.items()
+        if {*names} & {*allowed}
+    }
 
 
 def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
     """Name and file of every product that the station can calibrate, those with the IMU of `instead_of` first."""
-    wanted = _read(RunRequest("-", station, instead_of))
+    try:
+        wanted = resolve_configuration(RunRequest("-", station, instead_of)).product.imu
+    except ConfigurationError:
+        wanted = None
     found = []
     for name in library.names("products"):
         path = library.find("products", name)
-        setup = _read(RunRequest("-", station, path))
-        if setup is None:
-            continue
-        try:
+        with suppress(ConfigurationError):
+            setup = resolve_configuration(RunRequest("-", station, path))
             check_station(setup)
-        except ConfigurationError:
-            continue
-        other = wanted is None or setup.product.imu != wanted.product.imu
-        found.append((other, name, path))
+            found.append((wanted not in (None, setup.product.imu), name, path))
     return [(name, path) for _, name, path in sorted(found)]
-
-
-def _read(request: RunRequest) -> ResolvedConfiguration | None:
-    try:
-        return resolve_configuration(request)
-    except ConfigurationError:
-        return None

@@ -3,17 +3,17 @@
 A result JSON keeps their summary only. Solving the log again gives the same bits, so details are computed on demand.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from calstation.estimation import Innovations
-from calstation.estimation.common import Consistency, RestResiduals, SampleBlock, rest_residuals, stage_data
+from calstation.estimation.common import Consistency, RestResiduals, rest_residuals, stage_data
 from calstation.jobs import ProgressCallback
-from calstation.records import Log, context_from_meta, open_log
-from calstation.results.solver_chain import SolveProgress, one_blas_thread, solve
+from calstation.records import context_from_meta, open_log
+from calstation.results.solver_chain import one_blas_thread, solve
 
 #: Share of solving in the work.
 _SOLVING = 0.9
@@ -56,17 +56,19 @@ def diagnose(
     log = open_log(path)
     expected = len(stages or (log.meta.run.stages if log.meta.run is not None else ()))
     context = context_from_meta(log.meta)
+    started: dict[str, None] = {}
+
+    def progress(stage: str, seq: int, solved: float) -> None:
+        started[stage] = None
+        done = (len(started) - 1 + solved) / max(expected, len(started))
+        tell(_SOLVING * min(done, 1.0), note=stage)
+
     with one_blas_thread():
-        chain = solve(
-            lambda: log.blocks(first_seq, last_seq),
-            log.meta,
-            stages,
-            source=path,
-            progress=_meter(tell, expected),
-        )
+        chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
         solutions = {solution.stage: solution for solution in chain.solutions}
         diagnosed: dict[str, StageDiagnostics] = {}
-        for stage, blocks in _by_stage(log, first_seq, last_seq):
+        in_stages = (block for block in log.blocks(first_seq, last_seq) if block.stage)
+        for stage, blocks in groupby(in_stages, lambda block: block.stage):
             if stage not in solutions or stage in diagnosed:
                 continue
             tell(_SOLVING + (1.0 - _SOLVING) * len(diagnosed) / len(solutions), note=stage)
@@ -83,20 +85,3 @@ def diagnose(
                 solution.details,
             )
     return Diagnostics(path, log.meta.imu.serial, tuple(diagnosed[s] for s in solutions if s in diagnosed))
-
-
-def _by_stage(log: Log, first: int | None, last: int | None) -> Iterator[tuple[str, Iterator[SampleBlock]]]:
-    """Stages in the order of the log, each with an iterator over its blocks."""
-    return groupby((block for block in log.blocks(first, last) if block.stage), lambda block: block.stage)
-
-
-def _meter(tell: ProgressCallback, expected: int) -> SolveProgress:
-    """Report the progress of solving `expected` stages."""
-    started: dict[str, None] = {}
-
-    def watch(stage: str, seq: int, solved: float) -> None:
-        started[stage] = None
-        done = (len(started) - 1 + solved) / max(expected, len(started))
-        tell(_SOLVING * min(done, 1.0), note=stage)
-
-    return watch

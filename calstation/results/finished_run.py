@@ -38,7 +38,8 @@ def load_finished_run(tell: ProgressCallback, path: Path, runs: Path) -> Finishe
     solved_now = False
     if path.suffix == ".json":
         result = load_result(path)
-        log = _log_of(path, result)
+        candidates = (Path(result.log.file), path.with_suffix(SUFFIX))
+        log = next((candidate for candidate in candidates if candidate.is_file()), None)
     else:
         log = path
         stored = open_log(path).results
@@ -52,11 +53,3 @@ def load_finished_run(tell: ProgressCallback, path: Path, runs: Path) -> Finishe
         history.refresh()
         previous = history.previous(result.serial, result.started_utc)
     return FinishedRun(result, log, previous, solved_now)
-
-
-def _log_of(path: Path, result: Result) -> Path | None:
-    """The log of a result: at the recorded path, or beside the result."""
-    for candidate in (Path(result.log.file), path.with_suffix(SUFFIX)):
-        if candidate.is_file():
-            return candidate
-    return None

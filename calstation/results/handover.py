@@ -91,15 +91,13 @@ class HandOver:
             self.start()
             assert self._thread is not None
             self._thread.join(_WAIT)
-        given = self._delivery or Delivery(
-            self._folder, 0, len(_waiting(self._runs)), Text.of("handover.no_answer", seconds=_WAIT)
-        )
-        if given.waiting:
-            values = {"folder": str(given.folder), "count": given.waiting, "reason": given.reason}
-            self._emit(Message("handover_waiting", values))
-        elif before or given.done > 1:
-            count = before + given.done
-            self._emit(Message("handover_done", {"folder": str(given.folder), "count": count}))
+        unresponsive = Text.of("handover.no_answer", seconds=_WAIT)
+        ended = self._delivery or Delivery(self._folder, 0, len(_waiting(self._runs)), unresponsive)
+        values = {"folder": str(ended.folder)}
+        if ended.waiting:
+            self._emit(Message("handover_waiting", {**values, "count": ended.waiting, "reason": ended.reason}))
+        elif before or ended.done > 1:
+            self._emit(Message("handover_done", {**values, "count": before + ended.done}))
 
     def _deliver(self) -> None:
         self._delivery = _deliver(self._runs, self._folder, self._make)
@@ -174,9 +172,10 @@ def _append(folder: Path, name: str, result: Result) -> None:
     with ExitStack() as stack:
         try:
             stack.enter_context(locked(folder / ".handover.lock", _LOCKED_WITHIN))
-        except OSError as exc:
-            if isinstance(exc, TimeoutError):
-                raise  # a share without locks: a single appending write is still atomic
+        except TimeoutError:
+            raise
+        except OSError:
+            pass  # a share without locks: a single appending write is still atomic
         flags = os.O_RDWR | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
         handle = os.open(folder / CSV_NAME, flags, 0o644)
         stack.callback(os.close, handle)

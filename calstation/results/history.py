@@ -4,6 +4,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Mapping
+from itertools import takewhile
 from pathlib import Path
 from typing import TypeVar
 
@@ -91,12 +92,8 @@ class History:
 
     def failures(self, serial: str) -> int:
         """Number of failures of the unit since it last passed."""
-        count = 0
-        for run in self._ask(lambda: self._index.of(serial, _SOLVED)):
-            if run.record.outcome == "passed":
-                break
-            count += 1
-        return count
+        runs = self._ask(lambda: self._index.of(serial, _SOLVED))
+        return sum(1 for _ in takewhile(lambda run: run.record.outcome == "failed", runs))
 
     def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
         """The unit's latest solved value of each parameter, SI, from runs started before `before` (ISO 8601)."""
@@ -109,11 +106,8 @@ class History:
         """The unit's registers by parameter, each as the latest run that estimated it wrote and verified it."""
         found: dict[str, VerifiedRegister] = {}
         for run in self._ask(lambda: self._index.of(serial, ("passed",))):
-            written = {
-                name: VerifiedRegister(value, sigma, run.record.started_utc)
-                for name, (value, sigma) in run.written.items()
-            }
-            found = {**written, **found}
+            for name, (value, sigma) in run.written.items():
+                found.setdefault(name, VerifiedRegister(value, sigma, run.record.started_utc))
         return found
 
     def solved(self, serial: str) -> list[IndexedRun]:
@@ -136,10 +130,10 @@ def refresh_history(tell: ProgressCallback, folder: Path) -> int:
 
 def _files(folder: Path) -> dict[str, str]:
     """Stamp of each run's files by stem, without logs that are still being written."""
-    stamps: dict[str, str] = {}
-    logs: dict[str, str] = {}
     if not folder.is_dir():
         return {}
+    results: dict[str, str] = {}
+    logs: dict[str, str] = {}
     with os.scandir(folder) as entries:
         for entry in entries:
             stem, suffix = os.path.splitext(entry.name)  # noqa: PTH122 - a Path is slow for thousands of files
@@ -148,11 +142,11 @@ def _files(folder: Path) -> dict[str, str]:
             status = entry.stat()
             stamp = f"{status.st_mtime_ns} {status.st_size}"
             if suffix == ".json":
-                stamps[stem] = stamp
+                results[stem] = stamp
             else:
-                logs[stem] = stamp
-    left = {stem: stamp for stem, stamp in logs.items() if stem not in stamps and not _is_running(folder, stem)}
-    return {**{stem: f"log {stamp}" for stem, stamp in left.items()}, **stamps}
+                logs[stem] = f"log {stamp}"
+    alone = {stem: stamp for stem, stamp in logs.items() if stem not in results and not _is_running(folder, stem)}
+    return {**alone, **results}
 
 
 def _is_running(folder: Path, stem: str) -> bool:
@@ -165,24 +159,19 @@ def _is_running(folder: Path, stem: str) -> bool:
 
 def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     """A run from its result, or from its log without one; None for other or damaged files."""
-    try:
-        return _found(folder, name, stamp)
-    except (OSError, InputError, *_NO_RESULT):
-        return None
-
-
-def _found(folder: Path, name: str, stamp: str) -> IndexedRun | None:
     beside = folder / f"{name}.json"
-    if not stamp.startswith("log "):
-        result = Result.from_json(json.loads(beside.read_text(encoding="utf-8")))
-        return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
-    contents = read_contents(folder / f"{name}{SUFFIX}")
-    if contents.outcome is None:
-        return _from_log(folder, name, stamp, contents)
-    for stored in reversed(contents.results):
-        result = Result.from_json(stored)
-        if _is_run(result, name):
-            return _from_result(folder, name, stamp, result, None)
+    try:
+        if not stamp.startswith("log "):
+            result = Result.from_json(json.loads(beside.read_text(encoding="utf-8")))
+            return _from_result(folder, name, stamp, result, beside) if _is_run(result, name) else None
+        contents = read_contents(folder / f"{name}{SUFFIX}")
+        if contents.outcome is None:
+            return _from_log(folder, name, stamp, contents)
+        for result in map(Result.from_json, reversed(contents.results)):
+            if _is_run(result, name):
+                return _from_result(folder, name, stamp, result, None)
+    except (OSError, InputError, *_NO_RESULT):
+        pass
     return None
 
 
@@ -208,15 +197,8 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         resumed_from=result.resumed_from,
         closed=result.closed_utc is not None,
     )
-    texts = (
-        record.serial,
-        record.started_utc,
-        record.outcome,
-        *record.stages,
-        record.product,
-        record.station,
-    )
-    "".join(filter(None, (*texts, record.operator, record.error))).encode()  # a lone surrogate cannot be stored
+    texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
+    "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # a lone surrogate cannot be stored
     values = {name: row.value for name, row in result.parameters.items() if math.isfinite(row.value)}
     return IndexedRun(name, stamp, record, values, _written(result))
 

@@ -25,15 +25,7 @@ from calstation.records import (
     not_compared,
     unobservable,
 )
-from calstation.results.result import (
-    SCHEMA,
-    LogSection,
-    Parameter,
-    Result,
-    StageConsistency,
-    Temperature,
-    plain,
-)
+from calstation.results.result import SCHEMA, Parameter, Result, StageConsistency, plain
 from procedures import DEFAULT_STAGES
 
 
@@ -106,13 +98,12 @@ def build_result(
     judgement : of the solutions
     ending : how the run ended
     """
-    run, facts = meta.run, ending.facts
+    run, facts, error = meta.run, ending.facts, ending.error
     first, last = ending.first_seq, ending.last_seq
-    files = (run.files if run else None) or {}
-    more = {
-        "error": None if ending.error is None else str(ending.error),
-        "error_code": None if ending.error is None else ending.error.code,
-        "error_values": values_to_json(ending.error.values) if ending.error else None,
+    optional = {
+        "error": None if error is None else str(error),
+        "error_code": None if error is None else error.code,
+        "error_values": None if error is None else values_to_json(error.values),
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
         "latitude_untold": latitude_untold(meta, solutions),
@@ -129,7 +120,7 @@ def build_result(
             "unobservable": unobservable(prior, solutions),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
-            "consistency": {s.stage: _consistency(s) for s in solutions},
+            "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
             "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
             "details": {s.stage: plain(s.details) for s in solutions if s.details},
             "outcome": ending.outcome,
@@ -139,20 +130,20 @@ def build_result(
             "station": run.station if run else None,
             "product": meta.product.name if meta.product else None,
             "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
-            "configuration": {kind: file.model_dump() for kind, file in files.items()},
-            "temperature_c": _temperature(facts),
+            "configuration": (run.files if run else None) or {},
+            "temperature_c": facts.temperature and dict(zip(("mean", "min", "max"), facts.temperature, strict=True)),
             "registers": ending.registers,
-            "log": LogSection(
-                file=ending.log_file,
-                sha256=facts.sha256,
-                first_seq=facts.first_seq if first is None else max(first, facts.first_seq),
-                last_seq=facts.last_seq if last is None else min(last, facts.last_seq),
-                gaps=facts.gaps,
-            ),
+            "log": {
+                "file": ending.log_file,
+                "sha256": facts.sha256,
+                "first_seq": facts.first_seq if first is None else max(first, facts.first_seq),
+                "last_seq": facts.last_seq if last is None else min(last, facts.last_seq),
+                "gaps": facts.gaps,
+            },
             "software": {"version": __version__},
             "started_utc": run.started_utc if run else None,
             "duration_s": facts.samples / meta.imu.sample_rate_hz,
-            **{key: value for key, value in more.items() if value is not None},
+            **{key: value for key, value in optional.items() if value is not None},
         }
     )
 
@@ -163,34 +154,12 @@ def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
         return {}
     belief = solutions[-1].belief
     sigma = belief.sigma
-    parameters = {
-        name: Parameter(
-            value=float(belief.mean[INDEX[name]]),
-            sigma=float(sigma[INDEX[name]]),
-            unit=PARAMETERS[INDEX[name]].unit,
-            stage=stage,
-        )
-        for name, stage in estimated_stage(solutions).items()
-    }
+    parameters = {}
+    for name, stage in estimated_stage(solutions).items():
+        i = INDEX[name]
+        value, unit = float(belief.mean[i]), PARAMETERS[i].unit
+        parameters[name] = Parameter(value=value, sigma=float(sigma[i]), unit=unit, stage=stage)
     for solution in solutions:
         for name, found in solution.found.items():
             parameters[name] = Parameter(value=found.value, sigma=found.sigma, unit=found.unit, stage=solution.stage)
     return parameters
-
-
-def _consistency(solution: Solution) -> StageConsistency:
-    c = solution.consistency
-    return StageConsistency(
-        nis_mean=c.nis_mean,
-        nis_low=c.nis_low,
-        nis_high=c.nis_high,
-        passed=bool(c.passed),
-        warning=bool(c.warning),
-    )
-
-
-def _temperature(facts: LogFacts) -> Temperature | None:
-    if facts.temperature is None:
-        return None
-    mean, low, high = facts.temperature
-    return Temperature(mean=mean, min=low, max=high)

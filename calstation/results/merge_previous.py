@@ -51,12 +51,8 @@ class PreviousValue:
 
     def to_json(self) -> dict[str, Any]:
         """As in the result JSON."""
-        return {
-            "sigma": self.before.sigma,
-            "sigma_now": self.sigma,
-            "value_now": self.now,
-            "from": self.before.started_utc,
-        }
+        now = {"sigma_now": self.sigma, "value_now": self.now}
+        return {"sigma": self.before.sigma, **now, "from": self.before.started_utc}
 
 
 def better_previous_values(

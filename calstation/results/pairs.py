@@ -12,17 +12,11 @@ from typing import Any
 from calstation.config import pair_folder
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, StoredPair
-from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, StaticCheck, WatchEvent, check_values
+from calstation.estimation.pairs import PairCalibration, PairWatch, StaticCheck, WatchEvent, check_values
+from calstation.jobs import ProgressCallback
 from calstation.messages import Text, values_from_json, values_to_json
-from calstation.records import (
-    context_from_meta,
-    estimated_rows,
-    load_pair,
-    open_log,
-    prior_from_meta,
-    store_pair,
-)
-from calstation.results.plots import PairEvent, StoredPairFile, stored_pairs
+from calstation.records import context_from_meta, load_pair, open_log, prior_from_meta, store_pair
+from calstation.results.plots import PairEvent, StoredPairFile, expected_rows, stored_pairs
 from calstation.results.solver_chain import one_blas_thread
 from calstation.schema import validate
 
@@ -42,8 +36,8 @@ def watch_log(
     path: Path,
     folder: Path,
     command: bool = False,
-    tell: Callable[[WatchEvent], None] | None = None,
-    look: Callable[[float, PairWatch], None] | None = None,
+    on_event: Callable[[WatchEvent], None] = lambda event: None,
+    on_second: Callable[[float, PairWatch], None] = lambda time, watch: None,
 ) -> PairWatchResult:
     """Replay a log from start to end.
 
@@ -52,8 +46,8 @@ def watch_log(
     path : the log
     folder : of the stored pairs; a pair without a file starts with the values in the log
     command : check at the first rest, whatever triggers the log's schedule has
-    tell : called with every event
-    look : called every second of the log with its time, s, and the watch
+    on_event : called with every event
+    on_second : called every second of the log with its time, s, and the watch
 
     Raises
     ------
@@ -64,8 +58,8 @@ def watch_log(
     context = context_from_meta(log.meta)
     if not context.secondaries:
         raise InputError("solution.in_log", file=path, what=Text("solution.one_imu"))
-    schedule = validate(PairSchedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
-    primary = log.meta.imu.serial
+    schedule = validate(Schedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
+    primary, rate = log.meta.imu.serial, log.meta.imu.sample_rate_hz
     secondaries = tuple(
         replace(s, stored=found if (found := load_pair(folder, primary, s.imu.serial)).values else s.stored)
         for s in context.secondaries
@@ -75,10 +69,12 @@ def watch_log(
     def store(number: int, pair: StoredPair) -> None:
         store_pair(folder, primary, serials[number], pair)
 
+    calibration = PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule.rules)
     watch = PairWatch(
         context.imu,
         secondaries,
-        PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule),
+        calibration,
+        schedule.triggers,
         store,
     )
     if command or schedule.trigger == "command":
@@ -87,16 +83,14 @@ def watch_log(
 
     def handle(new: list[WatchEvent]) -> None:
         events.extend(new)
-        if tell is not None:
-            for event in new:
-                tell(event)
+        for event in new:
+            on_event(event)
 
     with one_blas_thread():
         for block in log.blocks():
-            for second in _seconds(block, log.meta.imu.sample_rate_hz):
+            for second in _seconds(block, rate):
                 handle(watch.feed(second))
-                if look is not None:
-                    look(float(second.time[-1]), watch)
+                on_second(float(second.time[-1]), watch)
         handle(watch.finish())
     return PairWatchResult(tuple(events), watch.checks, watch.stored)
 
@@ -147,34 +141,33 @@ class PairCheckResult:
         return frozenset(h.number for h in self.followed.happened if h.kind == "calibrated")
 
 
-def check_pair(tell: Callable[..., None], path: Path) -> PairCheckResult:
+def check_pair(tell: ProgressCallback, path: Path) -> PairCheckResult:
     """Job: replay a recording with a check at the first rest, and store the calibrations in the site's folder.
 
     Raises InputError or ConfigurationError.
     """
     log = open_log(path)
-    duration = estimated_rows(path) / log.meta.imu.sample_rate_hz
-    start: list[float] = []
-    happened: list[PairEvent] = []
-
-    def since_start(time: float) -> float:
-        if not start:
-            start.append(time)
-        return time - start[0]
-
-    def handle(event: WatchEvent) -> None:
-        happened.append(PairEvent(event.kind, since_start(event.time), event.number, event.values))
-
+    duration = expected_rows(path) / log.meta.imu.sample_rate_hz
+    events: list[PairEvent] = []
+    start: float | None = None
     last = 0.0
 
-    def look(time: float, watch: PairWatch) -> None:
+    def since_start(time: float) -> float:
+        nonlocal start
+        start = time if start is None else start
+        return time - start
+
+    def handle(event: WatchEvent) -> None:
+        events.append(PairEvent(event.kind, since_start(event.time), event.number, event.values))
+
+    def report(time: float, watch: PairWatch) -> None:
         nonlocal last
-        now = last = since_start(time)
-        state = PairProgress(now, duration, watch.state, watch.progress, tuple(happened))
-        tell(min(now / duration, 0.99), note=state.to_note())
+        last = since_start(time)
+        state = PairProgress(last, duration, watch.state, watch.progress, tuple(events))
+        tell(min(last / duration, 0.99), note=state.to_note())
 
     tell(0.0)
-    watched = watch_log(path, pair_folder(), True, handle, look)
-    end = PairProgress(last, last, "waiting", 0.0, tuple(happened))
+    watched = watch_log(path, pair_folder(), True, handle, report)
+    end = PairProgress(last, last, "waiting", 0.0, tuple(events))
     checks = {number: check_values(check) for number, check in watched.checks.items()}
     return PairCheckResult(end, checks, stored_pairs(context_from_meta(log.meta), pair_folder()))

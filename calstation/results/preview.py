@@ -15,7 +15,7 @@ from calstation.errors import ConfigurationError, InputError, InsufficientDataEr
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
-from calstation.physics import INDEX, NAMES, PARAMETERS, Carry, Finish, FloatArray, Move, RoundEnd, Step
+from calstation.physics import NAMES, Carry, Finish, FloatArray, Move, RoundEnd, Step
 from calstation.records import context_from_meta
 from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.sequencer import JOINTS, StagePlan, check_limits, move_time, named, planned, step_time
@@ -115,7 +115,6 @@ class _Previewer:
         self._joints = (0.0, 0.0)
 
     def run(self) -> Preview:
-        before = self._chain.prior.sigma
         violations: list[Violation] = []
         expected = sum(self._check(plan, violations) for plan in self._plans)
         solve = not violations
@@ -131,8 +130,8 @@ class _Previewer:
             outer=course[:, 1],
             inner=course[:, 2],
             violations=tuple(violations),
-            before=before,
-            limits=self._limits(),
+            before=self._chain.prior.sigma,
+            limits=self._setup.sigma_limits(),
             targets=self._targets(),
             travel=((limits.low[0], limits.high[0]), (limits.low[1], limits.high[1])),
         )
@@ -149,9 +148,7 @@ class _Previewer:
                 moves += 1
                 for new in self._broken(plan.name, moves, step):
                     key = (new.kind, new.joint)
-                    seen = found.setdefault(key, new)
-                    if seen is not new:
-                        found[key] = replace(seen, more=seen.more + 1)
+                    found[key] = replace(found[key], more=found[key].more + 1) if key in found else new
         except ConfigurationError as error:
             found["plan", ""] = Violation(plan.name, moves + 1, (), "plan", error.as_text)
         violations.extend(found.values())
@@ -165,12 +162,10 @@ class _Previewer:
         except ConfigurationError as error:
             text = error.as_text
         limits = self._geometry.limits
-        for kind, value, bounds in (
-            ("rate", move.rate, limits.rate),
-            ("acceleration", move.acceleration, limits.acceleration),
-        ):
-            if value > min(bounds) * (1.0 + 1e-9):
-                yield Violation(stage, number, move.label, kind, text, "", value, 0.0, min(bounds))
+        speeds = ("rate", move.rate, min(limits.rate)), ("acceleration", move.acceleration, min(limits.acceleration))
+        for kind, value, most in speeds:
+            if value > most * (1.0 + 1e-9):
+                yield Violation(stage, number, move.label, kind, text, "", value, 0.0, most)
         for joint, (name, target) in enumerate(zip(JOINTS, (move.outer, move.inner), strict=True)):
             if not limits.within(joint, target):
                 span = limits.low[joint], limits.high[joint]
@@ -214,13 +209,12 @@ class _Previewer:
     def _reason(self, plan: StagePlan, rounds: int, elapsed: float, solve: bool) -> str | None:
         """Why a repeated plan ends after this round, or None."""
         rule = plan.rule
-        sigma = self._chain.sigma() if solve and rule.targets else None
-        reason = rule.reason(rounds, elapsed, sigma, enough=False)
-        if reason is not None:
-            return reason
+        measured = solve and bool(rule.targets)
+        reason = rule.reason(rounds, elapsed, self._chain.sigma() if measured else None, enough=False)
         endless = rule.rounds is None and rule.duration is None
-        gives_up = rounds >= MOST_ROUNDS or not (solve and rule.targets)
-        return "" if endless and gives_up else None
+        if reason is None and endless and (rounds >= MOST_ROUNDS or not measured):
+            return ""
+        return reason
 
     def _step(self, step: Step, stage: str) -> None:
         """Execute a step and feed its samples to the solver of `stage`, if any."""
@@ -241,17 +235,6 @@ class _Previewer:
         if seconds > 0.0:
             self._course.append((self._clock, *self._joints))
 
-    def _limits(self) -> dict[str, float]:
-        last = {name: plan.name for plan in self._plans for name in self._estimates(plan)}
-        found = {}
-        for name, stage in last.items():
-            limits = self._setup.product.limits
-            limit = limits.get(name, limits.get(PARAMETERS[INDEX[name]].group))
-            largest = limit.sigma_limit(stage) if limit is not None else None
-            if largest is not None:
-                found[name] = largest
-        return found
-
     def _targets(self) -> dict[str, float]:
         """The smallest target of each parameter."""
         found: dict[str, float] = {}
@@ -260,6 +243,3 @@ class _Previewer:
                 for i in named(name):
                     found[NAMES[i]] = min(target, found.get(NAMES[i], np.inf))
         return found
-
-    def _estimates(self, plan: StagePlan) -> tuple[str, ...]:
-        return method(plan.name).estimates(self._context)

@@ -22,14 +22,11 @@ def warm_up() -> None:
 
 @dataclass(frozen=True)
 class Resolved:
-    """The result JSON and the stages' remarks, (message id, values).
-
-    missing_data : why stages could not be solved
-    """
+    """The result of a log solved again, and the remarks of its stages as (message id, values)."""
 
     result: Result
     messages: tuple[tuple[str, dict[str, Any]], ...]
-    missing_data: tuple[Text, ...] = ()
+    missing_data: tuple[Text, ...] = ()  #: Why stages could not be solved.
 
 
 def resolve(
@@ -63,22 +60,16 @@ def resolve(
     facts = log.facts()
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
         _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data])
-    solutions = tuple(chain.solutions)
-    ending = Ending(
-        "resolved",
-        str(path),
-        facts,
-        first_seq=first_seq,
-        last_seq=last_seq,
-    )
+    solutions, missing = tuple(chain.solutions), chain.missing_data
     judgement = judge(log.meta, chain.prior, solutions)
     section = log.meta.product.checks if log.meta.product is not None else None
     if section is not None and log.results:
         online = log.results[-1].get("parameters", {})
         solved = {name: row.model_dump() for name, row in solved_parameters(solutions).items()}
         judgement = judgement.with_more(offline_online(section, solved, online))
-    if chain.missing_data and judgement.passed:
+    if missing and judgement.passed:
         judgement = replace(judgement, passed=None)
+    ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq)
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
     untold = latitude_untold(log.meta, solutions)
@@ -87,12 +78,10 @@ def resolve(
     if log.damaged_rows:
         damaged = [DamagedRange(rows=part.count, seq=part.missing) for part in log.damaged_rows]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
-        messages.insert(0, ("log_damaged", {"file": path.name, **damage_summary(log.damaged_rows)}))
-    if chain.missing_data:
-        result = result.model_copy(
-            update={"missing_data": {stage: sentence(why) for stage, why in chain.missing_data.items()}}
-        )
-    return Resolved(result, tuple(messages), tuple(chain.missing_data.values()))
+        messages.insert(0, ("log_damaged", {"file": path.name, **summary(log.holes)}))
+    if missing:
+        result = result.model_copy(update={"missing_data": {stage: sentence(why) for stage, why in missing.items()}})
+    return Resolved(result, tuple(messages), tuple(missing.values()))
 
 
 def _check_complete(log: Log, solved: list[str]) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, PlainSerializer
 
 from calstation.errors import CalstationError, ConfigurationError, InputError
+from calstation.estimation.common import Consistency
 from calstation.messages import known, os_reason, values_from_json
 from calstation.records import Check, FileSection, write_atomic
 
@@ -49,6 +50,13 @@ class StageConsistency(_Section):
     nis_high: Number
     passed: bool
     warning: bool
+
+    @classmethod
+    def of(cls, found: Consistency) -> "StageConsistency":
+        """The test as the estimation gives it."""
+        passed, warning = bool(found.passed), bool(found.warning)
+        band = {"nis_low": found.nis_low, "nis_high": found.nis_high}
+        return cls(nis_mean=found.nis_mean, **band, passed=passed, warning=warning)
 
 
 class Temperature(_Section):

@@ -10,14 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation import Progress, Solution, StageSolver
-from calstation.estimation.common import (
-    Belief,
-    RestOutput,
-    SampleBlock,
-    Spool,
-    resolves_earth_rate,
-    stage_data,
-)
+from calstation.estimation.common import RestOutput, SampleBlock, Spool, resolves_earth_rate, stage_data
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
@@ -41,19 +34,17 @@ def one_blas_thread() -> Iterator[None]:
 
 
 class StageChain:
-    """Solves stages in order, each with the joint posterior of the previous one as its prior.
-
-    Attributes
-    ----------
-    solutions : in order
-    missing_data : why a stage was skipped, by stage
-    """
+    """Solves stages in order, each with the joint posterior of the previous one as its prior."""
 
     def __init__(self, meta: LogMeta) -> None:
         self._meta = meta
         self._context = context_from_meta(meta)
         self.prior = prior_from_meta(meta)
-        self._belief = self.prior
+        #: Posterior of the last completed stage.
+        self.belief = self.prior
+        self.solutions: list[Solution] = []
+        #: Why a stage was skipped, by stage.
+        self.missing_data: dict[str, Text] = {}
         self._solver: StageSolver | None = None
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
@@ -61,24 +52,17 @@ class StageChain:
         self._kept = Spool()
         imu = self._context.imu
         self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
-        self.solutions: list[Solution] = []
-        self.missing_data: dict[str, Text] = {}
 
     def warm(self) -> None:
         """Compile the solvers' kernels, or load them from their cache."""
         warm_up()
-
-    @property
-    def belief(self) -> Belief:
-        """Posterior of the last completed stage."""
-        return self._belief
 
     def start(self, stage: str) -> None:
         """Start a stage. Raises ConfigurationError for an unknown one, InputError for a wrong schedule."""
         chosen = method(stage)
         self._stage = stage
         schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
-        self._solver = chosen.solver(self._context, self._belief, schedule)
+        self._solver = chosen.solver(self._context, self.belief, schedule)
         self._kept = Spool()
 
     def feed(self, block: SampleBlock) -> None:
@@ -92,7 +76,7 @@ class StageChain:
 
     def sigma(self) -> FloatArray:
         """Standard deviations of the 30 parameters so far, shape (30,), SI."""
-        return self._belief.sigma if self._solver is None else self._solver.sigma()
+        return self.belief.sigma if self._solver is None else self._solver.sigma()
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the started stage; its posterior becomes the next stage's prior.
@@ -101,7 +85,7 @@ class StageChain:
         """
         assert self._solver is not None, "start a stage before finishing it"
         try:
-            solution = self._solver.finish() if progress is None else self._solver.finish(progress)
+            solution = self._solver.finish(progress)
         except np.linalg.LinAlgError as exc:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
@@ -112,7 +96,7 @@ class StageChain:
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
-        self._belief = solution.belief
+        self.belief = solution.belief
         self.solutions.append(solution)
         return solution
 
@@ -147,16 +131,16 @@ def solve(
     InputError
         If the log cannot be solved otherwise.
     """
-    solving = _Solving(blocks, StageChain(meta), source, progress)
+    replay = _Replay(blocks, StageChain(meta), source, progress)
     with one_blas_thread():
         if stages is None:
-            solving.as_recorded()
+            replay.as_recorded()
         else:
-            solving.chosen(stages)
-    return solving.chain
+            replay.chosen(stages)
+    return replay.chain
 
 
-class _Solving:
+class _Replay:
     """Feeds the blocks of a log to a chain."""
 
     def __init__(self, blocks: Blocks, chain: StageChain, source: str | Path, progress: SolveProgress | None) -> None:
@@ -169,17 +153,20 @@ class _Solving:
         for block in self._blocks():
             if block.stage and block.stage != self._stage:
                 if self._stage:
-                    self._finish_or_skip()
+                    self._finish(skip=True)
                 if block.stage in seen:
                     raise self._in_log(InputError("solution.stage_recorded_twice", stage=block.stage))
                 seen.add(block.stage)
-                self._check_name(block.stage)
+                try:
+                    method(block.stage)
+                except ConfigurationError as exc:
+                    raise InputError("solution.in_log", file=self._source, what=exc.as_text) from exc
                 self._start(block.stage)
             if block.stage:
                 self._feed(block)
         if not self._stage:
             raise self._in_log(InsufficientDataError("solution.no_stage_samples"))
-        self._finish_or_skip()
+        self._finish(skip=True)
         if not self.chain.solutions:
             reason = next(iter(self.chain.missing_data.values()))
             raise InsufficientDataError("solution.in_log", file=self._source, what=reason)
@@ -191,21 +178,25 @@ class _Solving:
         waiting = list(stages)
         while waiting:
             before = len(waiting)
-            held = self._one_pass(waiting)
+            recorded = self._one_pass(waiting)
             if len(waiting) < before:
                 continue
             if not method(waiting[0]).needs_no_table:
-                code = "solution.stage_not_in_range" if held else "solution.range_without_stages"
-                raise self._in_log(InsufficientDataError(code, stage=waiting[0], held=held))
-            self._whole(waiting.pop(0))
+                code = "solution.stage_not_in_range" if recorded else "solution.range_without_stages"
+                raise self._in_log(InsufficientDataError(code, stage=waiting[0], held=recorded))
+            # A recording made by hand names no stages, or others: all of its samples are the stage.
+            self._start(waiting.pop(0))
+            for block in self._blocks():
+                self._feed(block)
+            self._finish()
 
     def _one_pass(self, waiting: list[str]) -> list[str]:
         """Solve and remove stages of `waiting` as far as one reading allows; returns the stages of the log."""
-        held: dict[str, None] = {}
+        recorded: dict[str, None] = {}
         self._stage = ""
         for block in self._blocks():
             if block.stage:
-                held[block.stage] = None
+                recorded[block.stage] = None
             if self._stage and block.stage != self._stage and waiting[1:] and block.stage == waiting[1]:
                 self._finish()
                 waiting.pop(0)
@@ -217,20 +208,7 @@ class _Solving:
         if self._stage:
             self._finish()
             waiting.pop(0)
-        return list(held)
-
-    def _whole(self, stage: str) -> None:
-        """Solve all samples as one stage: a recording made by hand names no stages, or others."""
-        self._start(stage)
-        for block in self._blocks():
-            self._feed(block)
-        self._finish()
-
-    def _check_name(self, stage: str) -> None:
-        try:
-            method(stage)
-        except ConfigurationError as exc:
-            raise InputError("solution.in_log", file=self._source, what=exc.as_text) from exc
+        return list(recorded)
 
     def _start(self, stage: str) -> None:
         self.chain.start(stage)
@@ -239,33 +217,23 @@ class _Solving:
     def _feed(self, block: SampleBlock) -> None:
         self.chain.feed(block)
         self._seq = int(block.seq[-1])
-        self._tell(0.0)
+        self._report(0.0)
 
-    def _tell(self, solved: float) -> None:
+    def _report(self, solved: float) -> None:
         if self._progress is not None:
             self._progress(self._stage, self._seq, solved)
 
-    def _finish(self) -> None:
-        error = self._try_to_finish()
-        if error is not None:
-            raise self._in_log(error) from error
-
-    def _finish_or_skip(self) -> None:
-        """Finish a stage; the last one of an interrupted run lacks its data."""
-        error = self._try_to_finish()
-        if isinstance(error, InsufficientDataError):
-            self.chain.skip_stage(error.as_text)
-        elif error is not None:
-            raise self._in_log(error) from error
-
-    def _try_to_finish(self) -> InputError | None:
+    def _finish(self, *, skip: bool = False) -> None:
+        """Finish a stage; with `skip`, one that lacks data is left out, as the last one of an interrupted run."""
         try:
-            self.chain.finish(None if self._progress is None else self._tell)
+            self.chain.finish(None if self._progress is None else self._report)
         except InsufficientDataError as exc:
-            return InsufficientDataError("solution.in_stage", stage=self._stage, what=exc.as_text)
+            error = InsufficientDataError("solution.in_stage", stage=self._stage, what=exc.as_text)
+            if not skip:
+                raise self._in_log(error) from exc
+            self.chain.skip_stage(error.as_text)
         except InputError as exc:
-            return exc
-        return None
+            raise self._in_log(exc) from exc
 
     def _in_log(self, error: InputError) -> InputError:
         """The error with the name of the log."""

@@ -282,7 +282,7 @@ class FakeSolving:
         self.level *= 0.5
         return np.full(COUNT, self.level)
 
-    def finish(self) -> Solution:
+    def finish(self, progress: Any = None) -> Solution:
         belief = Belief(np.zeros(COUNT), np.eye(COUNT))
         return Solution(self.stage, belief, ("gyro_bias_x",), Consistency(1.0, 0.9, 1.1, 10))
 

@@ -1,20 +1,13 @@
 """Plot data of a calibration applied to samples: force and rate before and after, over time and at rest."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common import (
-    SampleBlock,
-    SolveContext,
-    before_after,
-    find_stillness,
-    joined,
-    stage_data,
-)
+from calstation.estimation.common import SampleBlock, SolveContext, before_after, find_stillness, joined, stage_data
+from calstation.jobs import ProgressCallback
 from calstation.physics import RATE, FloatArray, normal_gravity
 from calstation.records import context_from_meta, open_log
 
@@ -45,7 +38,7 @@ class Applied:
     named: bool = True  #: The unit reported its serial number itself.
 
 
-def apply_to_recording(tell: Callable[..., None], path: Path, before: FloatArray, found: FloatArray) -> Applied:
+def apply_to_recording(tell: ProgressCallback, path: Path, before: FloatArray, found: FloatArray) -> Applied:
     """Job: apply parameters to all valid samples of a recording.
 
     Parameters
@@ -57,16 +50,13 @@ def apply_to_recording(tell: Callable[..., None], path: Path, before: FloatArray
     Raises
     ------
     InputError
-        If the recording cannot be read.
-    InsufficientDataError
-        If the unit never rests.
+        If the recording cannot be read, or if the unit never rests.
     """
     tell(0.0)
     log = open_log(path)
-    context = context_from_meta(log.meta)
     blocks = list(log.blocks())
     tell(0.5)
-    return applied(blocks, context, before, found, path)
+    return applied(blocks, context_from_meta(log.meta), before, found, path)
 
 
 def applied(
@@ -110,16 +100,16 @@ def applied(
         rates.append([float(np.linalg.norm(r[0])) for r in (rest.rate_before, rest.rate_after)])
     length_rms, rate_rms = (np.sqrt(np.mean(np.square(v), axis=0)) for v in (lengths, rates))
     return Applied(
-        path,
-        context.imu.serial,
-        shown.time - start,
-        shown.length_before,
-        shown.length_after,
-        np.linalg.norm(shown.rate_before, axis=1),
-        np.linalg.norm(shown.rate_after, axis=1),
-        np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
-        np.array(lengths),
-        np.array(rates),
-        (float(length_rms[0]), float(length_rms[1])),
-        (float(rate_rms[0]), float(rate_rms[1])),
+        path=path,
+        serial=context.imu.serial,
+        time=shown.time - start,
+        length_before=shown.length_before,
+        length_after=shown.length_after,
+        rate_before=np.linalg.norm(shown.rate_before, axis=1),
+        rate_after=np.linalg.norm(shown.rate_after, axis=1),
+        rests=np.array([[data.time[a] - start, data.time[b - 1] - start] for a, b in rests]),
+        rest_length=np.array(lengths),
+        rest_rate=np.array(rates),
+        length_rms=(float(length_rms[0]), float(length_rms[1])),
+        rate_rms=(float(rate_rms[0]), float(rate_rms[1])),
     )

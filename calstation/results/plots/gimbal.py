@@ -20,7 +20,7 @@ class GimbalAxis:
     predicted: FloatArray  #: Drift predicted from the first one and the gain, rad, shape (turns,).
     gain: float  #: Used, rad/rad.
     largest: float  #: Largest convergent gain, rad/rad.
-    best: float  #: Fastest convergent gain, rad/rad.
+    best: float  #: Fastest convergent gain, rad/rad; 0 without one.
     contraction: float  #: Remaining share of the error per turn at `gain`.
     best_contraction: float  #: Remaining share of the error per turn at `best`.
     done: bool  #: The last drift is below the threshold.
@@ -39,38 +39,32 @@ class GimbalPlotData:
 def gimbal_plot_data(details: Mapping[str, Any], schedule: Mapping[str, Any]) -> GimbalPlotData:
     """Compute the plot data from the stage's details and schedule."""
     threshold = float(np.deg2rad(schedule["threshold_arcsec"] / 3600.0))
-    order = str(schedule["order"])
     return GimbalPlotData(
-        tuple(_axis(told, order, threshold) for told in details["axes"]),
+        tuple(_axis(row, str(schedule["order"]), threshold) for row in details["axes"]),
         threshold,
         {name: (row["value"], row["sigma"]) for name, row in details["least_squares"].items()},
     )
 
 
-def _axis(told: Mapping[str, Any], order: str, threshold: float) -> GimbalAxis:
-    axis, angle = AXES.index(told["axis"]), float(np.mean(np.abs(told["angles"])))
-    drift = np.abs(np.array(told["drifts"])).max(axis=1)
-    largest, left = float(told["largest_gain"]), float(told["contraction"])
-    best = _best_gain(order, axis, angle, largest)
+def _axis(row: Mapping[str, Any], order: str, threshold: float) -> GimbalAxis:
+    axis, angle = AXES.index(row["axis"]), float(np.mean(np.abs(row["angles"])))
+    drift = np.abs(np.array(row["drifts"])).max(axis=1)
+    largest, remaining = float(row["largest_gain"]), float(row["contraction"])
+    best = 0.0
+    if largest > 0.0:
+        from scipy.optimize import minimize_scalar  # slow to import and rarely needed
+
+        bounds = (0.0, largest)
+        best = float(minimize_scalar(lambda g: contraction(order, axis, angle, g), bounds=bounds, method="bounded").x)
     return GimbalAxis(
-        axis=told["axis"],
+        axis=row["axis"],
         angle=angle,
         drift=drift,
-        predicted=drift[0] * left ** np.arange(len(drift)),
-        gain=float(told["gain"]),
+        predicted=drift[0] * remaining ** np.arange(len(drift)),
+        gain=float(row["gain"]),
         largest=largest,
         best=best,
-        contraction=left,
+        contraction=remaining,
         best_contraction=contraction(order, axis, angle, best),
         done=bool(drift[-1] < threshold),
     )
-
-
-def _best_gain(order: str, axis: int, angle: float, largest: float) -> float:
-    """The gain with the smallest contraction, or 0 without a convergent one."""
-    if largest <= 0.0:
-        return 0.0
-    from scipy.optimize import minimize_scalar  # slow to import and rarely needed
-
-    found = minimize_scalar(lambda gain: contraction(order, axis, angle, gain), bounds=(0.0, largest), method="bounded")
-    return float(found.x)

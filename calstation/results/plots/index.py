@@ -1,6 +1,5 @@
 """Index of a log for the log page: min-max pyramid, marks, and single samples on demand."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import SampleBlock
+from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import FloatArray, IntArray
 from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, open_log, raw_rows
@@ -69,7 +69,12 @@ class LogIndex:
         return self.meta.imu.sample_rate_hz
 
 
-def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
+def expected_rows(path: Path) -> int:
+    """Number of samples of a log, estimated for a CSV; at least 1."""
+    return max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
+
+
+def log_index(tell: ProgressCallback, path: Path, folder: Path) -> LogIndex:
     """Job: read a log once and write its min-max pyramid.
 
     Parameters
@@ -86,8 +91,7 @@ def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
         If the pyramid cannot be written.
     """
     log = open_log(path)
-    total = estimated_rows(path)
-    scale = _scale(log.meta)
+    total, scale = expected_rows(path), _scale(log.meta)
     builder = _IndexBuilder()
     held, last = np.full(2, np.nan), -1
     try:
@@ -110,7 +114,7 @@ def log_index(tell: Callable[..., None], path: Path, folder: Path) -> LogIndex:
 
 
 def samples(
-    tell: Callable[..., None], path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
+    tell: ProgressCallback, path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
 ) -> Columns:
     """Job: read columns of single samples, with angles held from poll to poll.
 
@@ -193,18 +197,18 @@ class _IndexBuilder:
 
     def log_index(self, log: Log, folder: Path, scale: FloatArray) -> LogIndex:
         return LogIndex(
-            log.path,
-            log.meta,
-            log.outcome,
-            Result.from_json(log.results[-1]) if log.results else None,
-            log.facts(),
-            folder,
-            tuple(self._spans),
-            self._steps.marks(),
-            self._gaps.marks(),
-            self._spoilt.marks(),
-            self._spoilt_samples,
-            scale,
+            path=log.path,
+            meta=log.meta,
+            outcome=log.outcome,
+            stored=Result.from_json(log.results[-1]) if log.results else None,
+            facts=log.facts(),
+            folder=folder,
+            spans=tuple(self._spans),
+            steps=self._steps.marks(),
+            gaps=self._gaps.marks(),
+            spoilt=self._spoilt.marks(),
+            spoilt_samples=self._spoilt_samples,
+            scale=scale,
         )
 
 

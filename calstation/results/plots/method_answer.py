@@ -1,26 +1,18 @@
 """Solves a recording by a method that needs no table and computes its plot data from the same samples and result."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from calstation.errors import InputError
-from calstation.estimation.common import StageData, stage_data
-from calstation.physics import INDEX, NAMES, FloatArray
-from calstation.records import (
-    Log,
-    LogMeta,
-    context_from_meta,
-    estimated_rows,
-    open_log,
-    prior_from_meta,
-    read_truth,
-)
+from calstation.estimation.common import stage_data
+from calstation.jobs import ProgressCallback
+from calstation.physics import INDEX, NAMES
+from calstation.records import Log, LogMeta, context_from_meta, open_log, prior_from_meta, read_truth
 from calstation.results import Parameter, Resolved, Result, resolve
 from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
+from calstation.results.plots.index import expected_rows
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
 from calstation.results.plots.positions import PositionPlotData, position_plot_data
 from calstation.schema import validate
@@ -59,14 +51,14 @@ class MethodAnswer:
         return self.resolved.result.parameters
 
 
-def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAnswer:
+def solve_method(tell: ProgressCallback, path: Path, stage: str) -> MethodAnswer:
     """Job: solve a whole recording by the stage ``multi_position``, ``gimbal`` or ``cross_calibration``.
 
     Raises InputError or ConfigurationError.
     """
     tell(0.0, note="reading")
     log = open_log(path)
-    total = estimated_rows(path)
+    total = expected_rows(path)
     first: list[int] = []
 
     def watch(_: str, seq: int, solved: float) -> None:
@@ -77,58 +69,37 @@ def solve_method(tell: Callable[..., None], path: Path, stage: str) -> MethodAns
 
     resolved = resolve(path, (stage,), progress=watch)
     tell(_SOLVED, note="drawing")
-    schedule = validate(method(stage).schedule, log.meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
-    in_force = schedule.model_dump(mode="json")
-    return MethodAnswer(
-        _recording(log, resolved),
-        stage,
-        resolved,
-        _before(log.meta, stage),
-        in_force,
-        _picture(log, stage, resolved.result, in_force),
-    )
+    meta, samples = log.meta, resolved.result.log
+    checked = validate(method(stage).schedule, meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
+    schedule = checked.model_dump(mode="json")
+    rate = meta.imu.sample_rate_hz
+    duration = (samples.last_seq - samples.first_seq + 1) / rate
+    recording = Recording(path, meta.imu.serial, rate, duration, read_truth(path))
+    picture = _plot_data(log, stage, resolved.result, schedule)
+    return MethodAnswer(recording, stage, resolved, _before(meta, stage), schedule, picture)
 
 
-def found_vector(meta: LogMeta, parameters: Mapping[str, Parameter]) -> FloatArray:
-    """All 30 parameters, SI, shape (30,): the solved ones, and the prior means of the others."""
-    values = prior_from_meta(meta).mean.copy()
-    for name, row in parameters.items():
-        if name in INDEX:
-            values[INDEX[name]] = row.value
-    return values
-
-
-def _picture(
+def _plot_data(
     log: Log, stage: str, result: Result, schedule: Mapping[str, Any]
 ) -> PositionPlotData | GimbalPlotData | PairPlotData:
     details = result.details.get(stage, {})
     if stage == "gimbal":
         return gimbal_plot_data(details, schedule)
-    context = context_from_meta(log.meta)
-    data = data_of(log, stage)
-    if stage == "cross_calibration":
-        return pair_plot_data(data, context, prior_from_meta(log.meta), details)
-    found = found_vector(log.meta, result.parameters)
-    return position_plot_data(data, context, prior_from_meta(log.meta).mean, found, log.meta.product)
-
-
-def data_of(log: Log, stage: str) -> StageData:
-    """The samples that `resolve` uses for `stage`: those of the stage, or all if there are none."""
+    context, prior = context_from_meta(log.meta), prior_from_meta(log.meta)
     blocks = list(log.blocks())
     named = [block for block in blocks if block.stage == stage]
-    return stage_data(named or blocks, context_from_meta(log.meta).imu)
+    data = stage_data(named or blocks, context.imu)  # the samples that `resolve` uses
+    if stage == "cross_calibration":
+        return pair_plot_data(data, context, prior, details)
+    found = prior.mean.copy()
+    for name, row in result.parameters.items():
+        if name in INDEX:
+            found[INDEX[name]] = row.value
+    return position_plot_data(data, context, prior.mean, found, log.meta.product)
 
 
 def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
     if stage == "cross_calibration":
         return {name: (value, None) for name, value in stored_values(context_from_meta(meta)).items()}
     prior = prior_from_meta(meta)
-    sigma = np.asarray(prior.sigma)
-    return {name: (float(prior.mean[k]), float(sigma[k])) for k, name in enumerate(NAMES)}
-
-
-def _recording(log: Log, resolved: Resolved) -> Recording:
-    rate = log.meta.imu.sample_rate_hz
-    solved = resolved.result.log
-    duration = (solved.last_seq - solved.first_seq + 1) / rate
-    return Recording(log.path, log.meta.imu.serial, rate, duration, read_truth(log.path))
+    return {name: (float(prior.mean[k]), float(prior.sigma[k])) for k, name in enumerate(NAMES)}

@@ -94,26 +94,25 @@ def pair_plot_data(data: StageData, context: SolveContext, prior: Belief, detail
     """Compute the plot data from the stage's samples and the details of its result."""
     c = compensation(prior.mean)
     shown = []
-    for place, (secondary, told) in enumerate(zip(context.secondaries, details["secondaries"], strict=True)):
-        pair = pair_data(data, place, secondary.imu)
-        found = StoredPair(told["stored"]["values"])
-        left = _left(pair, c, pair_vector(secondary.stored), pair_vector(found)) if "fit" in told else {}
-        static = {sensor: told["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
-        shown.append(SecondaryPlotData(secondary.number, secondary.imu.serial, left, told["check"], static))
+    for i, (secondary, row) in enumerate(zip(context.secondaries, details["secondaries"], strict=True)):
+        pair = pair_data(data, i, secondary.imu)
+        found = StoredPair(row["stored"]["values"])
+        residuals = _residuals(pair, c, pair_vector(secondary.stored), pair_vector(found)) if "fit" in row else {}
+        static = {sensor: row["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
+        shown.append(SecondaryPlotData(secondary.number, secondary.imu.serial, residuals, row["check"], static))
     begin = float(data.time[0])
-    happened = tuple(_happening(told, begin) for told in details["events"])
     return PairPlotData(
         context.imu.serial,
         tuple(shown),
         stored_pairs(context, pair_folder()),
-        happened,
+        tuple(_event(row, begin) for row in details["events"]),
         float(data.time[-1]) - begin,
     )
 
 
-def _happening(told: Mapping[str, Any], begin: float) -> PairEvent:
-    values = {key: value for key, value in told.items() if key not in ("kind", "time", "number")}
-    return PairEvent(told["kind"], told["time"] - begin, told["number"], values_from_json(values))
+def _event(row: Mapping[str, Any], begin: float) -> PairEvent:
+    values = {key: value for key, value in row.items() if key not in ("kind", "time", "number")}
+    return PairEvent(row["kind"], row["time"] - begin, row["number"], values_from_json(values))
 
 
 def stored_values(context: SolveContext) -> dict[str, float]:
@@ -137,7 +136,7 @@ def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, .
     return tuple(kept)
 
 
-def _left(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, PairResiduals]:
+def _residuals(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, PairResiduals]:
     """Residuals in the band of the fit, with the stored and the new values."""
     rows, parts = [], []
     for value in (before, after):

@@ -6,7 +6,7 @@ import numpy as np
 
 from calstation.estimation.common import SolveContext, StageData
 from calstation.estimation.positions import gather, gravity_misses
-from calstation.physics import FloatArray, IntArray, normal_gravity
+from calstation.physics import FloatArray, normal_gravity
 from calstation.records import ProductSection
 
 
@@ -45,31 +45,23 @@ def position_plot_data(
     site = context.site
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
     evidence = gather("multi_position", data, context, before, found)
-    lengths = [
-        [float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in evidence.rests] for p in (before, found)
-    ]
-    misses = [gravity_misses(evidence, motion, found) for motion in evidence.motions]
-    angles = np.array(misses).reshape(-1, 2)
-    force = np.array([rest.compensated(found)[1] for rest in evidence.rests]).reshape(-1, 3)
+    rests, motions = evidence.rests, evidence.motions
+    lengths = [[float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in rests] for p in (before, found)]
+    angles = np.array([gravity_misses(evidence, motion, found) for motion in motions]).reshape(-1, 2)
+    force = np.array([rest.compensated(found)[1] for rest in rests]).reshape(-1, 3)
     checks = product.checks if product is not None else None
-    gravity_rule = checks.gravity_at_rest if checks is not None else None
-    motion_rule = checks.motion_angle if checks is not None else None
+    force_check, angle_check = (checks.gravity_at_rest, checks.motion_angle) if checks is not None else (None, None)
     start = int(data.seq[0])
     return PositionPlotData(
         gravity=gravity,
         up=force / np.linalg.norm(force, axis=1, keepdims=True),
-        rest_time=_seconds([r.first_seq for r in evidence.rests], start, data.dt),
-        rest_length=np.array([r.duration for r in evidence.rests]),
+        rest_time=np.array([(r.first_seq - start) * data.dt for r in rests]),
+        rest_length=np.array([r.duration for r in rests]),
         force_before=np.array(lengths[0]),
         force_after=np.array(lengths[1]),
-        motion_time=_seconds([m.first_seq for m in evidence.motions], start, data.dt),
+        motion_time=np.array([(m.first_seq - start) * data.dt for m in motions]),
         angle_before=angles[:, 0],
         angle_after=angles[:, 1],
-        force_limit=None if gravity_rule is None else gravity_rule.within,
-        angle_limit=None if motion_rule is None else motion_rule.within,
+        force_limit=None if force_check is None else force_check.within,
+        angle_limit=None if angle_check is None else angle_check.within,
     )
-
-
-def _seconds(seq: list[int], start: int, dt: float) -> FloatArray:
-    counted: IntArray = np.asarray(seq, dtype=np.int64)
-    return np.asarray((counted - start) * dt, dtype=np.float64)
