@@ -1,13 +1,12 @@
 """`test`, `table` and `check`: links and tables tried without moving anything, files checked as a run reads them."""
 
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
 from rich.console import Console
 
 from calstation.cli.errors import command_options
-from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
+from calstation.cli.show import check_json, ignore_progress, report, say
 from calstation.config import check, detect_kind, library, load_station, read_text
 from calstation.connection import (
     LinkTestRequest,
@@ -21,7 +20,7 @@ from calstation.connection import (
     station_conflicts,
 )
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.messages import Finding, Rendered, render
+from calstation.messages import render
 
 _TESTS = {"table": check_table_link, "imu": check_imu_link}
 _MARKS = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
@@ -33,30 +32,28 @@ def link_command(device: str, station: Path | None, product: Path | None, json: 
     if device not in _TESTS:
         raise ConfigurationError("cli.unknown_choice", option="DEVICE", value=device, choices=list(_TESTS))
     console = Console(stderr=True)
-    shown: list[str] = []
+    last = ""
 
     def progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-        if note and shown[-1:] != [note]:
-            shown.append(note)
+        nonlocal last
+        if note and note != last:
+            last = note
             console.print(say(f"note.{note}"), highlight=False, markup=False, style="dim")
 
     request = LinkTestRequest(load_station(station)[1], product)
-    report = _TESTS[device](progress, request)
-    if device == "table" and product is not None and report.state != "wrong":
+    tested = _TESTS[device](progress, request)
+    if device == "table" and product is not None and tested.state != "wrong":
         more = incompatibilities(link_test_configuration(request))
-        report = replace(report, findings=(*report.findings, *more))
+        tested = replace(tested, findings=(*tested.findings, *more))
     options = command_options(station, product)
-    rendered = [(finding, _render(finding, options)) for finding in report.findings]
-    findings = [{**f.to_json(), "text": shown.text, "mend": shown.remedy} for f, shown in rendered]
-    emit_json({"device": report.device, "state": report.state, "findings": findings}, json)
-    if json != "-":
-        out = Console(file=sys.stdout)
-        for finding, words in rendered:
-            show_line(out, f"{_MARKS[finding.state]:<6} {words.text}")
-            if words.remedy:
-                show_line(out, f"       {words.remedy}")
-        show_line(out, say(f"cli.link_{report.state}"))
-    return 0 if report.state == "ok" else DeviceFaultError.exit_code
+    findings, lines = [], []
+    for finding in tested.findings:
+        text = render(finding.message.code, {**finding.message.values, **options})
+        findings.append({**finding.to_json(), "text": text.text, "mend": text.remedy})
+        lines += [f"{_MARKS[finding.state]:<6} {text.text}", *([f"       {text.remedy}"] if text.remedy else [])]
+    row = {"device": tested.device, "state": tested.state, "findings": findings}
+    report(row, json, [*lines, say(f"cli.link_{tested.state}")])
+    return 0 if tested.state == "ok" else DeviceFaultError.exit_code
 
 
 def check_command(path: Path, json: str | None) -> int:
@@ -69,13 +66,9 @@ def check_command(path: Path, json: str | None) -> int:
     if kind == "stations" and not problems:
         problems = station_conflicts(text)
     rows = [{"line": p.line, "text": p.text} for p in problems]
-    emit_json({"file": str(path), "kind": kind, "problems": rows}, json)
-    if json != "-":
-        out = Console(file=sys.stdout)
-        for problem in problems:
-            show_line(out, f"{path}:{problem.line}: {problem.text}")
-        if not problems:
-            show_line(out, say("cli.file_valid", path=path, kind=kind))
+    lines = [f"{path}:{problem.line}: {problem.text}" for problem in problems]
+    valid = [say("cli.file_valid", path=path, kind=kind)]
+    report({"file": str(path), "kind": kind, "problems": rows}, json, lines or valid)
     return ConfigurationError.exit_code if problems else 0
 
 
@@ -83,10 +76,8 @@ def status_command(station: Path | None, product: Path | None, json: str | None)
     """Show the table's state; the exit code of a device fault if one is latched."""
     check_json(json)
     request = LinkTestRequest(load_station(station)[1], product)
-    state = read_table(ignore_progress, request)
-    emit_json({"station": request.station.name, **asdict(state)}, json)
-    if json != "-":
-        show_line(Console(file=sys.stdout), "\n".join([f"station    {request.station.name}", *_state_lines(state)]))
+    state, name = read_table(ignore_progress, request), request.station.name
+    report({"station": name, **asdict(state)}, json, [f"station    {name}", *_state_lines(state)])
     return 0 if state.fault is None else DeviceFaultError.exit_code
 
 
@@ -94,16 +85,10 @@ def reset_command(station: Path | None, product: Path | None, json: str | None) 
     """Reset what the table has latched; the exit code of a device fault if it persists."""
     check_json(json)
     request = LinkTestRequest(load_station(station)[1], product)
-    result = reset_table(ignore_progress, request)
-    emit_json({"station": request.station.name, **asdict(result)}, json)
-    if json != "-":
-        words = say(f"reset.{result.outcome}", **asdict(result))
-        show_line(Console(file=sys.stdout), f"Table of '{request.station.name}': {words}")
-    return 0 if result.clear else DeviceFaultError.exit_code
-
-
-def _render(finding: Finding, options: dict[str, str]) -> Rendered:
-    return render(finding.message.code, {**finding.message.values, **options})
+    reset, name = reset_table(ignore_progress, request), request.station.name
+    words = say(f"reset.{reset.outcome}", **asdict(reset))
+    report({"station": name, **asdict(reset)}, json, [f"Table of '{name}': {words}"])
+    return 0 if reset.clear else DeviceFaultError.exit_code
 
 
 def _state_lines(state: TableState) -> list[str]:

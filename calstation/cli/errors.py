@@ -11,7 +11,6 @@ import typer
 from pydantic import ValidationError
 
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.messages import render
 
 _USAGE = {
     "int_parsing": "cli.not_whole",
@@ -27,30 +26,21 @@ def complain(text: str) -> None:
 
 def usage_error(error: typer.TyperException, arguments: list[str]) -> CalstationError:
     """What is wrong with a command line. `arguments` tell the command if the parser does not."""
-    context = getattr(error, "ctx", None)
+    context, parameter = getattr(error, "ctx", None), getattr(error, "param", None)
     program, command = "calstation", ""
     if context is not None:
         program = context.command_path
         command = program.removeprefix("calstation").strip()
     elif arguments and not arguments[0].startswith("-"):
         program = f"calstation {arguments[0]}"
-    parameter = getattr(error, "param", None)
-    if parameter is None:
-        return ConfigurationError("cli.usage", message=error.format_message(), program=program)
     cause = error.__cause__
-    if not isinstance(cause, ValidationError):
+    if parameter is not None and not isinstance(cause, ValidationError):
         return ConfigurationError("cli.needs", command=command, name=_needed(parameter), program=program)
-    detail = cause.errors()[0]
-    code = _USAGE.get(detail["type"])
-    if code is None:
+    detail = cause.errors()[0] if parameter is not None and isinstance(cause, ValidationError) else None
+    if parameter is None or detail is None or detail["type"] not in _USAGE:
         return ConfigurationError("cli.usage", message=error.format_message(), program=program)
-    return ConfigurationError(
-        code,
-        option=parameter.opts[0],
-        value=detail["input"],
-        least=detail.get("ctx", {}).get("ge", 0),
-        program=program,
-    )
+    values = {"option": parameter.opts[0], "value": detail["input"], "least": detail.get("ctx", {}).get("ge", 0)}
+    return ConfigurationError(_USAGE[detail["type"]], program=program, **values)
 
 
 def _needed(parameter: Any) -> str:
@@ -79,11 +69,6 @@ def command_options(station: Path | None, product: Path | None, out: Path | None
         "station_options": f" {where}" if where else "",
         "out_option": "" if out in (None, Path("runs")) else f" --out {shlex.quote(str(out))}",
     }
-
-
-def error_line(code: str, values: dict[str, Any], options: dict[str, str]) -> str:
-    """An error in one line, with commands that can be typed as they stand."""
-    return render(code, {**values, **options}).line
 
 
 @contextmanager

@@ -1,6 +1,5 @@
 """`resolve`, `import`, `export`, `record` and `watch`: work on logs and recordings."""
 
-import json as json_module
 import sys
 from pathlib import Path
 from typing import Any, cast, get_args
@@ -10,12 +9,12 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.show import check_json, emit_json, result_table, say, show_line
 from calstation.config import pair_folder
-from calstation.errors import ConfigurationError, InsufficientDataError
+from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.pairs import SENSORS, WatchEvent
-from calstation.messages import event_text, os_reason, sentence
+from calstation.messages import event_text, sentence
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records import SUFFIX, export_csv, import_csv, truth_path
-from calstation.results import resolve, watch_log
+from calstation.results import resolve, watch_log, write_json
 from calstation.simulation import GradeName, Kind, make_recording
 
 
@@ -41,15 +40,12 @@ def resolve_command(
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(f"reading {log.name}")
-        resolved = resolve(
-            log,
-            stages,
-            first,
-            last,
-            lambda stage, seq, done: bar.update(
-                task, description=f"solving {stage}, sample {seq}{f', {done:.0%}' if done else ''}"
-            ),
-        )
+
+        def show(stage: str, seq: int, done: float) -> None:
+            share = f", {done:.0%}" if done else ""
+            bar.update(task, description=f"solving {stage}, sample {seq}{share}")
+
+        resolved = resolve(log, stages, first, last, show)
     for event_id, values in resolved.messages:
         console.print(sentence(event_text(event_id, values)), highlight=False, markup=False)
     emit_json(resolved.result.to_json(), json)
@@ -57,12 +53,9 @@ def resolve_command(
     if json != "-":
         out = Console(file=sys.stdout)
         result_table(out, resolved.result)
-        code = {
-            True: "passed",
-            False: "failed",
-            None: "in_part" if resolved.missing_data else "without_limits",
-        }
-        out.print(say(f"cli.resolved_{code[passed]}"), highlight=False)
+        unjudged = "in_part" if resolved.missing_data else "without_limits"
+        ending = unjudged if passed is None else "passed" if passed else "failed"
+        out.print(say(f"cli.resolved_{ending}"), highlight=False)
     if resolved.missing_data:
         raise InsufficientDataError(
             "cli.stages_lacking",
@@ -94,13 +87,10 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
         if value not in choices:
             raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)
     if target.suffix != SUFFIX:
-        raise ConfigurationError("cli.log_name", path=target, suffix=SUFFIX)
+        raise InputError("csv.import_name", file=target, suffix=SUFFIX)
     facts, truth = make_recording(cast(Kind, kind), target, cast(GradeName, grade), seed)
     beside = truth_path(target)
-    try:
-        beside.write_text(json_module.dumps(truth, indent=1) + "\n", encoding="utf-8")
-    except OSError as exc:
-        raise ConfigurationError("cli.unwritable", path=beside, cause=os_reason(exc)) from exc
+    write_json(beside, truth)
     show_line(Console(stderr=True), f"{target}: {facts.samples} samples; truth in {beside}")
     return 0
 
@@ -126,12 +116,9 @@ def watch_command(log: Path, folder: Path | None, command: bool) -> int:
             verdict = "within" if shown.within else "calibrated" if number in calibrated else "OFF"
             good = good and verdict != "OFF"
             size, unit = _unit(sensor, shown.limit)
-            out.print(
-                f"imu{number} {sensor}: {_plain(shown.value / size)} {unit} at rest"
-                f" (threshold {_plain(shown.limit / size)} {unit})  {verdict}",
-                highlight=False,
-                markup=False,
-            )
+            value, limit = (f"{_plain(x / size)} {unit}" for x in (shown.value, shown.limit))
+            text = f"imu{number} {sensor}: {value} at rest (threshold {limit})  {verdict}"
+            out.print(text, highlight=False, markup=False)
     if not watched.checks:
         out.print(say("cli.no_rest"), highlight=False)
     return 0 if good and watched.checks else 1

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from calstation.cli.run import complain_fault, engine_events
-from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
+from calstation.cli.show import check_json, ignore_progress, report, say, show_line
 from calstation.config import RegisterOperation, RunRequest, library, load_station, site_folder
 from calstation.devices.imu import Step
 from calstation.devices.profiles import load_imu_profile
@@ -62,15 +62,8 @@ def list_command(runs: Path, serial: str | None, json: str | None) -> int:
     for unit in units:
         transfers = [_json(transfer, unit.kind) for transfer in unit.transfers]
         rows.setdefault(unit.serial, {})[unit.kind] = {"flash_cycles": unit.cycles, "transfers": transfers}
-    emit_json(rows, json)
-    if json == "-":
-        return 0
-    console = Console(file=sys.stdout)
-    if not units:
-        show_line(console, say("cli.no_transfers", runs=runs, site=site))
-    for unit in units:
-        for line in _lines(unit):
-            show_line(console, line)
+    lines = [line for unit in units for line in _lines(unit)]
+    report(rows, json, lines or [say("cli.no_transfers", runs=runs, site=site)])
     return 0
 
 
@@ -80,27 +73,18 @@ def read_command(request: RunRequest, json: str | None) -> int:
     unit = read_unit(ignore_progress, request, request.out)
     if unit.serial != request.serial:
         raise DeviceFaultError("cli.other_serial", found=unit.serial, expected=request.serial)
-    emit_json(unit.to_json(), json)
-    if json == "-":
-        return 0
-    console = Console(file=sys.stdout)
-    place = "virtual bench" if unit.virtual else "hardware"
-    show_line(
-        console,
-        f"unit {unit.serial}, {unit.model}, firmware {unit.firmware} ({place});"
-        f" flash cycles known here: {unit.commits}",
-    )
-    if not unit.registers:
-        show_line(console, say("cli.no_registers"))
-        return 0
-    table = Table(box=SIMPLE_HEAD, padding=(0, 1))
-    for heading in ("register", "parameter", "value", "unit", "stored as"):
-        justify = "right" if heading in ("register", "value") else "left"
-        table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    for row in unit.registers:
-        value, name = display(row.parameter, row.value)
-        table.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
-    console.print(table)
+    station = "virtual bench" if unit.virtual else "hardware"
+    head = f"unit {unit.serial}, {unit.model}, firmware {unit.firmware} ({station});"
+    lines = [f"{head} flash cycles known here: {unit.commits}"]
+    report(unit.to_json(), json, lines if unit.registers else [*lines, say("cli.no_registers")])
+    if json != "-" and unit.registers:
+        table = Table(box=SIMPLE_HEAD, padding=(0, 1))
+        for heading in ("register", "parameter", "value", "unit", "stored as"):
+            table.add_column(heading, justify="right" if heading in ("register", "value") else "left", no_wrap=True)
+        for row in unit.registers:
+            value, name = display(row.parameter, row.value)
+            table.add_row(str(row.address), row.parameter, f"{value:.4f}", name, row.raw)
+        Console(file=sys.stdout).print(table)
     return 0
 
 
@@ -137,16 +121,11 @@ def _confirm(operation: RegisterOperation, yes: bool) -> None:
 
 
 def _show(settled: Settled, json: str | None) -> None:
-    row = {
-        "serial": settled.serial,
-        "closing": settled.closing,
-        "proof": settled.proof or None,
-        "registers": UnitRegisters.of(settled.unit).values,
-    }
-    emit_json(row, json)
-    if json != "-":
-        proof = f", {term('proof', settled.proof)}" if settled.proof else ""
-        show_line(Console(file=sys.stdout), f"{settled.serial}: {_CLOSED[settled.closing]}{proof}")
+    proof = settled.proof or None
+    registers = UnitRegisters.of(settled.unit).values
+    row = {"serial": settled.serial, "closing": settled.closing, "proof": proof, "registers": registers}
+    verified = f", {term('proof', proof)}" if proof else ""
+    report(row, json, [f"{settled.serial}: {_CLOSED[settled.closing]}{verified}"])
 
 
 def _lines(unit: _UnitTransfers) -> Iterator[str]:
@@ -203,18 +182,10 @@ def _prior_sigmas(profile: str) -> dict[str, float]:
 
 
 def _json(transfer: Transfer, kind: Kind) -> dict[str, object]:
+    unit = transfer.unit_type
     return {
-        "id": transfer.id,
-        "utc": transfer.utc,
-        "by": transfer.by,
-        "why": transfer.why,
-        "source": transfer.source,
-        "station": kind,
-        "model": transfer.unit_type.model,
-        "profile": transfer.unit_type.profile,
-        "product": transfer.unit_type.product,
-        "old": dict(transfer.old),
-        "new": dict(transfer.new),
-        "steps": list(transfer.steps),
-        "closing": transfer.closing,
+        **{name: getattr(transfer, name) for name in ("id", "utc", "by", "why", "source")},
+        **{"station": kind, "model": unit.model, "profile": unit.profile, "product": unit.product},
+        **{"old": dict(transfer.old), "new": dict(transfer.new)},
+        **{"steps": list(transfer.steps), "closing": transfer.closing},
     }

@@ -1,22 +1,20 @@
 """`run`: shows a run's events as progress bars and messages, and turns Ctrl-C into a safe stop."""
 
 import shlex
-import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from math import degrees
-from types import FrameType, TracebackType
+from types import TracebackType
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
-from calstation.cli.errors import command_options, complain, complete_commands, error_line, station_options
-from calstation.cli.show import check_json, emit_json, result_table, say, show_line
+from calstation.cli.errors import command_options, complain, complete_commands, station_options
+from calstation.cli.show import check_json, emit_json, on_interrupt, result_table, say, show_line
 from calstation.config import RegisterOperation, RunRequest, computer_user, load_station, prepare_run
 from calstation.errors import ConfigurationError, StoppedError
-from calstation.messages import Text, event_text, sentence, step_text
+from calstation.messages import Text, event_text, render, sentence, step_text
 from calstation.results import Result
 from calstation.runs import INTERNAL, Engine, filled, serial_of
 from calstation.sequencer import (
@@ -46,8 +44,8 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     setup = prepare_run(filled(request), BenchHooks().adjust)
     _, station = load_station(request.station)
     question = say("cli.confirm_run", station=station.name)
-    asked = station.bench is None and not setup.by_hand and not yes
-    if asked and not typer.confirm(question, err=True):
+    ask = station.bench is None and not setup.by_hand and not yes
+    if ask and not typer.confirm(question, err=True):
         raise StoppedError("cli.not_confirmed")
     verdict: Verdict | None = None
     fault: Fault | None = None
@@ -90,7 +88,7 @@ def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | No
     with (
         complete_commands(options),
         Engine.start(work or request, BenchHooks) as engine,
-        _interrupt_stops(engine),
+        on_interrupt(lambda: engine.send(Command.STOP)),
         _Display(Console(stderr=True)) as display,
     ):
         for event in engine.events():
@@ -102,26 +100,12 @@ def complain_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
     """Show what ended the engine's work, with its remedy; returns the exit code."""
     if fault.code:
         options = command_options(request.station, request.product, request.out)
-        complain(error_line(fault.code, dict(fault.values), options))
+        complain(render(fault.code, {**fault.values, **options}).line)
     elif fault.kind == INTERNAL and not debug:
         complain(f"internal error: {fault.text.strip().splitlines()[-1]} (--debug shows where)")
     else:
         complain(fault.text)
     return fault.exit_code
-
-
-@contextmanager
-def _interrupt_stops(engine: Engine) -> Iterator[None]:
-    """Make Ctrl-C ask the engine for a safe stop, each time it is pressed."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        engine.send(Command.STOP)
-
-    before = signal.signal(signal.SIGINT, stop)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> None:

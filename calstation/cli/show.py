@@ -3,8 +3,10 @@
 import json as json_module
 import math
 import os
+import signal
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +51,25 @@ def emit_json(result: Mapping[str, Any], target: str | None) -> None:
         sys.stdout.flush()
     elif target is not None:
         write_json(Path(target), result)
+
+
+def report(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) -> None:
+    """Write the JSON as `emit_json`, and the lines to standard output unless the JSON goes there."""
+    emit_json(result, target)
+    if target != "-":
+        console = Console(file=sys.stdout)
+        for line in lines:
+            show_line(console, line)
+
+
+@contextmanager
+def on_interrupt(action: Callable[[], object]) -> Iterator[None]:
+    """Call `action` each time Ctrl-C is pressed, instead of ending the program."""
+    before = signal.signal(signal.SIGINT, lambda number, frame: action())
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def result_table(console: Console, result: Result) -> None:

@@ -1,28 +1,18 @@
 """`study` and `soak`: simulated units compared with truth and bound, calibrations with random faults."""
 
-import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import FrameType
 from typing import Any, cast, get_args
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from calstation.cli.errors import complain
-from calstation.cli.show import check_json, emit_json, show_line
+from calstation.cli.show import check_json, emit_json, on_interrupt, show_line
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.physics import DISPLAY
 from calstation.simulation import SEEDS, GradeName, Soak, run_method_study, run_study, soak
@@ -95,7 +85,13 @@ def soak_command(runs: int | None, seed: int, json: str | None, *, full: bool, k
     """
     check_json(json)
     runs = RUNS if runs is None else runs
-    with tempfile.TemporaryDirectory(prefix="calstation-soak-") as temporary, _interrupts() as interrupted:
+    interrupted: list[bool] = []
+
+    def stop() -> None:
+        interrupted.append(True)
+        complain("ending after this run")
+
+    with tempfile.TemporaryDirectory(prefix="calstation-soak-") as temporary, on_interrupt(stop):
         done = _soak(runs, seed, Path(temporary) if keep is None else keep, full, interrupted)
     counts = {"seed": seed, "full": full, **done.counts()}
     emit_json(counts, json)
@@ -146,13 +142,8 @@ def _show_groups(console: Console, title: str, row: Mapping[str, Any]) -> None:
 
 def _soak(runs: int, seed: int, folder: Path, full: bool, interrupted: list[bool]) -> Soak:
     console = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(30),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[now]}"),
-    )
+    text, now = TextColumn("{task.description}"), TextColumn("{task.fields[now]}")
+    columns = (text, BarColumn(30), MofNCompleteColumn(), TimeElapsedColumn(), now)
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task("soak", total=runs, now="")
 
@@ -186,19 +177,3 @@ def _show_soak(console: Console, counts: dict[str, Any]) -> None:
         totals.add_row(f"{label}, first tenth → last", "{first:.0f} → {last:.0f} MB".format(**counts[name]))
     totals.add_row("a run", f"{counts['seconds_per_run']:.1f} s")
     console.print(totals)
-
-
-@contextmanager
-def _interrupts() -> Iterator[list[bool]]:
-    """Make Ctrl-C end the soak after the present run; the list is not empty once it was pressed."""
-    came: list[bool] = []
-
-    def note(number: int, frame: FrameType | None) -> None:
-        came.append(True)
-        complain("ending after this run")
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield came
-    finally:
-        signal.signal(signal.SIGINT, before)

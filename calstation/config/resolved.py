@@ -17,23 +17,9 @@ from calstation.config import library, versions
 from calstation.config.product_rules import register_conflicts, unknown_targets
 from calstation.config.request import RunRequest
 from calstation.config.site_check import check_confirmation, check_site
-from calstation.config.station import (
-    ProductConfig,
-    StationConfig,
-    in_file,
-    load_product,
-    load_station,
-    schedule_values,
-)
+from calstation.config.station import ProductConfig, StationConfig, in_file, load_product, load_station, schedule_values
 from calstation.devices.links import SOCKETS
-from calstation.devices.profiles import (
-    ImuProfile,
-    TableProfile,
-    check_baud,
-    load_imu_profile,
-    load_table_profile,
-    span,
-)
+from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
 from calstation.physics import INDEX, PARAMETERS, Step, group_indices, normal_gravity
@@ -48,7 +34,7 @@ from calstation.records import (
     context_from_meta,
     prior_from_meta,
 )
-from calstation.schema import EntryError, validate
+from calstation.schema import EntryError, Model, validate
 from calstation.sequencer import Output, PreflightLimits, StagePlan, StatusMasks, StopRule, Task, UnitTask
 from procedures import method
 
@@ -76,8 +62,7 @@ class SourceFile:
         """Read a file of a kind (``station``, ``product``, ``table``, ``imu``)."""
         text = path.read_bytes().decode()
         version = versions.version_number(f"{kind}s", path.stem, text)
-        section = FileSection(name=path.stem, version=version, sha256=versions.sha256(text))
-        return cls(path, text, section)
+        return cls(path, text, FileSection(name=path.stem, version=version, sha256=versions.sha256(text)))
 
 
 @dataclass(frozen=True)
@@ -139,8 +124,8 @@ class ResolvedConfiguration:
     ) -> LogMeta:
         """Build the configuration that the log keeps: all that solving needs.
 
-        Where the stream precedes the registers, they are the mean of the prior unless they are implausible; where it
-        follows them, they are kept to compose the answer with, and the prior mean is zero.
+        If the stream precedes the registers, they are the mean of the prior unless they are implausible. If it follows
+        them, they are stored to compose the answer with, and the prior mean is zero.
 
         Parameters
         ----------
@@ -148,42 +133,17 @@ class ResolvedConfiguration:
         attempt : number of the unit's run, from 1
         registers : the unit's registers by parameter, SI; none if they are not known
         """
-        profile, accuracy, stream, noise = self.imu, self.table.accuracy, self.imu.stream, self.imu.noise
         held = dict(registers or {})
+        started = (started or datetime.now(UTC)).astimezone(UTC)
         return LogMeta(
             site=self.station.site.place,
-            imu=ImuSection(
-                serial=self.request.serial,
-                sample_rate_hz=stream.sample_rate_hz,
-                output=stream.output,
-                gyro_lsb=stream.gyro_lsb,
-                accel_lsb=stream.accel_lsb,
-                gyro_arw=noise.gyro_arw,
-                accel_vrw=noise.accel_vrw,
-                gyro_bias_instability=noise.gyro_bias_instability,
-                accel_bias_instability=noise.accel_bias_instability,
-            ),
-            table=TableSection(
-                outer_axis=self.table.outer_axis,
-                inner_axis=self.table.inner_axis,
-                outer_lever=self.table.outer_lever,
-                encoder_sigma_deg=accuracy.encoder_sigma_deg,
-                mount_sigma_deg=accuracy.mount_sigma_deg,
-                azimuth_sigma_deg=accuracy.azimuth_sigma_deg,
-                base_tilt_sigma_deg=accuracy.base_tilt_sigma_deg,
-                velocity_sigma=accuracy.velocity_sigma,
-                velocity_interval_s=accuracy.velocity_interval_s,
-            ),
+            imu=_section(ImuSection, self.imu.stream, self.imu.noise, serial=self.request.serial),
+            table=_section(TableSection, self.table, self.table.accuracy),
             prior={
                 name: PriorSection(value=self._prior_mean(held.get(name, 0.0), sigma), sigma=sigma)
-                for name, sigma in profile.prior_sigmas().items()
+                for name, sigma in self.imu.prior_sigmas().items()
             },
-            product=ProductSection(
-                name=self.product.name,
-                limits=self.product.limits,
-                targets=self.product.targets,
-                checks=self.product.checks,
-            ),
+            product=_section(ProductSection, self.product),
             run=RunSection(
                 stages=list(self.stages),
                 station=self.station.name,
@@ -191,7 +151,7 @@ class ResolvedConfiguration:
                 seed=self.bench_seed,
                 attempt=attempt,
                 software=__version__,
-                started_utc=(started or datetime.now(UTC)).astimezone(UTC).isoformat(timespec="seconds"),
+                started_utc=started.isoformat(timespec="seconds"),
                 files={kind: source.section for kind, source in self.sources.items()} or None,
             ),
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
@@ -286,17 +246,18 @@ class ResolvedConfiguration:
         """Build the unit's task. `meta` is the log's configuration, the one without registers if not given."""
         meta = meta or self.log_meta()
         context = context_from_meta(meta)
+        site = context.site
         prior, biases = prior_from_meta(meta), group_indices("gyro_bias")
-        span_rate = BIAS_SIGMAS * prior.sigma[biases] + SLOWEST
+        spread = BIAS_SIGMAS * prior.sigma[biases] + SLOWEST
         warm_up, status = self.product.warm_up, self.imu.status
         return UnitTask(
             serial=self.request.serial,
             model=context.imu,
             preflight=PreflightLimits(
                 serial_pattern=self.product.serial_pattern,
-                gravity=context.site.gravity or normal_gravity(context.site.latitude, context.site.height),
-                rate_low=prior.mean[biases] - span_rate,
-                rate_high=prior.mean[biases] + span_rate,
+                gravity=site.gravity or normal_gravity(site.latitude, site.height),
+                rate_low=prior.mean[biases] - spread,
+                rate_high=prior.mean[biases] + spread,
                 warm_up=warm_up.time_s,
                 warm_up_slope=warm_up.slope_c_per_min,
                 warm_up_timeout=warm_up.timeout_s,
@@ -310,6 +271,12 @@ class ResolvedConfiguration:
     def _plan(self, stage: str) -> Iterator[Step]:
         """Start a fresh plan of a stage."""
         return method(stage).plan(self.table.geometry(), self.schedules[stage])
+
+
+def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
+    """A section of the log's configuration from the entries of the same names."""
+    names = model.model_fields
+    return model(**{n: getattr(s, n) for s in sources for n in names if n in type(s).model_fields}, **more)
 
 
 def _stop_rule(schedule: BaseModel) -> StopRule:
@@ -346,22 +313,29 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
     table_path = library.find("tables", station.table.profile)
     imu_path = library.find("imus", product.imu)
     paths = {"station": station_path, "product": product_path, "table": table_path, "imu": imu_path}
-    chosen = request.schedule or {}
+    schedules: dict[str, BaseModel] = {}
+    for stage in request.stages or product.stages:
+        values = schedule_values(product, stage, (request.schedule or {}).get(stage, {}))
+        schedules[stage] = validate(method(stage).schedule, values, f"{product_path}: schedule.{stage}")
     resolved = ResolvedConfiguration(
         request=request,
         station=station,
         product=product,
         table=load_table_profile(table_path),
         imu=load_imu_profile(imu_path),
-        schedules={
-            stage: _schedule(product, stage, chosen.get(stage, {}), product_path)
-            for stage in request.stages or product.stages
-        },
+        schedules=schedules,
         sources={kind: SourceFile.read(kind, path) for kind, path in paths.items()},
     )
-    _check_options(resolved, station_path)
+    options = {"--faults": request.faults, "--speed": request.speed, "--seed": request.seed}
+    for option, value in options.items() if station.bench is None else ():
+        if value is not None:
+            raise ConfigurationError("configuration.bench_only", option=option, station=station_path)
     resolved = adjust(resolved)
-    _check_bench(resolved, station_path)
+    settings = resolved.bench_settings()
+    if settings is not None:
+        from calstation.bench import BenchConfig
+
+        validate(BenchConfig, {**settings, **resolved.bench_overrides}, f"{station_path} [bench]")
     with in_file(product_path):
         for error in _product_errors(resolved):
             raise error
@@ -376,14 +350,9 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resol
     Parameters and exceptions are those of `resolve_configuration`.
     """
     resolved = resolve_configuration(request, adjust)
-    product = resolved.product
-    if not re.fullmatch(product.serial_pattern, request.serial):
-        raise ConfigurationError(
-            "product.serial_mismatch",
-            serial=request.serial,
-            pattern=product.serial_pattern,
-            product=resolved.sources["product"].path,
-        )
+    pattern, path = resolved.product.serial_pattern, resolved.sources["product"].path
+    if not re.fullmatch(pattern, request.serial):
+        raise ConfigurationError("product.serial_mismatch", serial=request.serial, pattern=pattern, product=path)
     check_station(resolved)
     for stage, schedule in resolved.schedules.items():
         chosen = method(stage)
@@ -407,23 +376,15 @@ def check_station(resolved: ResolvedConfiguration) -> None:
 
 def check_manual_rig(resolved: ResolvedConfiguration) -> None:
     """Check that stages with manual motion run on a table turned by hand, and only those. Raises ManualRigError."""
+    names = {"product": resolved.product.name, "table": resolved.table.name, "station": resolved.station.name}
     for stage, schedule in resolved.schedules.items():
         manual = getattr(schedule, "manual", None)
-        code = ""
         if resolved.by_hand and manual is None:
-            code = "product.needs_driven_table"
-        elif resolved.by_hand and not manual:
-            code = "product.needs_manual_motion"
-        elif manual and not resolved.by_hand:
-            code = "product.needs_manual_table"
-        if code:
-            raise ManualRigError(
-                code,
-                stage=stage,
-                product=resolved.product.name,
-                table=resolved.table.name,
-                station=resolved.station.name,
-            )
+            raise ManualRigError("product.needs_driven_table", stage=stage, **names)
+        if resolved.by_hand and not manual:
+            raise ManualRigError("product.needs_manual_motion", stage=stage, **names)
+        if manual and not resolved.by_hand:
+            raise ManualRigError("product.needs_manual_table", stage=stage, **names)
 
 
 def _product_errors(resolved: ResolvedConfiguration) -> Iterator[EntryError]:
@@ -443,26 +404,3 @@ def _check_baud(resolved: ResolvedConfiguration) -> None:
             check_baud(serial, frame, resolved.imu.stream.sample_rate_hz)
     except EntryError as exc:  # the rule names the profile's entry
         raise EntryError(exc.code, "imu", "serial", "baud", **exc.values) from None
-
-
-def _check_options(resolved: ResolvedConfiguration, station: Path) -> None:
-    """Refuse options of the virtual bench on hardware."""
-    request = resolved.request
-    options = {"--faults": request.faults, "--speed": request.speed, "--seed": request.seed}
-    for option, value in options.items() if resolved.station.bench is None else ():
-        if value is not None:
-            raise ConfigurationError("configuration.bench_only", option=option, station=station)
-
-
-def _check_bench(resolved: ResolvedConfiguration, station_path: Path) -> None:
-    settings = resolved.bench_settings()
-    if settings is not None:
-        from calstation.bench import BenchConfig
-
-        validate(BenchConfig, {**settings, **resolved.bench_overrides}, f"{station_path} [bench]")
-
-
-def _schedule(product: ProductConfig, stage: str, instead: Mapping[str, Any], path: Path) -> BaseModel:
-    """Build a stage's schedule. Raises ConfigurationError."""
-    values = schedule_values(product, stage, instead)
-    return validate(method(stage).schedule, values, f"{path}: schedule.{stage}")
