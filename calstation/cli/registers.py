@@ -92,13 +92,10 @@ def operate_command(operation: RegisterOperation, json: str | None, *, yes: bool
     """Announce a register operation, have the engine do it, and show its result."""
     check_json(json)
     _confirm(operation, yes)
-    settled: Settled | None = None
-    fault: Fault | None = None
+    settled = fault = None
     for event in engine_events(operation.request, operation):
-        if isinstance(event, Settled):
-            settled = event
-        elif isinstance(event, Fault):
-            fault = event
+        settled = event if isinstance(event, Settled) else settled
+        fault = event if isinstance(event, Fault) else fault
     if fault is not None:
         return complain_fault(fault, operation.request, debug=debug)
     if settled is None or settled.closing == "stopped":

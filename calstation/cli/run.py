@@ -47,13 +47,10 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
     ask = station.bench is None and not setup.by_hand and not yes
     if ask and not typer.confirm(question, err=True):
         raise StoppedError("cli.not_confirmed")
-    verdict: Verdict | None = None
-    fault: Fault | None = None
+    verdict = fault = None
     for event in engine_events(request):
-        if isinstance(event, Verdict):
-            verdict = event
-        elif isinstance(event, Fault):
-            fault = event
+        verdict = event if isinstance(event, Verdict) else verdict
+        fault = event if isinstance(event, Fault) else fault
     if verdict is not None:
         _show_verdict(verdict, json, request)
     if fault is not None:

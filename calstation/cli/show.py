@@ -81,18 +81,12 @@ def result_table(console: Console, result: Result) -> None:
     table.add_column("verdict")
     limits = {(c.kind, c.subject): c for c in result.checks if c.kind in ("within", "sigma_below")}
     for name, row in result.parameters.items():
-        value, unit = display(name, row.value)
-        sigma, _ = display(name, row.sigma)
+        (value, unit), sigma = display(name, row.value), display(name, row.sigma)[0]
         within, below = limits.pop(("within", name), None), limits.pop(("sigma_below", name), None)
-        table.add_row(
-            name,
-            number(value, sigma),
-            f"{sigma:.2g}",
-            unit,
-            "" if within is None else _interval(name, within.limit),
-            "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}",
-            _verdict(name in result.unobservable, [c for c in (within, below) if c is not None]),
-        )
+        interval = "" if within is None else _interval(name, within.limit)
+        largest = "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}"
+        verdict = _verdict(name in result.unobservable, [c for c in (within, below) if c is not None])
+        table.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, interval, largest, verdict)
     if result.parameters:
         console.print(table)
     for check in result.checks:

@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from calstation.config.station import ProductConfig, StationConfig, schedule_val
 from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
-from calstation.schema import EntryError, KeyPath, Problem, problems_of, read_toml
+from calstation.schema import KeyPath, Problem, problems_of, read_toml
 from procedures import method
 
 #: Model of each kind of file.
@@ -55,10 +56,8 @@ class ConfigFile:
 
 def list_files(kind: str) -> list[ConfigFile]:
     """All files of a kind, sorted; a site's file hides the shipped one of the same name."""
-    return [
-        ConfigFile(name, path, path.is_relative_to(library.shipped_folder()))
-        for name, path in ((name, library.find(kind, name)) for name in library.names(kind))
-    ]
+    files, shipped = {name: library.find(kind, name) for name in library.names(kind)}, library.shipped_folder()
+    return [ConfigFile(name, path, path.is_relative_to(shipped)) for name, path in files.items()]
 
 
 def detect_kind(path: Path, text: str) -> str:
@@ -112,7 +111,9 @@ def _check_product(product: ProductConfig) -> list[Problem]:
     if not product.limits:
         problems.append(Problem((), "missing", Text("product.no_limits")))
     if not problems:
-        problems += map(Problem.of, _register_conflicts(product))
+        with suppress(ConfigurationError):  # the profile's own file shows the error
+            profile = load_imu_profile(library.find("imus", product.imu))
+            problems += map(Problem.of, register_conflicts(product, profile))
     problems += map(Problem.of, unknown_targets(product.targets, "targets"))
     for stage in dict.fromkeys((*product.stages, *product.schedule)):
         place: KeyPath = ("schedule", stage) if stage in product.schedule else ("stages",)
@@ -129,14 +130,6 @@ def _check_product(product: ProductConfig) -> list[Problem]:
     return problems
 
 
-def _register_conflicts(product: ProductConfig) -> Iterator[EntryError]:
-    try:
-        profile = load_imu_profile(library.find("imus", product.imu))
-    except ConfigurationError:
-        return  # the profile's own file shows the error
-    yield from register_conflicts(product, profile)
-
-
 def _problems_at(place: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
     """What a model finds wrong with the data at `place`."""
     return [replace(problem, place=(*place, *problem.place)) for problem in problems_of(model, data)]
@@ -145,8 +138,7 @@ def _problems_at(place: KeyPath, model: type[BaseModel], data: Any) -> list[Prob
 def _unknown_profile(kind: str, name: str, *place: str) -> Iterator[Problem]:
     known = library.names(kind)
     if name not in known:
-        values = {"kind": kind, "name": name, "known": known}
-        yield Problem(place, "no_profile", Text("configuration.no_profile", values))
+        yield Problem(place, "no_profile", Text.of("configuration.no_profile", kind=kind, name=name, known=known))
 
 
 def line_of(text: str, keys: KeyPath) -> int:
@@ -176,9 +168,7 @@ def line_of(text: str, keys: KeyPath) -> int:
 def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
     """Change some values of a text and leave everything else, comments included, as it was.
 
-    Parameters
-    ----------
-    changes : new values by place; None removes the value, and its table if that becomes empty
+    `changes` are new values by entry; None removes the value, and its table if that becomes empty.
     """
     document = tomlkit.parse(text)
     added = []
@@ -228,10 +218,9 @@ def read_text(path: Path) -> str:
     """Read a file. Raises ConfigurationError."""
     try:
         return path.read_text(encoding="utf-8")
-    except OSError as exc:
-        raise ConfigurationError("configuration.unreadable", file=path, reason=os_reason(exc)) from exc
-    except UnicodeDecodeError as exc:
-        raise ConfigurationError("configuration.unreadable", file=path, reason=str(exc)) from exc
+    except (OSError, UnicodeDecodeError) as exc:
+        reason = os_reason(exc) if isinstance(exc, OSError) else str(exc)
+        raise ConfigurationError("configuration.unreadable", file=path, reason=reason) from exc
 
 
 def is_bench(path: Path) -> bool:
@@ -243,12 +232,7 @@ def is_bench(path: Path) -> bool:
 
 
 def frame_size(frame: Mapping[str, Any]) -> tuple[int, bool] | None:
-    """Bytes of a frame with all its fields, and whether all frames have as many; None for an invalid section.
-
-    Parameters
-    ----------
-    frame : the section `[frame]` of the file
-    """
+    """Bytes of a `[frame]` with all its fields, and whether all frames have as many; None for an invalid section."""
     try:
         section = FrameSection.model_validate(frame)
     except ValidationError:

@@ -28,6 +28,18 @@ _VIRTUAL = "SN-000001"
 #: A float, an integer, a boolean, one of several words, sigmas by parameter or group, anything else.
 Kind = Literal["number", "count", "flag", "choice", "targets", "other"]
 
+#: Not a number, not whole, missing, too low, too high, beyond the table, not the name of a parameter or group.
+ProblemKind = Literal["number", "whole", "missing", "low", "high", "table", "name"]
+
+#: Kinds of problems by pydantic's; others are of kind ``number``.
+_SHORT: dict[str, ProblemKind] = {
+    "greater_than": "low",
+    "greater_than_equal": "low",
+    "less_than": "high",
+    "less_than_equal": "high",
+    "missing": "missing",
+}
+
 _KINDS: dict[Any, Kind] = {bool: "flag", int: "count", float: "number"}
 
 #: Units by the ends of fields' names.
@@ -53,9 +65,7 @@ class ScheduleField:
 class ScheduleProblem:
     """What is wrong with a value of a schedule."""
 
-    #: Not a ``number``, not ``whole``, ``missing``, too ``low``, too ``high``, beyond the ``table``, not the ``name``
-    #: of a parameter or group.
-    kind: Literal["number", "whole", "missing", "low", "high", "table", "name"]
+    kind: ProblemKind
     bound: float = 0.0  #: The bound that the value breaks.
     subject: str = ""  #: Name that the schedule must not contain.
 
@@ -132,50 +142,37 @@ def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOp
 
 def _problem(kind: str, context: Mapping[str, Any], subject: str) -> ScheduleProblem:
     bound = float(next((context[key] for key in ("ge", "gt", "le", "lt") if key in context), 0.0))
-    if kind in ("greater_than", "greater_than_equal"):
-        return ScheduleProblem("low", bound, subject)
-    if kind in ("less_than", "less_than_equal"):
-        return ScheduleProblem("high", bound, subject)
-    if kind.startswith("int_"):
-        return ScheduleProblem("whole", bound, subject)
-    return ScheduleProblem("missing" if kind == "missing" else "number", bound, subject)
+    return ScheduleProblem("whole" if kind.startswith("int_") else _SHORT.get(kind, "number"), bound, subject)
 
 
 def _field(name: str, info: FieldInfo) -> ScheduleField:
-    choices = get_args(info.annotation) if get_origin(info.annotation) is Literal else ()
-    kinds = [kind for kind in get_args(info.annotation) or (info.annotation,) if kind is not NoneType]
-    kind: Kind = "choice" if choices else next((k for of, k in _KINDS.items() if of in kinds), "other")
-    if name == "targets":
-        kind = "targets"
-    low, above = _bound(info, "ge"), _bound(info, "gt")
-    high, below = _bound(info, "le"), _bound(info, "lt")
-    unit = next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
+    arguments = get_args(info.annotation)
+    choices = arguments if get_origin(info.annotation) is Literal else ()
+    kind: Kind = (
+        "choice" if choices else next((_KINDS[t] for t in _KINDS if t in (info.annotation, *arguments)), "other")
+    )
+    bounds = {key: float(getattr(m, key)) for m in info.metadata for key in ("ge", "gt", "le", "lt") if hasattr(m, key)}
     return ScheduleField(
-        name,
-        kind,
-        unit,
-        above if low is None else low,
-        low is None and above is not None,
-        below if high is None else high,
-        NoneType in get_args(info.annotation),
-        tuple(str(choice) for choice in choices),
-        info.description or "",
+        name=name,
+        kind="targets" if name == "targets" else kind,
+        unit=next((unit for end, unit in UNITS.items() if name.endswith(end)), ""),
+        low=bounds.get("ge", bounds.get("gt")),
+        above="ge" not in bounds and "gt" in bounds,
+        high=bounds.get("le", bounds.get("lt")),
+        optional=NoneType in arguments,
+        choices=tuple(str(choice) for choice in choices),
+        description=info.description or "",
     )
 
 
-def _bound(info: FieldInfo, name: str) -> float | None:
-    """A bound of a field by its annotation's name: ge, gt, le or lt."""
-    return next((float(value) for m in info.metadata if (value := getattr(m, name, None)) is not None), None)
-
-
 def save_schedule(
-    tell: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
+    report: ProgressCallback, product: Path, changes: Mapping[str, Mapping[str, Any]], author: str
 ) -> tuple[Path, Version]:
     """Job: save parameters of schedules in a product file, or in the site's copy of a shipped one.
 
     Parameters
     ----------
-    tell : progress of the job
+    report : progress of the job
     product : the file
     changes : values by stage and field; None removes a value, so that the method's default applies
     author : who saves it
@@ -199,7 +196,7 @@ def save_schedule(
     )
     with in_file(product):
         _check_stored(text, changes)
-    tell(0.5)
+    report(0.5)
     version = versions.save("products", product.stem, text, author)
     return library.find("products", product.stem), version
 

@@ -22,12 +22,9 @@ from calstation.records import Check, LogMeta, SiteSection, context_from_meta
 from calstation.schema import EntryError
 from procedures import method
 
-#: Largest relative difference between gravity and normal gravity at places of calibration: 300 mGal. Larger free-air
+#: Largest relative difference between gravity and normal gravity where IMUs are calibrated: 300 mGal. Larger free-air
 #: anomalies occur on summits and islands only.
 ANOMALY = 3e-4
-
-#: Name of the check of the latitude.
-LATITUDE = "latitude"
 
 #: Latitude above which the horizontal component of earth rate is too small to find an azimuth, degrees.
 _NEAR_POLE = 80.0
@@ -55,16 +52,11 @@ def check_confirmation(site: StationSite, meta: LogMeta) -> None:
     """Check that the site of a hardware station is confirmed on this computer. Raises EntryError."""
     if is_confirmed(site, needed=needs_surveyed_gravity(meta)):
         return
-    values = {
-        "latitude": site.latitude_deg,
-        "longitude": site.longitude_deg,
-        "height": site.height_m,
-        "key": confirmation_key(site),
-    }
-    place = ("site", "confirmed_on")
+    values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
+    entry, key = ("site", "confirmed_on"), confirmation_key(site)
     if site.confirmed_on:
-        raise EntryError("site.confirmed_elsewhere", *place, confirmed="; ".join(site.confirmed_on), **values)
-    raise EntryError("site.not_confirmed", *place, **values)
+        raise EntryError("site.confirmed_elsewhere", *entry, confirmed="; ".join(site.confirmed_on), key=key, **values)
+    raise EntryError("site.not_confirmed", *entry, key=key, **values)
 
 
 def check_site(meta: LogMeta) -> None:
@@ -89,15 +81,8 @@ def gravity_contradiction(site: SiteSection) -> EntryError | None:
     normal = normal_gravity(float(np.deg2rad(site.latitude_deg)), site.height_m)
     if site.gravity_mps2 is None or abs(site.gravity_mps2 / normal - 1.0) <= ANOMALY:
         return None
-    return EntryError(
-        "site.gravity_contradicts",
-        "site",
-        "gravity_mps2",
-        gravity=site.gravity_mps2,
-        latitude=site.latitude_deg,
-        height=site.height_m,
-        normal=normal,
-    )
+    values = {"gravity": site.gravity_mps2, "latitude": site.latitude_deg, "height": site.height_m, "normal": normal}
+    return EntryError("site.gravity_contradicts", "site", "gravity_mps2", **values)
 
 
 def normal_gravity_at(latitude_deg: Number, height_m: Number) -> float | None:
@@ -160,26 +145,19 @@ def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
     )
 
 
-def latitude_untold(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:
+def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:
     """The first inconsistent stage and the latitude it assumed, if no rest has confirmed the latitude.
 
     The unit may be good then: rests in one attitude, as those of `rate`, cannot separate earth rate from a bias. None
     if the latitude was confirmed, if the gyros cannot resolve earth rate, and if every stage is consistent.
     """
-    inconsistent = next(
-        (
-            solution.stage
-            for solution in solutions
-            if not (solution.consistency.passed or method(solution.stage).needs_no_table)
-        ),
-        None,
-    )
-    if inconsistent is None or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):
+    inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
+    if not inconsistent or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):
         return None
-    return {"stage": inconsistent, "latitude": meta.site.latitude_deg}
+    return {"stage": inconsistent[0], "latitude": meta.site.latitude_deg}
 
 
-def there(checks: Iterable[Check]) -> bool:
+def latitude_agrees(checks: Iterable[Check]) -> bool:
     """Whether no check of the latitude failed: results of another location cannot be resumed."""
     return all(check.passed for check in checks if check.kind == "latitude")
 

@@ -80,10 +80,9 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
     path = library.site_folder() / kind / f"{name}.toml"
     problems = editing.check(kind, content)
     if problems:
-        first, more = problems[0], len(problems) - 1
-        values = {"file": path, "line": first.line, "what": first.as_text}
-        if more:
-            raise ConfigurationError("configuration.line_and_more", more=more, **values)
+        values = {"file": path, "line": problems[0].line, "what": problems[0].as_text}
+        if len(problems) > 1:
+            raise ConfigurationError("configuration.line_and_more", more=len(problems) - 1, **values)
         raise ConfigurationError("configuration.line", **values)
     try:
         _save_present(kind, name, path)
@@ -95,7 +94,9 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
         try:
             write_atomic(path, content)
         except OSError:
-            _remove(version)
+            for suffix in (".json", ".toml"):
+                with suppress(OSError):
+                    (_folder(kind, name) / f"{version.number:04d}{suffix}").unlink()
             raise
     except OSError as exc:
         raise ConfigurationError("configuration.unwritable", file=path, reason=os_reason(exc)) from exc
@@ -129,12 +130,6 @@ def _add(kind: str, name: str, content: str, author: str | None) -> Version:
     write_atomic(folder / f"{number:04d}.toml", content)
     write_atomic(folder / f"{number:04d}.json", json.dumps(asdict(version), ensure_ascii=False) + "\n")
     return version
-
-
-def _remove(version: Version) -> None:
-    for suffix in (".json", ".toml"):
-        with suppress(OSError):
-            (_folder(version.kind, version.name) / f"{version.number:04d}{suffix}").unlink()
 
 
 def _folder(kind: str, name: str) -> Path:

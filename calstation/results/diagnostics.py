@@ -43,7 +43,7 @@ class Diagnostics:
 
 
 def diagnose(
-    tell: ProgressCallback,
+    report: ProgressCallback,
     path: Path,
     stages: tuple[str, ...] | None = None,
     first_seq: int | None = None,
@@ -61,7 +61,7 @@ def diagnose(
     def progress(stage: str, seq: int, solved: float) -> None:
         started[stage] = None
         done = (len(started) - 1 + solved) / max(expected, len(started))
-        tell(_SOLVING * min(done, 1.0), note=stage)
+        report(_SOLVING * min(done, 1.0), note=stage)
 
     with one_blas_thread():
         chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
@@ -71,7 +71,7 @@ def diagnose(
         for stage, blocks in groupby(in_stages, lambda block: block.stage):
             if stage not in solutions or stage in diagnosed:
                 continue
-            tell(_SOLVING + (1.0 - _SOLVING) * len(diagnosed) / len(solutions), note=stage)
+            report(_SOLVING + (1.0 - _SOLVING) * len(diagnosed) / len(solutions), note=stage)
             data = stage_data(list(blocks), context.imu)
             solution = solutions[stage]
             diagnosed[stage] = StageDiagnostics(

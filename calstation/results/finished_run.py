@@ -21,12 +21,12 @@ class FinishedRun:
     solved_now: bool = False  #: The log held no result and has been solved.
 
 
-def load_finished_run(tell: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
+def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
     """Job: read a result file or a log; a log without a result is solved.
 
     Parameters
     ----------
-    tell : progress of the job
+    report : progress of the job
     path : result file or log
     runs : folder with the unit's history
 
@@ -44,9 +44,9 @@ def load_finished_run(tell: ProgressCallback, path: Path, runs: Path) -> Finishe
         log = path
         stored = open_log(path).results
         solved_now = not stored
-        tell(0.1)
+        report(0.1)
         result = Result.from_json(stored[-1]) if stored else resolve(path).result
-    tell(0.9)
+    report(0.9)
     previous: Mapping[str, float] = {}
     if runs.is_dir():
         history = History(runs)

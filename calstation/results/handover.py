@@ -111,7 +111,7 @@ def register_pending(runs: Path, name: str) -> None:
     sync_folder(folder)
 
 
-def deliver_pending(tell: ProgressCallback, runs: Path, station: Path | None) -> Delivery:
+def deliver_pending(report: ProgressCallback, runs: Path, station: Path | None) -> Delivery:
     """Job: deliver the results pending beside the runs to the folder of a station file."""
     path, config = load_station(station)
     return _deliver(runs, *_target(runs, path, config))

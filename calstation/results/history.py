@@ -47,7 +47,7 @@ class History:
         self._folder = folder
         self._index = RunIndex(folder)
 
-    def refresh(self, tell: Callable[[float], None] | None = None) -> int:
+    def refresh(self, report: Callable[[float], None] | None = None) -> int:
         """Update the index from the folder; returns the number of changed runs."""
         known = self._index.stamps()
         files = _files(self._folder)
@@ -62,8 +62,8 @@ class History:
             no_runs = [name for name, run in read.items() if run is None and name in known]
             self._index.put(runs, no_runs)
             count += len(runs) + len(no_runs)
-            if tell is not None:
-                tell((start + len(names)) / len(changed))
+            if report is not None:
+                report((start + len(names)) / len(changed))
         return count
 
     def runs(self, search: str = "", outcome: str | None = None, limit: int = 200) -> list[RunRecord]:
@@ -123,9 +123,9 @@ class History:
         return answer
 
 
-def refresh_history(tell: ProgressCallback, folder: Path) -> int:
+def refresh_history(report: ProgressCallback, folder: Path) -> int:
     """Job: update a folder's index; returns the number of changed runs."""
-    return History(folder).refresh(tell)
+    return History(folder).refresh(report)
 
 
 def _files(folder: Path) -> dict[str, str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calstation import __version__
-from calstation.config import check_latitude, latitude_untold
+from calstation.config import check_latitude, unconfirmed_latitude
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief
@@ -106,7 +106,7 @@ def build_result(
         "error_values": None if error is None else values_to_json(error.values),
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
-        "latitude_untold": latitude_untold(meta, solutions),
+        "latitude_untold": unconfirmed_latitude(meta, solutions),
         "resumed_from": run.resumed_from if run else None,
     }
     return Result.model_validate(

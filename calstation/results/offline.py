@@ -20,7 +20,7 @@ CSV_COLUMNS = ("parameter", "value", "sigma", "unit", "stage", "online_value", "
 
 
 def offline_solve(
-    tell: ProgressCallback,
+    report: ProgressCallback,
     path: Path,
     stages: tuple[str, ...] | None,
     first_seq: int,
@@ -31,7 +31,7 @@ def offline_solve(
 
     Parameters
     ----------
-    tell : progress of the job
+    report : progress of the job
     path, stages, first_seq, last_seq : as for `resolve`
     spans : the log's stages, from its index
     """
@@ -50,37 +50,37 @@ def offline_solve(
         solved.update({**dict.fromkeys(solved, 1.0), stage: done})  # stages are solved one after another
         work = read + sum(solved[name] * shares.get(name, 0.0) for name in solved)
         most = max(most, min(work / total, 0.99))
-        tell(most, note=stage)
+        report(most, note=stage)
 
     return resolve(path, stages, first_seq, last_seq, watch)
 
 
-def export_log(tell: ProgressCallback, source: Path, target: Path, first_seq: int, last_seq: int) -> Path:
+def export_log(report: ProgressCallback, source: Path, target: Path, first_seq: int, last_seq: int) -> Path:
     """Job: export samples of a log as CSV and TOML, see `export_csv`; a failure leaves no file.
 
     Parameters
     ----------
-    tell : progress of the job
+    report : progress of the job
     source, target : log and CSV
     first_seq, last_seq : range of samples, both included
     """
     count = max(last_seq - first_seq + 1, 1)
-    export_csv(source, target, lambda done: tell(min(done / count, 0.99)), first_seq, last_seq)
+    export_csv(source, target, lambda done: report(min(done / count, 0.99)), first_seq, last_seq)
     return target
 
 
-def drop_partial(tell: ProgressCallback, target: Path) -> None:
+def drop_partial(report: ProgressCallback, target: Path) -> None:
     """Job: remove the partial file of a cancelled `export_log`."""
     partial_path(target).unlink(missing_ok=True)
-    tell(1.0)
+    report(1.0)
 
 
-def export_result(tell: ProgressCallback, result: Result, stored: Result | None, target: Path) -> Path:
+def export_result(report: ProgressCallback, result: Result, stored: Result | None, target: Path) -> Path:
     """Job: write a result as JSON, or its parameters beside those of the run as CSV, depending on the target's suffix.
 
     Parameters
     ----------
-    tell : progress of the job
+    report : progress of the job
     result : the solution
     stored : result of the run, if the log has one
     target : file to write
@@ -97,7 +97,7 @@ def export_result(tell: ProgressCallback, result: Result, stored: Result | None,
             raise ConfigurationError("result.unwritable", file=target, reason=os_reason(exc)) from exc
     else:
         write_json(target, result.to_json())
-    tell(1.0)
+    report(1.0)
     return target
 
 

@@ -16,7 +16,7 @@ from calstation.estimation.pairs import PairCalibration, PairWatch, StaticCheck,
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, values_from_json, values_to_json
 from calstation.records import context_from_meta, load_pair, open_log, prior_from_meta, store_pair
-from calstation.results.plots import PairEvent, StoredPairFile, expected_rows, stored_pairs
+from calstation.results.plots import StoredPairFile, expected_rows, stored_pairs
 from calstation.results.solver_chain import one_blas_thread
 from calstation.schema import validate
 
@@ -110,7 +110,7 @@ class PairProgress:
     duration: float  #: Of the whole recording, s.
     state: str  #: ``waiting``, ``checking`` or ``calibrating``.
     motion: float  #: Share of the motion that a calibration needs, 0 to 1.
-    happened: tuple[PairEvent, ...]  #: Events so far.
+    happened: tuple[WatchEvent, ...]  #: Events so far.
 
     def to_note(self) -> str:
         """As the note of a job's progress."""
@@ -123,7 +123,7 @@ def progress_from_note(note: str) -> PairProgress | None:
     if not note.startswith("["):
         return None
     time, duration, state, motion, happened = json.loads(note)
-    events = tuple(PairEvent(kind, at, number, values_from_json(values)) for kind, at, number, values in happened)
+    events = tuple(WatchEvent(kind, at, number, values_from_json(values)) for kind, at, number, values in happened)
     return PairProgress(time, duration, state, motion, events)
 
 
@@ -141,14 +141,14 @@ class PairCheckResult:
         return frozenset(h.number for h in self.followed.happened if h.kind == "calibrated")
 
 
-def check_pair(tell: ProgressCallback, path: Path) -> PairCheckResult:
+def check_pair(report: ProgressCallback, path: Path) -> PairCheckResult:
     """Job: replay a recording with a check at the first rest, and store the calibrations in the site's folder.
 
     Raises InputError or ConfigurationError.
     """
     log = open_log(path)
     duration = expected_rows(path) / log.meta.imu.sample_rate_hz
-    events: list[PairEvent] = []
+    events: list[WatchEvent] = []
     start: float | None = None
     last = 0.0
 
@@ -158,16 +158,16 @@ def check_pair(tell: ProgressCallback, path: Path) -> PairCheckResult:
         return time - start
 
     def handle(event: WatchEvent) -> None:
-        events.append(PairEvent(event.kind, since_start(event.time), event.number, event.values))
+        events.append(replace(event, time=since_start(event.time)))
 
-    def report(time: float, watch: PairWatch) -> None:
+    def on_second(time: float, watch: PairWatch) -> None:
         nonlocal last
         last = since_start(time)
         state = PairProgress(last, duration, watch.state, watch.progress, tuple(events))
-        tell(min(last / duration, 0.99), note=state.to_note())
+        report(min(last / duration, 0.99), note=state.to_note())
 
-    tell(0.0)
-    watched = watch_log(path, pair_folder(), True, handle, report)
+    report(0.0)
+    watched = watch_log(path, pair_folder(), True, handle, on_second)
     end = PairProgress(last, last, "waiting", 0.0, tuple(events))
     checks = {number: check_values(check) for number, check in watched.checks.items()}
     return PairCheckResult(end, checks, stored_pairs(context_from_meta(log.meta), pair_folder()))

@@ -88,19 +88,19 @@ class Preview:
         return self.stages[-1].end if self.stages else 0.0
 
 
-def compute_preview(tell: ProgressCallback, request: RunRequest) -> Preview:
+def compute_preview(report: ProgressCallback, request: RunRequest) -> Preview:
     """Job: compute the preview of a run; the serial number may be empty. Raises ConfigurationError."""
     setup = resolve_configuration(request)
     check_manual_rig(setup)
     with one_blas_thread():
-        return _Previewer(tell, setup).run()
+        return _Previewer(report, setup).run()
 
 
 class _Previewer:
     """Executes the plans of a configuration without devices."""
 
-    def __init__(self, tell: ProgressCallback, setup: ResolvedConfiguration) -> None:
-        self._tell = tell
+    def __init__(self, report: ProgressCallback, setup: ResolvedConfiguration) -> None:
+        self._report = report
         self._setup = setup
         meta = setup.log_meta()
         self._plans = setup.task().stages
@@ -191,7 +191,7 @@ class _Previewer:
                     by_hand = by_hand or isinstance(step, Carry)
                     moves += isinstance(step, Move)
                     self._step(step, plan.name if solve else "")
-                    self._tell(_FEEDING * self._clock / expected if expected else 0.0, note=plan.name)
+                    self._report(_FEEDING * self._clock / expected if expected else 0.0, note=plan.name)
         except ConfigurationError:
             reason = ""  # `_check` has reported why the plan cannot continue
         estimated = method(plan.name).estimates(self._context)

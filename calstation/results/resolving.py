@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from calstation.config import latitude_untold
+from calstation.config import unconfirmed_latitude
 from calstation.errors import ConfigurationError, InsufficientDataError
 from calstation.messages import Text, sentence
 from calstation.records import Log, damage_summary, offline_online, open_log, solved_stages
@@ -72,11 +72,11 @@ def resolve(
     ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq)
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
-    untold = latitude_untold(log.meta, solutions)
-    if untold is not None:
-        messages.append(("latitude_untold", untold))
-    if log.damaged_rows:
-        damaged = [DamagedRange(rows=part.count, seq=part.missing) for part in log.damaged_rows]
+    unconfirmed = unconfirmed_latitude(log.meta, solutions)
+    if unconfirmed is not None:
+        messages.append(("latitude_untold", unconfirmed))
+    if log.holes:
+        damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.holes]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
         messages.insert(0, ("log_damaged", {"file": path.name, **summary(log.holes)}))
     if missing:

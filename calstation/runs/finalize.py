@@ -4,7 +4,7 @@ import logging
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 
-from calstation.config import check_seen_latitude, latitude_untold
+from calstation.config import check_seen_latitude, unconfirmed_latitude
 from calstation.devices import Imu
 from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
 from calstation.estimation import Solution
@@ -70,9 +70,9 @@ class Finalization:
         run = self._run
         if not judge(run.meta, run.chain.prior, solutions).passed:
             run.emit(Message("registers_kept"))
-            untold = latitude_untold(run.meta, solutions)
-            if untold is not None:
-                run.emit(Message("latitude_untold", untold))
+            unconfirmed = unconfirmed_latitude(run.meta, solutions)
+            if unconfirmed is not None:
+                run.emit(Message("latitude_untold", unconfirmed))
             return Finalized(passed=False, written=False)
         if not self._entries.parameters:
             return Finalized(passed=True, written=False)

@@ -10,12 +10,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config import LATITUDE, ResolvedConfiguration, RunRequest, StationConfig, load_station
+from calstation.config import ResolvedConfiguration, RunRequest, StationConfig, latitude_agrees, load_station
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
-from calstation.records import SUFFIX, Log, LogMeta, RawLogWriter, RunRecord, being_written, open_log, solved_stages
+from calstation.records import SUFFIX, Check, Log, LogMeta, RunRecord, being_written, open_log, solved_stages
 from calstation.results import History, StageChain
 from calstation.sequencer import LastSample, solution_events, to_json
 from procedures import method
@@ -94,8 +94,8 @@ def _offer(record: RunRecord) -> list[Resumable]:
     result = log.results[-1] if log.results else {}
     if (result.get("registers") or {}).get("new") is not None:
         return []  # its registers have changed: the transfer is to be finished or restored instead
-    if any(check["name"] == LATITUDE and not check["passed"] for check in result.get("checks", ())):
-        return []  # it was solved for another latitude
+    if not latitude_agrees(map(Check.from_json, result.get("checks", ()))):
+        return []  # it was solved for another location
     return [
         Resumable(
             serial=record.serial,

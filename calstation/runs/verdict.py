@@ -4,7 +4,7 @@ import logging
 from contextlib import suppress
 from dataclasses import replace
 
-from calstation.config import ProductConfig, there
+from calstation.config import ProductConfig, latitude_agrees
 from calstation.errors import ConfigurationError
 from calstation.results import Ending, build_result, judge, write_json
 from calstation.runs.prepare import OpenRun
@@ -21,7 +21,7 @@ def close_run(run: OpenRun, ended: Ended) -> None:
     outcome = _OUTCOMES[ended.state]
     failures = history.failures(run.serial) + (outcome == "failed")
     judgement = judge(run.meta, run.chain.prior, ended.solutions)
-    finished = bool(ended.solutions) and not run.registers.get("new") and there(judgement.checks)
+    finished = bool(ended.solutions) and not run.registers.get("new") and latitude_agrees(judgement.checks)
     ending = Ending(
         outcome,
         str(log.path),

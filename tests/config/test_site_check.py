@@ -10,8 +10,8 @@ from calstation.config.site_check import (
     check_seen_latitude,
     check_site,
     confirmation_key,
-    latitude_untold,
-    there,
+    latitude_agrees,
+    unconfirmed_latitude,
 )
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
@@ -113,7 +113,7 @@ def test_a_latitude_seen_elsewhere_is_a_check_that_fails_and_ends_the_run() -> N
     for seen, agrees in ((LatitudeEstimate(0.5978, 1e-4), True), (LatitudeEstimate(0.60, 1e-4), False)):
         (check,) = check_latitude(told, solved(seen))
         assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
-        assert there([check]) is agrees
+        assert latitude_agrees([check]) is agrees
     with pytest.raises(ConfigurationError, match=r"as at latitude 34.38° \(sigma 0.01°\)"):
         check_seen_latitude(told, solved(LatitudeEstimate(0.60, 1e-4)))
 
@@ -127,7 +127,7 @@ def test_where_nothing_is_seen_nothing_is_said() -> None:
 
 def test_what_does_not_fit_together_names_a_latitude_that_no_rest_has_told() -> None:
     told, misfit = meta(NAV, "six_position"), solved(None, nis=5.0)
-    assert latitude_untold(told, misfit) == {"stage": "six_position", "latitude": 34.25}
-    assert latitude_untold(told, solved(None)) is None
-    assert latitude_untold(told, solved(LatitudeEstimate(0.5978, 1e-4), nis=5.0)) is None
-    assert latitude_untold(meta(MEMS, "six_position"), misfit) is None
+    assert unconfirmed_latitude(told, misfit) == {"stage": "six_position", "latitude": 34.25}
+    assert unconfirmed_latitude(told, solved(None)) is None
+    assert unconfirmed_latitude(told, solved(LatitudeEstimate(0.5978, 1e-4), nis=5.0)) is None
+    assert unconfirmed_latitude(meta(MEMS, "six_position"), misfit) is None

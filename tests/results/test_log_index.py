@@ -105,9 +105,9 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
 def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: LogIndex) -> None:
     spans = [(s.stage, s.first_seq - START, s.last_seq - START, s.samples) for s in seen.spans]
     assert spans == [("rate", 500, 19_999, 19_460), ("excitation", 21_000, 90_000, 69_001)]
-    assert (seen.steps.places[:, 0] - START).tolist() == [500, 9_040, 21_000, 40_000]
-    assert (seen.gaps.places - START).tolist() == [[8_999, 9_040]]
-    assert (seen.spoilt.places - START).tolist() == [[39_990, 40_004]]
+    assert (seen.steps.ranges[:, 0] - START).tolist() == [500, 9_040, 21_000, 40_000]
+    assert (seen.gaps.ranges - START).tolist() == [[8_999, 9_040]]
+    assert (seen.spoilt.ranges - START).tolist() == [[39_990, 40_004]]
     assert (seen.steps.count, seen.gaps.count, seen.spoilt.count) == (4, 1, 1)
     assert seen.spoilt_samples == 15
     assert (seen.facts.first_seq, seen.facts.last_seq) == (START, START + 90_000)

@@ -130,6 +130,6 @@ def test_samples_after_damaged_rows_are_drawn_at_their_time(log: Damaged, tmp_pa
 
     seen = log_index(tell, log.path, tmp_path / "picture")
     assert seen.facts.damaged == HURT
-    assert seen.gaps.places.tolist() == [[log.seq[row - 1], log.seq[row + HURT]]]
+    assert seen.gaps.ranges.tolist() == [[log.seq[row - 1], log.seq[row + HURT]]]
     drawn = samples(tell, log.path, seen.folder, seen.scale, row - 5, row + 5, 100)
     assert drawn.seq.tolist() == [*log.seq[row - 5 : row], *log.seq[row + HURT : row + HURT + 5]]

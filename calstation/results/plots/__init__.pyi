@@ -17,7 +17,6 @@ from .min_max_pyramid import MinMaxPyramid as MinMaxPyramid
 from .min_max_pyramid import Values as Values
 from .min_max_pyramid import group_of as group_of
 from .min_max_pyramid import joined as joined
-from .pairs import PairEvent as PairEvent
 from .pairs import PairPlotData as PairPlotData
 from .pairs import PairResiduals as PairResiduals
 from .pairs import SecondaryPlotData as SecondaryPlotData

@@ -38,12 +38,12 @@ class Applied:
     named: bool = True  #: The unit reported its serial number itself.
 
 
-def apply_to_recording(tell: ProgressCallback, path: Path, before: FloatArray, found: FloatArray) -> Applied:
+def apply_to_recording(report: ProgressCallback, path: Path, before: FloatArray, found: FloatArray) -> Applied:
     """Job: apply parameters to all valid samples of a recording.
 
     Parameters
     ----------
-    tell : progress of the job
+    report : progress of the job
     path : the recording
     before, found : previous and new parameters, SI, shape (30,)
 
@@ -52,10 +52,10 @@ def apply_to_recording(tell: ProgressCallback, path: Path, before: FloatArray, f
     InputError
         If the recording cannot be read, or if the unit never rests.
     """
-    tell(0.0)
+    report(0.0)
     log = open_log(path)
     blocks = list(log.blocks())
-    tell(0.5)
+    report(0.5)
     return applied(blocks, context_from_meta(log.meta), before, found, path)
 
 

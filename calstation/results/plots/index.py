@@ -42,7 +42,7 @@ class StageSpan:
 class Marks:
     """Marks of one kind: (first, last) sequence numbers, shape (n, 2), at most `MOST_MARKS` of all `count`."""
 
-    places: IntArray
+    ranges: IntArray
     count: int
 
 
@@ -74,12 +74,12 @@ def expected_rows(path: Path) -> int:
     return max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
 
 
-def log_index(tell: ProgressCallback, path: Path, folder: Path) -> LogIndex:
+def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
     """Job: read a log once and write its min-max pyramid.
 
     Parameters
     ----------
-    tell : progress of the job
+    report : progress of the job
     path : the log
     folder : to create for the pyramid
 
@@ -104,7 +104,7 @@ def log_index(tell: ProgressCallback, path: Path, folder: Path) -> LogIndex:
             writer.add(block.seq, np.hstack([block.counts * scale, angles]).astype(np.float32))
             builder.add(block)
             done += len(block)
-            tell(min(done / total, 0.99))
+            report(min(done / total, 0.99))
         writer.close()
         holes = np.array([(part.row, part.count) for part in log.damaged_rows], np.int64).reshape(-1, 2)
         np.save(folder / _HOLES, holes)
@@ -114,13 +114,13 @@ def log_index(tell: ProgressCallback, path: Path, folder: Path) -> LogIndex:
 
 
 def samples(
-    tell: ProgressCallback, path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
+    report: ProgressCallback, path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
 ) -> Columns:
     """Job: read columns of single samples, with angles held from poll to poll.
 
     Parameters
     ----------
-    tell : progress of the job
+    report : progress of the job
     path, folder, scale : of the log index
     start, stop : range of rows
     count : largest number of columns
@@ -134,7 +134,7 @@ def samples(
     else:
         kept = MinMaxPyramid(folder).samples(before, stop)
         seq, values = kept["seq"], kept["values"]
-    tell(1.0)
+    report(1.0)
     seq, values = seq[start - before :], values[start - before :]
     return joined(seq, values, values, group_of(len(seq), count), 1)
 
@@ -216,22 +216,22 @@ class _Marker:
     """Collects marks of one kind up to `MOST_MARKS`; `join` merges adjacent ones."""
 
     def __init__(self) -> None:
-        self._places: list[IntArray] = []
+        self._ranges: list[IntArray] = []
         self._kept = self._count = 0
 
     def add(self, first: IntArray, last: IntArray, join: bool = False) -> None:
         if len(first) == 0:
             return
-        places = np.column_stack([first, last]).astype(np.int64)
-        if join and self._places and self._places[-1][-1, 1] == places[0, 0] - 1:
-            self._places[-1][-1, 1] = places[0, 1]
-            places = places[1:]
-        self._count += len(places)
-        places = places[: MOST_MARKS - self._kept]
-        if len(places):
-            self._kept += len(places)
-            self._places.append(places)
+        ranges = np.column_stack([first, last]).astype(np.int64)
+        if join and self._ranges and self._ranges[-1][-1, 1] == ranges[0, 0] - 1:
+            self._ranges[-1][-1, 1] = ranges[0, 1]
+            ranges = ranges[1:]
+        self._count += len(ranges)
+        ranges = ranges[: MOST_MARKS - self._kept]
+        if len(ranges):
+            self._kept += len(ranges)
+            self._ranges.append(ranges)
 
     def marks(self) -> Marks:
-        places = np.concatenate([np.empty((0, 2), np.int64), *self._places])
-        return Marks(places, self._count)
+        ranges = np.concatenate([np.empty((0, 2), np.int64), *self._ranges])
+        return Marks(ranges, self._count)

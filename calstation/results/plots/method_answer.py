@@ -51,12 +51,12 @@ class MethodAnswer:
         return self.resolved.result.parameters
 
 
-def solve_method(tell: ProgressCallback, path: Path, stage: str) -> MethodAnswer:
+def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnswer:
     """Job: solve a whole recording by the stage ``multi_position``, ``gimbal`` or ``cross_calibration``.
 
     Raises InputError or ConfigurationError.
     """
-    tell(0.0, note="reading")
+    report(0.0, note="reading")
     log = open_log(path)
     total = expected_rows(path)
     first: list[int] = []
@@ -65,10 +65,10 @@ def solve_method(tell: ProgressCallback, path: Path, stage: str) -> MethodAnswer
         if not first:
             first.append(seq)
         read = min(1.0, (seq - first[0]) / total)
-        tell(_READ * read + (_SOLVED - _READ) * solved, note="solving" if solved or read > 0.9 else "reading")
+        report(_READ * read + (_SOLVED - _READ) * solved, note="solving" if solved or read > 0.9 else "reading")
 
     resolved = resolve(path, (stage,), progress=watch)
-    tell(_SOLVED, note="drawing")
+    report(_SOLVED, note="drawing")
     meta, samples = log.meta, resolved.result.log
     checked = validate(method(stage).schedule, meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
     schedule = checked.model_dump(mode="json")

@@ -18,6 +18,7 @@ from calstation.estimation.pairs import (
     LEVER,
     OFFSET,
     PairData,
+    WatchEvent,
     pair_data,
     pair_vector,
     signals,
@@ -67,26 +68,13 @@ class SecondaryPlotData:
 
 
 @dataclass(frozen=True)
-class PairEvent:
-    """An event, as `estimation.pairs.watch.WatchEvent`, with its time since the recording's start, s.
-
-    `number` is that of the secondary, 0 for all.
-    """
-
-    kind: str
-    time: float
-    number: int
-    values: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
 class PairPlotData:
     """All secondaries of a recording, and their stored calibrations."""
 
     primary: str
     secondaries: tuple[SecondaryPlotData, ...]
     kept: tuple[StoredPairFile, ...]
-    happened: tuple[PairEvent, ...]  #: Events of a calibration by triggers.
+    happened: tuple[WatchEvent, ...]  #: Of a calibration by triggers, with the time since the recording's start.
     duration: float  #: Of the recording, s.
 
 
@@ -110,9 +98,9 @@ def pair_plot_data(data: StageData, context: SolveContext, prior: Belief, detail
     )
 
 
-def _event(row: Mapping[str, Any], begin: float) -> PairEvent:
+def _event(row: Mapping[str, Any], begin: float) -> WatchEvent:
     values = {key: value for key, value in row.items() if key not in ("kind", "time", "number")}
-    return PairEvent(row["kind"], row["time"] - begin, row["number"], values_from_json(values))
+    return WatchEvent(row["kind"], row["time"] - begin, row["number"], values_from_json(values))
 
 
 def stored_values(context: SolveContext) -> dict[str, float]:
