@@ -29,7 +29,13 @@ def complaint(error: CalstationError) -> str:
     return str(what.code)
 
 
-def joint_axis(geometry: TableGeometry, joint: int, inner: float) -> FloatArray:
-    """Axis of a joint in b at an inner angle (rad), from the attitudes before and after a turn of 0.5 rad."""
-    before, after = geometry.body_to_home(0.0, inner), geometry.body_to_home(0.5 * (joint == 0), inner + 0.5 * joint)
-    return np.asarray(rotation_vector(before.T @ after) / 0.5)
+class Progress:
+    """A `ProgressCallback` that records."""
+
+    def __init__(self) -> None:
+        self.fractions: list[float] = []
+        self.notes: list[str] = []
+
+    def __call__(self, fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+        self.fractions.append(fraction)
+        self.notes.append(note)

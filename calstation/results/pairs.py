@@ -110,20 +110,20 @@ class PairProgress:
     duration: float  #: Of the whole recording, s.
     state: str  #: ``waiting``, ``checking`` or ``calibrating``.
     motion: float  #: Share of the motion that a calibration needs, 0 to 1.
-    happened: tuple[WatchEvent, ...]  #: Events so far.
+    events: tuple[WatchEvent, ...]  #: Events so far.
 
     def to_note(self) -> str:
         """As the note of a job's progress."""
-        happened = [(h.kind, h.time, h.number, values_to_json(h.values)) for h in self.happened]
-        return json.dumps([self.time, self.duration, self.state, self.motion, happened])
+        events = [(h.kind, h.time, h.number, values_to_json(h.values)) for h in self.events]
+        return json.dumps([self.time, self.duration, self.state, self.motion, events])
 
 
 def progress_from_note(note: str) -> PairProgress | None:
     """Read `PairProgress.to_note`; None for any other note."""
     if not note.startswith("["):
         return None
-    time, duration, state, motion, happened = json.loads(note)
-    events = tuple(WatchEvent(kind, at, number, values_from_json(values)) for kind, at, number, values in happened)
+    time, duration, state, motion, rows = json.loads(note)
+    events = tuple(WatchEvent(kind, at, number, values_from_json(values)) for kind, at, number, values in rows)
     return PairProgress(time, duration, state, motion, events)
 
 
@@ -131,14 +131,14 @@ def progress_from_note(note: str) -> PairProgress | None:
 class PairCheckResult:
     """A replayed recording: the last check of each secondary by number, and its stored calibration."""
 
-    followed: PairProgress
+    progress: PairProgress
     checks: Mapping[int, Mapping[str, Any]]
-    kept: tuple[StoredPairFile, ...]
+    stored: tuple[StoredPairFile, ...]
 
     @property
     def calibrated(self) -> frozenset[int]:
         """Numbers of the secondaries that were out of tolerance and have been calibrated."""
-        return frozenset(h.number for h in self.followed.happened if h.kind == "calibrated")
+        return frozenset(h.number for h in self.progress.events if h.kind == "calibrated")
 
 
 def check_pair(report: ProgressCallback, path: Path) -> PairCheckResult:

@@ -24,8 +24,8 @@ OWN_SERIAL = "[imu.serial]\n"
 def check(done: Done, code: int, *words: str) -> None:
     """One or two lines that say these words, and the exit code."""
     assert done.code == code, done.err
-    told = [line for line in done.err.splitlines() if line.startswith("calstation: ")]
-    assert len(told) == 1, done.err
+    output = [line for line in done.err.splitlines() if line.startswith("calstation: ")]
+    assert len(output) == 1, done.err
     assert "Traceback" not in done.err
     for word in words:
         assert word in done.err
@@ -85,7 +85,7 @@ def test_unknown_stage(calstation: Run, tmp_path: Path) -> None:
     check(calstation("run", "--stages", "six_positions"), 2, "'six_positions'", "Choose from")
 
 
-def test_a_stage_that_the_log_does_not_hold(calstation: Run, tmp_path: Path) -> None:
+def test_a_stage_that_is_not_in_the_log(calstation: Run, tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     check(
         calstation("resolve", log, "--stages", "rate"),
@@ -155,7 +155,7 @@ def test_wrong_usage(calstation: Run, arguments: list[str]) -> None:
         ("registers finish", "registers finish needs SERIAL. See calstation registers finish --help."),
     ],
 )
-def test_wrong_usage_is_reported_in_our_words(calstation: Run, line: str, said: str) -> None:
+def test_wrong_usage_has_a_message_of_the_catalogue(calstation: Run, line: str, said: str) -> None:
     check(calstation(*line.split()), 2, f"calstation: {said}")
 
 
@@ -273,7 +273,7 @@ def test_hardware_needs_a_serial_number_and_no_bench_options(calstation: Run, tm
     check(done, 2, "--speed", "virtual bench")
 
 
-def test_hardware_for_gyros_that_do_not_feel_the_earth_needs_a_confirmed_place(calstation: Run, tmp_path: Path) -> None:
+def test_gyros_that_cannot_resolve_earth_rate_need_a_confirmed_site(calstation: Run, tmp_path: Path) -> None:
     surveyed = ("height_m = 400.0", "height_m = 400.0\ngravity_mps2 = 9.79612")
     station = edited(tmp_path, "stations", "example_hardware", surveyed)
     product = shipped_folder() / "products" / "mems_c.toml"
@@ -339,7 +339,7 @@ def test_study_options(calstation: Run) -> None:
     check(calstation("study", "--seeds", 0), 2, "--seeds")
 
 
-def test_a_mistake_of_the_program_is_no_traceback(
+def test_an_internal_error_shows_no_traceback(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def broken(*_: object) -> int:
@@ -347,8 +347,8 @@ def test_a_mistake_of_the_program_is_no_traceback(
 
     monkeypatch.setattr("calstation.cli.logs.resolve_command", broken)
     assert run_app(["resolve", "x.h5"]) == 3
-    told = capsys.readouterr().err
-    assert told == "calstation: internal error: ZeroDivisionError: division by zero (--debug shows where)\n"
+    output = capsys.readouterr().err
+    assert output == "calstation: internal error: ZeroDivisionError: division by zero (--debug shows where)\n"
     assert run_app(["--debug", "resolve", "x.h5"]) == 3
     assert "Traceback" in capsys.readouterr().err
 
@@ -361,7 +361,7 @@ def test_a_narrow_console_gets_question_marks(monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("command", ["resolve x.h5", "run", "study"])
-def test_a_result_file_that_cannot_be_written_is_told_at_once(
+def test_an_unwritable_result_file_is_refused_at_once(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_app([*command.split(), "--json", str(tmp_path / "none" / "a.json")]) == 2

@@ -26,7 +26,7 @@ def station(tmp_path: Path, table: str, imu: str) -> Path:
     return path
 
 
-def test_a_right_link_is_told_line_by_line(calstation: Run) -> None:
+def test_a_working_link_is_described_line_by_line(calstation: Run) -> None:
     done = calstation("test", "table")
     assert done.code == 0, done.out + done.err
     assert done.out.splitlines()[-1] == "The link works."
@@ -36,7 +36,7 @@ def test_a_right_link_is_told_line_by_line(calstation: Run) -> None:
     assert {"id", "state", "values", "text", "mend"} == set(report["findings"][0])
 
 
-def test_what_is_wrong_is_shown_with_its_remedy(calstation: Run, tmp_path: Path) -> None:
+def test_a_failed_link_is_shown_with_its_remedy(calstation: Run, tmp_path: Path) -> None:
     fake = FakeTable({})
     fake.words[17] |= 1 << 3
     fake.words[20] = 0
@@ -62,7 +62,7 @@ def test_a_unit_on_hardware_is_tested(calstation: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", sorted(shipped_folder().glob("*/*.toml")), ids=lambda p: f"{p.parent.name}-{p.stem}")
-def test_a_shipped_file_is_right_wherever_it_lies(calstation: Run, tmp_path: Path, path: Path) -> None:
+def test_a_shipped_file_is_valid_in_any_folder(calstation: Run, tmp_path: Path, path: Path) -> None:
     elsewhere = tmp_path / path.name
     elsewhere.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")
     for file in (path, elsewhere):
@@ -71,7 +71,7 @@ def test_a_shipped_file_is_right_wherever_it_lies(calstation: Run, tmp_path: Pat
         assert done.json["kind"] == path.parent.name
 
 
-def test_all_that_is_wrong_in_a_file_is_told_with_its_line(calstation: Run, tmp_path: Path) -> None:
+def test_all_problems_of_a_file_have_their_lines(calstation: Run, tmp_path: Path) -> None:
     path = tmp_path / "s.toml"
     text = (shipped_folder() / "stations" / "virtual_bench.toml").read_text(encoding="utf-8")
     path.write_text(text.replace("34.25", "134.25").replace('profile = "bench"', 'profile = "lathe"'), encoding="utf-8")
@@ -101,7 +101,7 @@ def test_ports_that_no_run_would_open_are_shown_with_their_remedy(
     assert remedy in done.out
 
 
-def test_a_gravity_that_a_run_refuses_is_told_before(calstation: Run, tmp_path: Path) -> None:
+def test_a_gravity_that_a_run_refuses_is_a_problem(calstation: Run, tmp_path: Path) -> None:
     file = tmp_path / "station.toml"
     site = {**STATION["site"], "gravity_mps2": 9.83}
     file.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {"seed": 1}}), encoding="utf-8")
@@ -115,7 +115,7 @@ def test_a_gravity_that_a_run_refuses_is_told_before(calstation: Run, tmp_path: 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
-def test_all_that_keeps_a_product_from_this_station_is_told_at_once(calstation: Run, tmp_path: Path) -> None:
+def test_all_incompatibilities_of_product_and_station_are_shown(calstation: Run, tmp_path: Path) -> None:
     product = tmp_path / "product.toml"
     product.write_text(
         'name = "carried"\nimu = "bench_nav"\nserial_pattern = ".*"\nstages = ["multi_position"]\n'
@@ -140,7 +140,7 @@ def test_all_that_keeps_a_product_from_this_station_is_told_at_once(calstation: 
         assert done.out.splitlines()[-1] == "The link works, but a run would not start like this."
 
 
-def test_the_table_of_a_station_is_judged_for_a_product_that_is_named(calstation: Run) -> None:
+def test_the_table_is_checked_for_a_given_product(calstation: Run) -> None:
     by_hand = shipped_folder() / "products" / "mems_hand.toml"
     done = calstation("test", "table", "--product", by_hand)
     assert done.code == 3

@@ -1,4 +1,4 @@
-"""`calstation` alone: the window where there is a screen, a run in the terminal where there is none."""
+"""`calstation` alone opens the window, or starts a run in the terminal if there is no screen."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ LINUX = sys.platform not in ("win32", "darwin")
 
 
 @pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")
-def test_without_a_screen_it_says_so_in_a_line_and_runs(
+def test_without_a_screen_a_run_starts_after_a_message(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM"):
@@ -27,9 +27,9 @@ def test_without_a_screen_it_says_so_in_a_line_and_runs(
     monkeypatch.setattr("calstation.cli.run.run_command", run)
     assert run_app([]) == 1
     assert [request.station for request in ran] == [None]
-    told = capsys.readouterr().err.splitlines()
-    assert len(told) == 1
-    assert "No screen here" in told[0]
+    output = capsys.readouterr().err.splitlines()
+    assert len(output) == 1
+    assert "No screen here" in output[0]
 
 
 @pytest.mark.skipif(not LINUX, reason="elsewhere there is always a screen")

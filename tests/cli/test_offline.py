@@ -51,7 +51,9 @@ def test_a_part_of_the_log_solves(calstation: Callable[..., Done], tmp_path: Pat
     assert (done.json["log"]["first_seq"], done.json["log"]["last_seq"]) == (100, 2900)
 
 
-def test_a_stage_cut_short_is_told_and_those_before_are_solved(calstation: Callable[..., Done], tmp_path: Path) -> None:
+def test_a_truncated_stage_is_reported_and_earlier_ones_are_solved(
+    calstation: Callable[..., Done], tmp_path: Path
+) -> None:
     rows = six_position_rows()
     cut = [
         ",".join([str(number), f"{(number + 1) / 50:.2f}", *row.split(",")[2:10], "rate", "0"])
@@ -77,15 +79,15 @@ def test_debug_shows_where(calstation: Callable[..., Done], tmp_path: Path) -> N
 def test_help_answers_at_once() -> None:
     """In about twice the time that the parser and the console alone take to be imported."""
     commands = (["-m", "calstation", "--help"], ["-c", "import typer, rich.console"])
-    told = ""
+    output = ""
     times: tuple[list[float], list[float]] = ([], [])
     for _ in range(3):
         for command, taken in zip(commands, times, strict=True):
             begin = time.perf_counter()
             done = subprocess.run([sys.executable, *command], capture_output=True, text=True, check=True)
             taken.append(time.perf_counter() - begin)
-            told = told or done.stdout
-    assert all(name in told for name in ("run", "resolve", "import", "export", "study"))
+            output = output or done.stdout
+    assert all(name in output for name in ("run", "resolve", "import", "export", "study"))
     assert min(times[0]) < 5.0 * min(times[1])
     heavy = "import sys, calstation.cli.app; print(sorted({'numpy', 'numba', 'h5py'} & set(sys.modules)))"
     listed = subprocess.run([sys.executable, "-c", heavy], capture_output=True, text=True, check=True)

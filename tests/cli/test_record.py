@@ -1,4 +1,4 @@
-"""A recording of the bench, solved, exported and brought back by command alone."""
+"""A recording of the bench is solved, exported and imported by commands."""
 
 import json
 from collections.abc import Callable
@@ -38,7 +38,7 @@ def test_a_recording_is_made_solved_and_compared_with_its_truth(
     assert again["log"]["sha256"] == first.json["log"]["sha256"]
 
 
-def test_what_the_bench_does_not_know_is_told(calstation: Run, tmp_path: Path) -> None:
+def test_refuses_an_unknown_kind_grade_or_file_name(calstation: Run, tmp_path: Path) -> None:
     assert "Choose from hand, pair, gimbal" in calstation("record", "foot", "-o", tmp_path / "a.h5").err
     assert "Choose from nav" in calstation("record", "hand", "-o", tmp_path / "a.h5", "--grade", "best").err
     assert "ends in .h5" in calstation("record", "hand", "-o", tmp_path / "a.csv").err

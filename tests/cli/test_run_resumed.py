@@ -1,4 +1,4 @@
-"""A stopped run carried on from the command line."""
+"""A stopped run is resumed from the command line."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,7 +13,7 @@ from calstation.sequencer.events import Event, StepStarted
 from tests.site_folder import QUICK, SiteFolder
 
 
-def test_a_stopped_run_is_carried_on(
+def test_resumes_a_stopped_run(
     tmp_path: Path, calstation: Callable[..., Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     site_folder = SiteFolder(tmp_path)

@@ -1,4 +1,4 @@
-"""IMUs on one body, followed: off at first, calibrated and kept, and within the threshold the next time."""
+"""IMUs on one body are calibrated if out of tolerance, and within the threshold the next time."""
 
 import re
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from tests.cli.conftest import Done, six_position_rows, write_log
 Run = Callable[..., Done]
 
 
-def test_what_was_off_is_calibrated_kept_and_good_the_next_time(calstation: Run, tmp_path: Path) -> None:
+def test_calibrates_and_stores_a_pair_that_is_out_of_tolerance(calstation: Run, tmp_path: Path) -> None:
     log, pairs = tmp_path / "pair.h5", tmp_path / "pairs"
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
     first = calstation("watch", log, "--pairs", pairs)
@@ -28,7 +28,7 @@ def test_what_was_off_is_calibrated_kept_and_good_the_next_time(calstation: Run,
     assert load_pair(pairs, "BENCH-mems", "BENCH-2") == kept
 
 
-def test_a_log_of_one_imu_is_told(calstation: Run, tmp_path: Path) -> None:
+def test_refuses_a_log_of_one_imu(calstation: Run, tmp_path: Path) -> None:
     done = calstation("watch", write_log(tmp_path, six_position_rows()), "--pairs", tmp_path)
     assert done.code == 2
     assert "log.csv: The log holds one IMU only. Add [imu2]" in done.err

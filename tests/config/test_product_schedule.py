@@ -1,4 +1,4 @@
-"""An engineer's schedule goes into the product's file as a version of it; everything else there stays as it was."""
+"""A schedule is saved in the product's file as a new version; other entries are unchanged."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return library.find("products", "nav_a")
 
 
-def test_a_shipped_product_gets_a_copy_of_the_sites_with_the_new_values(shipped: Path, tmp_path: Path) -> None:
+def test_a_shipped_product_is_copied_to_the_site_with_the_new_values(shipped: Path, tmp_path: Path) -> None:
     before = shipped.read_text(encoding="utf-8")
     changes = {"rate": {"turns": 3}, "excitation": {"targets": {"gyro_bias": 1e-7}, "rounds": 2}}
     path, version = save_schedule(tell, shipped, changes, "wang")

@@ -1,4 +1,4 @@
-"""A product whose units may pass and yet not fit into their registers is refused before anything moves."""
+"""A product whose limits admit values that the registers cannot hold is refused."""
 
 import tomllib
 from pathlib import Path

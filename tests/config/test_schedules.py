@@ -1,4 +1,4 @@
-"""What a form is built from: fields with their ranges, a product's values, and what is wrong with a value."""
+"""Fields of schedules with their ranges, values of a product, and problems of values."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from calstation.errors import ConfigurationError
 from tests.site_folder import PRODUCT, SiteFolder
 
 
-def test_fields_tell_kind_unit_range_and_words() -> None:
+def test_fields_have_kind_unit_range_and_description() -> None:
     turns, rate, _, dwell = schedule_fields("rate")
     assert (turns.name, turns.kind, turns.low, turns.high, turns.optional) == (
         "turns",
@@ -28,7 +28,7 @@ def test_fields_tell_kind_unit_range_and_words() -> None:
     assert all(field.description for field in by_name.values())
 
 
-def test_an_offer_holds_whole_schedules_with_the_product_before_the_method(site_folder: SiteFolder) -> None:
+def test_options_hold_complete_schedules_with_the_values_of_the_product(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     offered = schedule_options(site_folder.station, site_folder.product)
     assert offered.stages == ("six_position", "rate")
@@ -54,7 +54,7 @@ def test_an_offer_holds_whole_schedules_with_the_product_before_the_method(site_
         ("excitation", {"rounds": None}, "", None),
     ],
 )
-def test_a_wrong_value_is_told_by_its_field(
+def test_finds_the_field_of_a_wrong_value(
     site_folder: SiteFolder, stage: str, change: dict[str, object], field: str, problem: ScheduleProblem | None
 ) -> None:
     offered = schedule_options(site_folder.station, site_folder.product)
@@ -67,7 +67,7 @@ def test_a_wrong_value_is_told_by_its_field(
     assert found[field].bound == pytest.approx(problem.bound)
 
 
-def test_a_request_goes_before_the_product_and_stands_in_the_logs_meta_and_hash(site_folder: SiteFolder) -> None:
+def test_values_of_a_request_replace_those_of_the_product(site_folder: SiteFolder) -> None:
     asked = site_folder.request("rate")
     changed = prepare_run(replace(asked, schedule={"rate": {"turns": 2}, "excitation": {"rounds": 3}}))
     assert list(changed.schedules) == ["rate"]
@@ -79,7 +79,7 @@ def test_a_request_goes_before_the_product_and_stands_in_the_logs_meta_and_hash(
         prepare_run(replace(asked, schedule={"rate": {"turns": 0}}))
 
 
-def test_other_kinds_of_fields_are_told_apart() -> None:
+def test_distinguishes_the_kinds_of_fields() -> None:
     kinds = {field.name: field.kind for field in schedule_fields("multi_position")}
     assert kinds["manual"] == "flag"
     assert kinds["step_deg"] == "number"

@@ -1,4 +1,4 @@
-"""Latitude and gravity of a station: what contradicts itself is refused before anything is opened."""
+"""Contradictory latitude and gravity of a station are refused before anything is opened."""
 
 from typing import Any
 
@@ -40,7 +40,7 @@ def meta(noise: dict[str, float], *stages: str, **site: Any) -> LogMeta:
 
 
 @pytest.mark.parametrize("gravity", [9.79547, 9.7928, 9.7981])
-def test_surveyed_gravity_within_what_the_earth_does_is_believed(gravity: float) -> None:
+def test_accepts_surveyed_gravity_within_natural_anomalies(gravity: float) -> None:
     check_site(meta(MEMS, "six_position", gravity_mps2=gravity))
 
 
@@ -49,15 +49,13 @@ def test_surveyed_gravity_within_what_the_earth_does_is_believed(gravity: float)
     [{"gravity_mps2": 9.7924}, {"gravity_mps2": 9.7985}, {"latitude_deg": 39.25}, {"height_m": 4000.0}],
 )
 @pytest.mark.parametrize("noise", [NAV, MEMS])
-def test_a_slip_in_gravity_latitude_or_height_contradicts_the_others(
-    noise: dict[str, float], wrong: dict[str, float]
-) -> None:
+def test_refuses_gravity_that_contradicts_latitude_or_height(noise: dict[str, float], wrong: dict[str, float]) -> None:
     with raises_code(EntryError, "site.gravity_contradicts") as caught:
         check_site(meta(noise, "rate", **{"gravity_mps2": 9.79547, **wrong}))
     assert caught.value.place == ("site", "gravity_mps2")
 
 
-def test_only_who_feels_the_earth_turn_needs_no_surveyed_gravity() -> None:
+def test_gyros_that_resolve_earth_rate_need_no_surveyed_gravity() -> None:
     check_site(meta(NAV, "six_position"))
     check_site(meta(MEMS, "rate"))  # turned both ways, a gyro's scale factor carries no latitude
     for stage in ("six_position", "excitation", "multi_position"):
@@ -65,24 +63,24 @@ def test_only_who_feels_the_earth_turn_needs_no_surveyed_gravity() -> None:
             check_site(meta(MEMS, "rate", stage))
 
 
-def standing(*told: str, **otherwise: float) -> StationSite:
+def station_site(*confirmed: str, **otherwise: float) -> StationSite:
     here = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "gravity_mps2": 9.79547}
-    return StationSite.model_validate({**here, **otherwise, "confirmed_on": list(told)})
+    return StationSite.model_validate({**here, **otherwise, "confirmed_on": list(confirmed)})
 
 
-CONFIRMED = confirmation_key(standing())
+CONFIRMED = confirmation_key(station_site())
 
 
 @pytest.mark.parametrize(
     ("noise", "site", "code"),
     [
-        (NAV, standing(), ""),
-        (MEMS, standing(), "site.not_confirmed"),
-        (MEMS, standing("plant-2: 34.25 108.9 400.0 9.79547"), "site.confirmed_elsewhere"),
-        (NAV, standing("a", "b"), "site.confirmed_elsewhere"),
-        (MEMS, standing("a", CONFIRMED), ""),
-        (NAV, standing(CONFIRMED, height_m=900.0), "site.confirmed_elsewhere"),
-        (MEMS, standing(CONFIRMED, gravity_mps2=9.7955), "site.confirmed_elsewhere"),
+        (NAV, station_site(), ""),
+        (MEMS, station_site(), "site.not_confirmed"),
+        (MEMS, station_site("plant-2: 34.25 108.9 400.0 9.79547"), "site.confirmed_elsewhere"),
+        (NAV, station_site("a", "b"), "site.confirmed_elsewhere"),
+        (MEMS, station_site("a", CONFIRMED), ""),
+        (NAV, station_site(CONFIRMED, height_m=900.0), "site.confirmed_elsewhere"),
+        (MEMS, station_site(CONFIRMED, gravity_mps2=9.7955), "site.confirmed_elsewhere"),
     ],
 )
 def test_a_site_confirmed_elsewhere_must_be_confirmed_on_this_computer(
@@ -99,8 +97,8 @@ def test_a_site_confirmed_elsewhere_must_be_confirmed_on_this_computer(
     assert caught.value.values.get("confirmed", "") == "; ".join(site.confirmed_on)
 
 
-def test_stages_that_carry_no_gravity_need_nobody() -> None:
-    check_confirmation(standing(), meta(MEMS, "rate"))
+def test_stages_without_accelerometer_scale_need_no_confirmation() -> None:
+    check_confirmation(station_site(), meta(MEMS, "rate"))
 
 
 def solved(latitude: LatitudeEstimate | None, nis: float = 1.0) -> tuple[Solution, ...]:
@@ -108,26 +106,26 @@ def solved(latitude: LatitudeEstimate | None, nis: float = 1.0) -> tuple[Solutio
     return (Solution("six_position", belief, (), Consistency(nis, 0.9, 1.1, 1), latitude=latitude),)
 
 
-def test_a_latitude_seen_elsewhere_is_a_check_that_fails_and_ends_the_run() -> None:
-    told = meta(NAV, "six_position")
+def test_another_measured_latitude_fails_the_check_and_ends_the_run() -> None:
+    log_meta = meta(NAV, "six_position")
     for seen, agrees in ((LatitudeEstimate(0.5978, 1e-4), True), (LatitudeEstimate(0.60, 1e-4), False)):
-        (check,) = check_latitude(told, solved(seen))
+        (check,) = check_latitude(log_meta, solved(seen))
         assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
         assert latitude_agrees([check]) is agrees
     with pytest.raises(ConfigurationError, match=r"as at latitude 34.38° \(sigma 0.01°\)"):
-        check_seen_latitude(told, solved(LatitudeEstimate(0.60, 1e-4)))
+        check_seen_latitude(log_meta, solved(LatitudeEstimate(0.60, 1e-4)))
 
 
-def test_where_nothing_is_seen_nothing_is_said() -> None:
-    told = meta(NAV, "rate")
+def test_without_a_measured_latitude_there_is_no_check() -> None:
+    log_meta = meta(NAV, "rate")
     for solutions in ((), solved(None)):
-        assert check_latitude(told, solutions) == []
-        check_seen_latitude(told, solutions)
+        assert check_latitude(log_meta, solutions) == []
+        check_seen_latitude(log_meta, solutions)
 
 
-def test_what_does_not_fit_together_names_a_latitude_that_no_rest_has_told() -> None:
-    told, misfit = meta(NAV, "six_position"), solved(None, nis=5.0)
-    assert unconfirmed_latitude(told, misfit) == {"stage": "six_position", "latitude": 34.25}
-    assert unconfirmed_latitude(told, solved(None)) is None
-    assert unconfirmed_latitude(told, solved(LatitudeEstimate(0.5978, 1e-4), nis=5.0)) is None
+def test_an_inconsistent_stage_names_an_unconfirmed_latitude() -> None:
+    log_meta, misfit = meta(NAV, "six_position"), solved(None, nis=5.0)
+    assert unconfirmed_latitude(log_meta, misfit) == {"stage": "six_position", "latitude": 34.25}
+    assert unconfirmed_latitude(log_meta, solved(None)) is None
+    assert unconfirmed_latitude(log_meta, solved(LatitudeEstimate(0.5978, 1e-4), nis=5.0)) is None
     assert unconfirmed_latitude(meta(MEMS, "six_position"), misfit) is None

@@ -39,12 +39,12 @@ def spoilt(kind: str, name: str, old: str, new: str) -> list[Problem]:
 
 
 @pytest.mark.parametrize(("kind", "path"), SHIPPED, ids=lambda value: getattr(value, "stem", value))
-def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
+def test_every_shipped_file_is_valid(kind: str, path: Path) -> None:
     assert check(kind, read_text(path)) == []
 
 
 @pytest.mark.parametrize(
-    ("kind", "name", "old", "new", "where", "told"),
+    ("kind", "name", "old", "new", "where", "message"),
     [
         ("products", "nav_a", "turns = 2", "turns = 0", THERE, "schedule.rate.turns: 0 is out of range"),
         ("products", "nav_a", "rounds = 1", "round = 1", THERE, "Did you mean 'rounds'?"),
@@ -142,20 +142,20 @@ def test_every_shipped_file_is_right(kind: str, path: Path) -> None:
         ("stations", "example_hardware", 'port = "tcp', 'prt = "tcp', THERE, "Did you mean 'port'?"),
     ],
 )
-def test_a_wrong_entry_is_told_with_its_line(kind: str, name: str, old: str, new: str, where: str, told: str) -> None:
+def test_a_wrong_entry_has_its_line(kind: str, name: str, old: str, new: str, where: str, message: str) -> None:
     problem = spoilt(kind, name, old, new)[0]
-    assert told in problem.text
+    assert message in problem.text
     lines = (shipped(kind, name).split(old)[0] + old).splitlines()
     header = max((i for i, text in enumerate(lines, 1) if text.startswith("[")), default=0)
     assert problem.line == (header if where == HEADER else len(lines))
 
 
-def test_all_problems_are_told_not_only_the_first() -> None:
+def test_finds_all_problems() -> None:
     text = shipped("stations", "example_hardware").replace("34.25", '"x"').replace("400.0", "1e9")
     assert [p.place for p in check("stations", text)] == [("site", "latitude_deg"), ("site", "height_m")]
 
 
-def test_the_check_and_the_loader_say_the_same(tmp_path: Path) -> None:
+def test_check_and_loader_agree(tmp_path: Path) -> None:
     text = shipped("tables", "bench").replace("low_deg = -1080.0", "low_deg = 2000.0", 1)
     path = tmp_path / "bench.toml"
     path.write_text(text, encoding="utf-8")
@@ -164,7 +164,7 @@ def test_the_check_and_the_loader_say_the_same(tmp_path: Path) -> None:
     assert str(caught.value) == f"{path}: {check('tables', text)[0].text}"
 
 
-def test_comments_and_order_outlive_a_change() -> None:
+def test_a_change_preserves_comments_and_order() -> None:
     before = shipped("stations", "example_hardware")
     after = edit_toml(
         before,
@@ -186,7 +186,7 @@ def test_comments_and_order_outlive_a_change() -> None:
     assert data["imu"] == {"port": "/dev/ttyUSB0"}
 
 
-def test_a_table_that_becomes_empty_goes_with_its_last_value() -> None:
+def test_removing_the_last_value_removes_the_table() -> None:
     text = '[imu]\nport = "x" # here\n\n[imu.serial]\nbaud = 1\n'
     assert tomllib.loads(edit_toml(text, {("imu", "serial", "baud"): None})) == {"imu": {"port": "x"}}
     assert edit_toml(text, {("imu", "other"): None}) == text
@@ -206,7 +206,7 @@ DATA = st.recursive(
 
 @hypothesis_settings(deadline=None)
 @given(DATA)
-def test_every_value_of_a_text_has_a_line_that_holds_it(data: dict[str, object]) -> None:
+def test_finds_the_line_of_every_value(data: dict[str, object]) -> None:
     import tomli_w
 
     text = tomli_w.dumps(data, multiline_strings=False)
@@ -240,13 +240,13 @@ def test_a_sites_file_hides_the_shipped_one(tmp_path: Path, monkeypatch: pytest.
             new_name("tables", bad)
 
 
-def test_normal_gravity_is_shown_for_a_place_and_only_for_one() -> None:
+def test_normal_gravity_needs_a_valid_location() -> None:
     assert normal_gravity_at(45.0, 0.0) == pytest.approx(9.80620, abs=1e-5)
     assert normal_gravity_at(None, 0.0) is None
     assert normal_gravity_at(91, 0) is None
 
 
-def test_gravity_that_no_place_has_is_told_with_its_cost() -> None:
+def test_warns_of_impossible_gravity_with_the_resulting_error() -> None:
     right = normal_gravity_at(34.25, 400.0)
     assert right is not None
     assert site_advice(34.25, 108.9, 400.0, 0.0, right * (1 + 2.9e-4)) == ()
@@ -256,13 +256,13 @@ def test_gravity_that_no_place_has_is_told_with_its_cost() -> None:
     assert site_advice("x", 1.0, None, 0.0, 9.8) == ()  # type: ignore[arg-type]
 
 
-def test_a_place_that_is_hardly_meant_is_told() -> None:
+def test_warns_of_improbable_locations() -> None:
     assert [f.id for f in site_advice(0.0, 0.0, 0.0, 0.0, None)] == ["null_island"]
     assert [f.id for f in site_advice(-85.0, 10.0, 0.0, None, None)] == ["azimuth_hopeless"]
     assert site_advice(-85.0, 10.0, 0.0, 12.0, None) == ()
 
 
-def test_the_station_in_the_guide_is_right() -> None:
+def test_the_station_in_the_guide_is_valid() -> None:
     guide = (Path(__file__).parents[2] / "docs" / "how-to" / "connect.md").read_text(encoding="utf-8")
     (station,) = [t for t in re.findall(r"```toml\n(.*?)```", guide, re.DOTALL) if "[site]" in t]
     assert check("stations", station) == []

@@ -1,4 +1,4 @@
-"""Changes to a site's files are checked, put in place whole, kept, and can be taken back."""
+"""Changes to a site's files are checked, written atomically, numbered, and can be restored."""
 
 import hashlib
 from pathlib import Path
@@ -20,7 +20,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_change_is_the_sites_own_file_and_the_shipped_one_is_kept(home: Path) -> None:
+def test_a_change_creates_the_sites_own_file_and_keeps_the_shipped_one(home: Path) -> None:
     version = versions.save("products", "nav_a", CHANGED, "wang")
     assert library.find("products", "nav_a") == home / "products" / "nav_a.toml"
     assert (home / "products" / "nav_a.toml").read_text("utf-8") == CHANGED
@@ -39,14 +39,14 @@ def test_the_same_text_is_no_new_version() -> None:
     assert len(versions.list_versions("products", "nav_a")) == 2
 
 
-def test_an_old_version_comes_back_as_a_new_one(home: Path) -> None:
+def test_restoring_a_version_creates_a_new_one(home: Path) -> None:
     versions.save("products", "nav_a", CHANGED, "wang")
     version = versions.restore("products", "nav_a", 1, "li")
     assert (version.number, version.author) == (3, "li")
     assert (home / "products" / "nav_a.toml").read_text("utf-8") == SHIPPED
 
 
-def test_a_file_edited_by_other_means_is_kept_before_it_is_replaced(home: Path) -> None:
+def test_a_file_edited_elsewhere_is_saved_as_a_version(home: Path) -> None:
     versions.save("products", "nav_a", CHANGED, "wang")
     by_hand = SHIPPED.replace("turns = 2", "turns = 4")
     (home / "products" / "nav_a.toml").write_text(by_hand, encoding="utf-8")
@@ -58,22 +58,22 @@ def test_a_file_edited_by_other_means_is_kept_before_it_is_replaced(home: Path) 
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (SHIPPED.replace("turns = 2", "turns = 0"), r"line 17: schedule\.rate\.turns: 0 is out of range"),
         (SHIPPED.replace('imu = "bench_nav"', 'imu = "other"'), "no IMU profile “other”"),
         (SHIPPED.replace("name =", "name", 1), "not valid TOML"),
     ],
 )
-def test_a_wrong_text_changes_nothing(home: Path, text: str, told: str) -> None:
-    with pytest.raises(ConfigurationError, match=told):
+def test_a_wrong_text_changes_nothing(home: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
         versions.save("products", "nav_a", text, "wang")
     assert list(home.iterdir()) == []
     assert library.find("products", "nav_a").parent.parent == library.shipped_folder()
 
 
 @pytest.mark.parametrize("name", ["../x", "a/b", "", ".hidden"])
-def test_a_name_stays_in_its_folder(name: str) -> None:
+def test_a_name_cannot_leave_its_folder(name: str) -> None:
     with raises_code(ConfigurationError, "configuration.bad_name"):
         versions.save("products", name, SHIPPED, "wang")
 
@@ -83,7 +83,7 @@ def test_a_new_name_is_a_new_product() -> None:
     assert "nav_b" in library.names("products")
 
 
-def test_a_failure_in_between_leaves_the_file_as_it_was(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failed_write_leaves_the_file_unchanged(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     versions.save("products", "nav_a", CHANGED, "wang")
 
     def full(path: Path, *_: object) -> None:
@@ -97,7 +97,7 @@ def test_a_failure_in_between_leaves_the_file_as_it_was(home: Path, monkeypatch:
     assert versions.save("products", "nav_a", SHIPPED, "wang").number == 3
 
 
-def test_a_kept_text_that_was_touched_is_not_restored(home: Path) -> None:
+def test_a_modified_version_is_not_restored(home: Path) -> None:
     versions.save("products", "nav_a", CHANGED, "wang")
     (home / "versions" / "products" / "nav_a" / "0001.toml").write_text(CHANGED, encoding="utf-8")
     with raises_code(ConfigurationError, "versions.changed"):

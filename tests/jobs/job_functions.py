@@ -1,4 +1,4 @@
-"""Works for the workshop's tests: a worker process finds them by name."""
+"""Functions of jobs: the worker process finds them by name."""
 
 import os
 import time
@@ -36,7 +36,7 @@ def die(tell: ProgressCallback) -> None:
 
 
 def wait(tell: ProgressCallback, started: Path, go: Path) -> int:
-    """Say that it began, then work until told to end; returns the process's id."""
+    """Create the file `started`, then wait for the file `go`; returns the process's id."""
     started.write_text(str(os.getpid()), encoding="utf-8")
     while not go.exists():
         tell(0.25)

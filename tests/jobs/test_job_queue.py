@@ -1,4 +1,4 @@
-"""Slow work beside the window: progress, results, errors in one sentence, cancelling, dying, closing."""
+"""Background jobs: progress, results, errors, cancelling, a killed worker, closing."""
 
 import os
 import subprocess
@@ -44,7 +44,7 @@ def test_jobs_are_done_in_order_with_progress_and_result(job_queue: JobQueue) ->
     assert not job_queue.busy
 
 
-def test_an_error_is_one_clear_sentence(job_queue: JobQueue) -> None:
+def test_errors_of_jobs_are_reported(job_queue: JobQueue) -> None:
     jobs = [job_queue.submit(work) for work in (works.complain, works.blunder, works.unpicklable)]
     clear, mistake, lost = (ended(job) for job in jobs)
     assert [job.state for job in jobs] == ["failed"] * 3

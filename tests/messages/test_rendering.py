@@ -17,7 +17,7 @@ def test_every_family_can_be_read() -> None:
         assert catalogue.family(name)
 
 
-def test_an_error_knows_code_values_and_sentence() -> None:
+def test_an_error_has_code_values_and_sentence() -> None:
     error = DeviceFaultError("program.internal", detail="ZeroDivisionError")
     assert (error.code, error.values, error.exit_code) == (
         "program.internal",
@@ -52,7 +52,7 @@ def test_terms_are_translated_and_unknown_ones_are_readable() -> None:
     assert term("source", "some_thing") == "some thing"
 
 
-def test_a_missing_value_is_a_mistake_of_the_program() -> None:
+def test_a_missing_value_is_a_key_error() -> None:
     with pytest.raises(KeyError):
         render("program.internal", {})
 
@@ -64,5 +64,5 @@ def test_an_error_needs_a_code_of_the_catalogue(kind: type[CalstationError] | ty
         kind(code)
 
 
-def test_a_resettable_fault_says_so_itself() -> None:
+def test_only_some_faults_are_resettable() -> None:
     assert not CalstationError("program.internal", detail="x").resettable

@@ -1,4 +1,4 @@
-"""Every result reaches the factory's folder once: whole, in order, later where it must."""
+"""Every result reaches the factory's folder once, whole and in order, even after a failure."""
 
 import csv
 import json
@@ -99,7 +99,7 @@ def test_a_result_is_copied_and_one_line_added(factory: Factory) -> None:
     assert left == {"SN-1_a.json", "SN-2_b.json", CSV_NAME, ".handover.lock"}
 
 
-def test_a_run_that_did_not_reach_its_end_says_how_far_it_came_and_who_stopped_it(factory: Factory) -> None:
+def test_an_incomplete_run_has_its_stages_and_the_reason_of_its_end(factory: Factory) -> None:
     factory.result("SN-1_a", "incomplete", stages=[], finished_stages=["rate"])
     factory.result("SN-2_b", "stopped", stages=["rate"], stop_reason="listener_lost")
     factory.hand_over()
@@ -108,27 +108,27 @@ def test_a_run_that_did_not_reach_its_end_says_how_far_it_came_and_who_stopped_i
     assert (stopped["stages"], stopped["error"]) == ("rate", "listener_lost")
 
 
-def test_every_line_of_the_document_is_a_column() -> None:
+def test_every_documented_column_exists() -> None:
     text = (Path(__file__).parents[2] / "docs" / "how-to" / "hand-over.md").read_text("utf-8")
     for column in [*COLUMNS, "result"]:
         assert f"`{column}`" in text
 
 
-def test_without_a_section_it_goes_beside_the_runs(factory: Factory) -> None:
+def test_the_default_folder_is_beside_the_runs(factory: Factory) -> None:
     factory.result("SN-1_a")
     factory.hand_over(own=False)
     assert len(factory.rows(factory.runs.parent / "handover")) == 1
 
 
-def test_an_unreachable_folder_is_said_and_served_later(factory: Factory) -> None:
+def test_an_unreachable_folder_is_reported_and_served_later(factory: Factory) -> None:
     factory.folder.rmdir()
     for name in ("SN-1_a", "SN-2_b"):
         factory.result(name)
         factory.hand_over()
     assert not factory.folder.exists()
-    told = [event for event in factory.events if isinstance(event, Message)]
-    assert [(m.id, m.values["count"]) for m in told] == [("handover_waiting", 1), ("handover_waiting", 2)]
-    assert told[0].values["reason"].code == "os.not_found"
+    messages = [event for event in factory.events if isinstance(event, Message)]
+    assert [(m.id, m.values["count"]) for m in messages] == [("handover_waiting", 1), ("handover_waiting", 2)]
+    assert messages[0].values["reason"].code == "os.not_found"
     factory.folder.mkdir()
     factory.result("SN-3_c")
     factory.hand_over()
@@ -138,7 +138,7 @@ def test_an_unreachable_folder_is_said_and_served_later(factory: Factory) -> Non
     assert len(factory.rows()) == 3
 
 
-def test_a_window_hands_over_what_waits(factory: Factory) -> None:
+def test_the_window_delivers_pending_results(factory: Factory) -> None:
     import tomli_w
 
     station = {**STATION, "bench": {}, "handover": {"folder": "share"}}
@@ -148,20 +148,20 @@ def test_a_window_hands_over_what_waits(factory: Factory) -> None:
     assert (delivery.done, delivery.waiting, delivery.folder) == (1, 0, factory.folder)
 
 
-def test_a_folder_that_hangs_holds_nobody_up(factory: Factory, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unresponsive_folder_does_not_delay_a_run(factory: Factory, monkeypatch: pytest.MonkeyPatch) -> None:
     go = threading.Event()
     monkeypatch.setattr(handover, "_WAIT", 0.2)
     monkeypatch.setattr(handover, "write_atomic", lambda *_: go.wait(60.0))
     factory.result("SN-1_a")
     factory.hand_over()
     go.set()
-    (told,) = factory.events
-    assert isinstance(told, Message)
-    assert (told.id, told.values["count"]) == ("handover_waiting", 1)
-    assert told.values["reason"].code == "handover.no_answer"
+    (message,) = factory.events
+    assert isinstance(message, Message)
+    assert (message.id, message.values["count"]) == ("handover_waiting", 1)
+    assert message.values["reason"].code == "handover.no_answer"
 
 
-def test_one_that_cannot_go_does_not_hold_the_others(factory: Factory) -> None:
+def test_a_failed_delivery_does_not_block_the_others(factory: Factory) -> None:
     factory.result("SN-1_a")
     factory.result("SN-2_b")
     (factory.folder / "SN-1_a.json").mkdir()
@@ -178,7 +178,7 @@ def test_a_line_written_just_before_the_power_failed_is_not_written_twice(factor
     assert len(factory.rows()) == 1
 
 
-def test_a_torn_line_does_not_spoil_the_next(factory: Factory) -> None:
+def test_a_truncated_line_does_not_damage_the_next(factory: Factory) -> None:
     factory.result("SN-1_a")
     factory.hand_over()
     with (factory.folder / CSV_NAME).open("ab") as stream:
@@ -188,7 +188,7 @@ def test_a_torn_line_does_not_spoil_the_next(factory: Factory) -> None:
     assert [row["serial"] for row in factory.rows()] == ["SN-1", "SN-9", "SN-2"]
 
 
-def test_a_run_that_is_going_on_waits_and_a_deleted_one_is_forgotten(factory: Factory) -> None:
+def test_a_run_in_progress_stays_pending_and_a_deleted_one_is_dropped(factory: Factory) -> None:
     (factory.runs / "SN-1_a.h5").touch()
     for name in ("SN-1_a", "SN-2_gone"):
         register_pending(factory.runs, name)
@@ -218,11 +218,11 @@ def test_lines_of_two_programs_do_not_mix(factory: Factory) -> None:
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_without_permission_is_said(factory: Factory) -> None:
+def test_a_folder_without_permission_is_reported(factory: Factory) -> None:
     factory.folder.chmod(0o500)
     factory.result("SN-1_a")
     factory.hand_over()
     factory.folder.chmod(0o700)
-    (told,) = factory.events
-    assert isinstance(told, Message)
-    assert told.values["reason"].code == "os.no_permission"
+    (message,) = factory.events
+    assert isinstance(message, Message)
+    assert message.values["reason"].code == "os.no_permission"

@@ -1,4 +1,4 @@
-"""What was run before: made from the files, found again, and made anew where the index is lost."""
+"""The history of runs is built from their files and rebuilt if its index is lost."""
 
 import json
 import os
@@ -69,7 +69,7 @@ def test_runs_are_found_latest_first(three: Path) -> None:
     assert (run.log, run.result) == (three / "c.h5", three / "c.json")
 
 
-def test_what_is_asked_before_a_run(three: Path) -> None:
+def test_finds_attempts_and_the_last_pass_of_a_unit(three: Path) -> None:
     history = refreshed(three)
     passed = history.passed_before("SN-1")
     assert passed is not None
@@ -100,7 +100,7 @@ def test_previous_values_are_each_parameters_latest(three: Path) -> None:
     assert history.previous("SN-9") == {}
 
 
-def test_changes_are_taken_up_and_nothing_is_read_twice(three: Path) -> None:
+def test_refresh_reads_changed_files_only(three: Path) -> None:
     history = refreshed(three)
     assert history.refresh() == 0
     write(three, "b", "SN-1", "failed", 2)
@@ -110,7 +110,7 @@ def test_changes_are_taken_up_and_nothing_is_read_twice(three: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["delete", "garbage", "other version"])
-def test_a_lost_index_is_made_again(three: Path, damage: str) -> None:
+def test_a_lost_index_is_rebuilt(three: Path, damage: str) -> None:
     history = refreshed(three)
     path = three / FILE
     if damage == "delete":
@@ -126,13 +126,13 @@ def test_a_lost_index_is_made_again(three: Path, damage: str) -> None:
     assert len(refreshed(three).runs()) == 3
 
 
-def test_a_folder_that_cannot_hold_an_index_has_one_in_memory(three: Path) -> None:
+def test_a_read_only_folder_has_an_index_in_memory(three: Path) -> None:
     (three / FILE).mkdir()
     (three / FILE / "in the way").touch()
     assert len(refreshed(three).runs()) == 3
 
 
-def test_other_files_are_no_runs(three: Path) -> None:
+def test_other_files_are_ignored(three: Path) -> None:
     (three / "copy.json").write_text((three / "a.json").read_text("utf-8"), encoding="utf-8")
     write(three, "solved", "SN-1", "resolved", 9)
     (three / "list.json").write_text("[1, 2]", encoding="utf-8")
@@ -154,21 +154,21 @@ def test_other_files_are_no_runs(three: Path) -> None:
         {"log": 3},
     ],
 )
-def test_a_damaged_result_hides_itself_alone(three: Path, damage: dict[str, Any]) -> None:
+def test_a_damaged_result_hides_no_other_run(three: Path, damage: dict[str, Any]) -> None:
     write(three, "d", "SN-1", "passed", 4, **damage)
     history = refreshed(three)
     assert [run.log.stem for run in history.runs()] == ["c", "b", "a"]
     assert history.attempts("SN-1") == 2
 
 
-def test_a_value_that_is_no_number_is_left_out(three: Path) -> None:
+def test_values_that_are_not_finite_are_left_out(three: Path) -> None:
     write(three, "d", "SN-1", "passed", 4, values={"gyro_bias_x": float("nan"), "gyro_bias_y": 7.0})
     history = refreshed(three)
     assert len(history.runs()) == 4
     assert history.previous("SN-1") == {"gyro_bias_x": 2.0, "gyro_bias_y": 7.0}
 
 
-def test_a_log_without_a_result_is_incomplete_once_nobody_writes_it(tmp_path: Path) -> None:
+def test_a_closed_log_without_a_result_is_an_incomplete_run(tmp_path: Path) -> None:
     log = tmp_path / "x.h5"
     writer = RawLogWriter(log, LogMeta.model_validate(META))
     writer.append(make_block("rate", 0, 100))
@@ -186,11 +186,11 @@ def test_a_log_without_a_result_is_incomplete_once_nobody_writes_it(tmp_path: Pa
     assert [run.log.stem for run in history.runs()] == ["y"]
 
 
-def test_the_workshop_can_do_it(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refreshes_as_a_job(three: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(history_module, "_AT_ONCE", 2)
-    told: list[float] = []
-    assert refresh_history(lambda fraction, *_: told.append(fraction), three) == 3
-    assert told == [pytest.approx(2 / 3), 1.0]
+    fractions: list[float] = []
+    assert refresh_history(lambda fraction, *_: fractions.append(fraction), three) == 3
+    assert fractions == [pytest.approx(2 / 3), 1.0]
 
 
 def test_two_programs_share_an_index(three: Path) -> None:
@@ -200,14 +200,14 @@ def test_two_programs_share_an_index(three: Path) -> None:
     assert [run.serial for run in first.runs(limit=1)] == ["SN-4"]
 
 
-def test_a_folder_that_is_not_there_has_no_runs(tmp_path: Path) -> None:
+def test_a_missing_folder_has_no_runs(tmp_path: Path) -> None:
     history = refreshed(tmp_path / "none")
     assert history.runs() == []
     assert resumable(tmp_path / "none") == []
     assert not (tmp_path / "none").exists()
 
 
-def test_opening_the_program_settles_and_hands_over(tmp_path: Path) -> None:
+def test_startup_closes_incomplete_runs_and_delivers_results(tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     runs.mkdir()
     writer = RawLogWriter(runs / "x.h5", LogMeta.model_validate(META))
@@ -215,11 +215,11 @@ def test_opening_the_program_settles_and_hands_over(tmp_path: Path) -> None:
     writer.flush()
     (runs / "x.h5").rename(tmp_path / "going.h5")
     shutil.copyfile(tmp_path / "going.h5", runs / "x.h5")
-    told: list[float] = []
-    tidied = recover_startup(lambda fraction, *_: told.append(fraction), runs, None)
+    fractions: list[float] = []
+    tidied = recover_startup(lambda fraction, *_: fractions.append(fraction), runs, None)
     assert tidied.incomplete == (runs / "x.h5",)
     assert (tidied.delivery.folder, tidied.delivery.done) == (tmp_path / "handover", 1)
     assert (tmp_path / "handover" / "x.json").is_file()
     assert [run.outcome for run in History(runs).runs()] == ["incomplete"]
-    assert told == sorted(told)
+    assert fractions == sorted(fractions)
     assert recover_startup(lambda *_: None, tmp_path / "none", None).incomplete == ()

@@ -13,18 +13,7 @@ from calstation.results.plots.index import log_index
 from calstation.results.resolving import resolve
 from calstation.results.result import Parameter, Result
 from tests.cli.conftest import six_position_rows, write_log
-
-
-class Progress:
-    """Records the progress of a job."""
-
-    def __init__(self) -> None:
-        self.fractions: list[float] = []
-        self.notes: list[str] = []
-
-    def __call__(self, fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-        self.fractions.append(fraction)
-        self.notes.append(note)
+from tests.helpers import Progress
 
 
 def result(value: float, sigma: float) -> Result:

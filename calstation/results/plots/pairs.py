@@ -60,7 +60,7 @@ class SecondaryPlotData:
 
     number: int
     serial: str
-    left: Mapping[str, PairResiduals]
+    residuals: Mapping[str, PairResiduals]
     #: As `estimation.pairs.watch.check_values` gives it; None if the body never rested.
     check: Mapping[str, Any] | None
     #: Residuals of gyro (rad/s) and accel (m/s²) at rest with the new values, None if unknown.
@@ -73,8 +73,8 @@ class PairPlotData:
 
     primary: str
     secondaries: tuple[SecondaryPlotData, ...]
-    kept: tuple[StoredPairFile, ...]
-    happened: tuple[WatchEvent, ...]  #: Of a calibration by triggers, with the time since the recording's start.
+    stored: tuple[StoredPairFile, ...]
+    events: tuple[WatchEvent, ...]  #: Of a calibration by triggers, with the time since the recording's start.
     duration: float  #: Of the recording, s.
 
 

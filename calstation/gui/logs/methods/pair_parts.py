@@ -62,7 +62,7 @@ def short_happening(h: WatchEvent) -> str:
 
 def why_given_up(followed: PairProgress) -> str:
     """Why the last calibration was given up, "" where none was."""
-    reasons = [h.values["why"] for h in followed.happened if h.kind == "given_up"]
+    reasons = [h.values["why"] for h in followed.events if h.kind == "given_up"]
     return show(reasons[-1]) if reasons else ""
 
 
@@ -231,13 +231,18 @@ class Timeline(QWidget):
             painter.drawLine(QPointF(left, line), QPointF(left + scale * time, line))
         top, middle = QRectF(0, 0, self.width(), _TOP - 4), Qt.AlignmentFlag.AlignVCenter
         painter.setPen(QColor(c.muted))
-        painter.drawText(top, middle | Qt.AlignmentFlag.AlignRight, duration_text(p.duration))
-        painter.setPen(QColor(c.text if p.time < p.duration else c.muted))
-        painter.drawText(top, middle, _state_text(p) if p.time < p.duration else duration_text(0.0))
-        ends = [0.0] * _LANES
-        events = [(left + scale * h.time, h.kind, term("pair", f"event_{h.kind}", number=h.number)) for h in p.happened]
-        for x, kind, text in _joined(events):
-            width = painter.fontMetrics().horizontalAdvance(text) + theme.GRID
+        top = QRectF(0, 0, self.width(), _TOP - 4)
+        side = Qt.AlignmentFlag.AlignVCenter
+        painter.drawText(top, side | Qt.AlignmentFlag.AlignRight, duration_text(f.duration))
+        running = f.time < f.duration
+        if running:
+            painter.setPen(QColor(c.text))
+            painter.drawText(top, side | Qt.AlignmentFlag.AlignLeft, word_state(f))
+        else:
+            painter.drawText(top, side | Qt.AlignmentFlag.AlignLeft, duration_text(0.0))
+        taken: list[float] = []
+        for x, kind, text in _gathered([(at(h.time), h.kind, short_happening(h)) for h in f.events]):
+            width = metrics.horizontalAdvance(text) + theme.GRID
             begin = min(max(x - _MARK / 2, 0.0), self.width() - width)
             lane = next((k for k, end in enumerate(ends) if begin >= end), _LANES - 1)
             ends[lane] = begin + width
