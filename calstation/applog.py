@@ -1,8 +1,7 @@
-"""The application log: what the program did, for support.
+"""The application log: what the program did, for support; never sample data.
 
-Every process writes a file of its own, so that no two of them ever share or rotate one, on any system. The files lie
-in one folder and are named after kind, start and process; the oldest are deleted. Child processes find folder and
-level in their environment. Sample data never goes here.
+Every process writes a file of its own, named after kind, start and process; the oldest are deleted. Child processes
+find folder and level in their environment.
 """
 
 import logging

@@ -26,7 +26,10 @@ class StrictModel(BaseModel):
 
 
 class EntryError(ValueError):
-    """An entry of a file breaks a rule; its sentence stands after the name of the entry."""
+    """An entry of a file breaks a rule: a code of the message catalogue, and the values of its sentences.
+
+    `place` are the keys and element numbers from where the rule is checked to the wrong entry.
+    """
 
     def __init__(self, code: str, *place: str | int, **values: Any) -> None:
         super().__init__(code)

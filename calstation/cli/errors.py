@@ -57,13 +57,7 @@ def station_options(station: Path | None, product: Path | None) -> str:
 
 
 def command_options(station: Path | None, product: Path | None, out: Path | None = None) -> dict[str, str]:
-    """Values that complete the commands in a remedy.
-
-    Parameters
-    ----------
-    station, product : files; None for the default
-    out : folder of the runs; None for the default
-    """
+    """Values that complete the commands in a remedy: files of station and product, and folder of the runs."""
     where = station_options(station, product)
     return {
         "station_options": f" {where}" if where else "",

@@ -21,19 +21,9 @@ from calstation.simulation import GradeName, Kind, make_recording
 def resolve_command(
     log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
 ) -> int:
-    """Solve a log again and show the result; returns 1 if it is outside the limits.
+    """Solve a log again, or chosen stages between two sequence numbers, and show the result.
 
-    Parameters
-    ----------
-    log : raw log or CSV
-    stages : to solve; None for all
-    first, last : sequence numbers; None for the log's own
-    json : file of the result JSON, ``-`` for standard output, or None
-
-    Raises
-    ------
-    InsufficientDataError
-        A stage lacks data; the others have been shown.
+    Returns 1 if it is outside the limits. Raises InsufficientDataError, after showing the rest, if a stage lacks data.
     """
     check_json(json)
     console = Console(stderr=True)

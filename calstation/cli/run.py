@@ -4,7 +4,6 @@ import shlex
 from collections.abc import Iterator
 from dataclasses import replace
 from math import degrees
-from types import TracebackType
 
 import typer
 from rich.console import Console
@@ -82,11 +81,12 @@ def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | No
     `work` is the request itself unless it is given.
     """
     options = command_options(request.station, request.product, request.out)
+    display = _Display(Console(stderr=True))
     with (
         complete_commands(options),
         Engine.start(work or request, BenchHooks) as engine,
         on_interrupt(lambda: engine.send(Command.STOP)),
-        _Display(Console(stderr=True)) as display,
+        display.progress,
     ):
         for event in engine.events():
             display.show(event)
@@ -136,7 +136,7 @@ class _Display:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._bars: dict[str, TaskID] = {}
-        self._progress = Progress(
+        self.progress = Progress(
             TextColumn("{task.fields[number]:>4}  {task.description:<14}"),
             BarColumn(30),
             TaskProgressColumn(),
@@ -146,20 +146,11 @@ class _Display:
             disable=not console.is_terminal,
         )
 
-    def __enter__(self) -> "_Display":
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._progress.stop()
-
     def show(self, event: Event) -> None:
         """Show one event."""
         if isinstance(event, StageStarted):
             number = f"{event.index + 1}/{event.count}"
-            self._bars[event.stage] = self._progress.add_task(
+            self._bars[event.stage] = self.progress.add_task(
                 event.stage, total=1.0, number=number, left=_left(event.duration), now=""
             )
             self._line(f"{number} {event.stage}: {_minutes(event.duration)} of device time")
@@ -181,7 +172,7 @@ class _Display:
 
     def _update(self, stage: str, **fields: object) -> None:
         if stage in self._bars:
-            self._progress.update(self._bars[stage], **fields)  # type: ignore[arg-type]
+            self.progress.update(self._bars[stage], **fields)  # type: ignore[arg-type]
 
     def _line(self, text: str) -> None:
         if not self._console.is_terminal:

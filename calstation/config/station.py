@@ -1,4 +1,4 @@
-"""Station and product files: one place and one unit type, checked before anything moves."""
+"""Station and product files: one location and one unit type, checked before anything moves."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -194,10 +194,8 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
 
 def is_manual_table(profile: str) -> bool:
     """Whether a table profile is of a rig turned by hand; False for one that cannot be read."""
-    try:
-        return load_table_profile(library.find("tables", profile)).by_hand
-    except ConfigurationError:
-        return False
+    defaults = table_defaults(profile)
+    return defaults is not None and defaults.by_hand
 
 
 def uses_manual_rig(station: Path | None) -> bool:
@@ -217,16 +215,10 @@ def manual_product() -> Path | None:
 class LinkDefaults:
     """Link settings of a device profile."""
 
-    profile: str  #: Name of its file.
     serial: SerialSettings
     timeout: float | None  #: Host time for an answer, s; None for a device that is never queried.
     unit: int | None  #: Modbus unit number.
     by_hand: bool = False  #: A table turned by hand, which has no link.
-
-    @property
-    def line(self) -> str:
-        """The serial settings in the usual short form, e.g. ``921600 8N1``."""
-        return self.serial.line
 
 
 def table_defaults(profile: str) -> LinkDefaults | None:
@@ -235,14 +227,13 @@ def table_defaults(profile: str) -> LinkDefaults | None:
         table = load_table_profile(library.find("tables", profile))
     except ConfigurationError:
         return None
-    return LinkDefaults(profile, table.serial, table.timeout_s, table.unit, table.by_hand)
+    return LinkDefaults(table.serial, table.timeout_s, table.unit, table.by_hand)
 
 
 def imu_defaults(product: Path | None) -> LinkDefaults | None:
     """Link settings of a product's IMU, or None without a valid profile."""
     try:
-        _, found = load_product(product)
-        profile = load_imu_profile(library.find("imus", found.imu))
+        imu = load_imu_profile(library.find("imus", load_product(product)[1].imu))
     except ConfigurationError:
         return None
-    return LinkDefaults(found.imu, profile.link, profile.timeout_s, None)
+    return LinkDefaults(imu.link, imu.timeout_s, None)

@@ -56,14 +56,10 @@ def _without_main() -> Iterator[None]:
 
 
 class PipeReader:
-    """Reads whole messages from one end of a pipe in a thread; the other direction stays the owner's.
+    """Reads whole messages from one end of a pipe in a thread, and closes it; the owner may write to it.
 
-    A message larger than the pipe's buffer comes in pieces, and a process that freezes between two of them would block
-    whoever reads it: here a thread that nobody waits for.
-
-    Parameters
-    ----------
-    connection : closed by this reader alone
+    A message larger than the pipe's buffer arrives in pieces, and a process that freezes between two of them blocks the
+    reader: here a thread that nobody waits for.
     """
 
     def __init__(self, connection: "Connection[Any, Any]") -> None:

@@ -50,28 +50,19 @@ class ProgressCallback(Protocol):
 
 
 class Job:
-    """One piece of work as its owner sees it; no method waits.
-
-    Attributes
-    ----------
-    fraction : share that is done, 0 to 1
-    note : what is being done, as the work reports it
-    result : what the work returned, once it is done
-    error : what went wrong, once it has failed
-    cancellable : false for work that uses a device
-    """
+    """One piece of work as its owner sees it; no method waits."""
 
     def __init__(self, job_queue: "JobQueue", call: bytes, cancellable: bool) -> None:
         self._job_queue = job_queue
         self._call = call
         self._reported_remaining: float | None = None
         self._reported_at = self._begun = 0.0
-        self.cancellable = cancellable
+        self.cancellable = cancellable  #: False for work that uses a device.
         self.state: State = "waiting"
-        self.fraction = 0.0
-        self.note = ""
-        self.result: Any = None
-        self.error: CalstationError | None = None
+        self.fraction = 0.0  #: Share that is done, 0 to 1.
+        self.note = ""  #: What is being done, as the work reports it.
+        self.result: Any = None  #: What the work returned, once it is done.
+        self.error: CalstationError | None = None  #: What went wrong, once it has failed.
 
     @property
     def ended(self) -> bool:
@@ -120,10 +111,7 @@ class JobQueue:
 
     Everything proceeds in `poll` (of the queue or of any of its jobs), which never waits, not even for the rest of a
     large result. A job is sent only to a worker that is ready for one, so that sending does not wait either.
-
-    Parameters
-    ----------
-    warm_up : a function at the top level of a module that imports and compiles what most jobs need
+    `warm_up` is a function at the top level of a module that imports and compiles what most jobs need.
     """
 
     def __init__(self, warm_up: Callable[[], None] | None = None) -> None:
@@ -141,10 +129,8 @@ class JobQueue:
     def submit(self, work: Callable[..., Any], /, *args: Any, cancellable: bool = True, **kwargs: Any) -> Job:
         """Queue the call ``work(progress, *args, **kwargs)``; see `ProgressCallback`.
 
-        Parameters
-        ----------
-        work : a function at the top level of a module; arguments and result must be picklable
-        cancellable : false for work that uses a device: it is never killed
+        `work` is a function at the top level of a module; arguments and result must be picklable. Work that uses a
+        device is not `cancellable`: it is never killed.
         """
         if self._closed:
             raise RuntimeError("the job queue is closed")

@@ -81,26 +81,15 @@ class Rendered:
         return f"{self.source}: {self.sentences}" if self.source else self.sentences
 
 
-def render(
-    code: str,
-    values: Mapping[str, Value],
-    language: Language = "en",
-    *,
-    window: bool = False,
-) -> Rendered:
-    """The sentences of a message.
+def render(code: str, values: Mapping[str, Value], language: Language = "en", *, window: bool = False) -> Rendered:
+    """The sentences of a message; raises KeyError for an unknown code or a missing value.
 
     Parameters
     ----------
     code : a catalogue code
-    values : what stands in the braces of its text and remedy
+    values : values in the braces of its text and remedy
     language : ``en`` or ``zh_CN``
-    window : whether remedies may name what only the window has, such as its buttons; so they do in Chinese
-
-    Raises
-    ------
-    KeyError
-        The catalogue lacks the code, or a value is missing.
+    window : remedies may name what only the window has, such as its buttons; in Chinese they always may
     """
     found = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}

@@ -218,8 +218,7 @@ def _written(result: Result) -> dict[str, tuple[float, float]]:
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:
     """An interrupted run that has no result yet."""
-    meta = contents.meta
-    run = meta.run
+    meta, run = contents.meta, contents.meta.run
     record = RunRecord(
         serial=meta.imu.serial,
         started_utc=run.started_utc if run else "",

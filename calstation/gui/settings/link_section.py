@@ -168,5 +168,5 @@ class LinkSection(QWidget):
         return [(way, term("setting", f"modbus_{way}")) for way in ("tcp", "serial", "socket")]
 
     def _own_choices(self) -> list[tuple[Any, str]]:
-        line = f" ({self._defaults.line})" if self._defaults is not None else ""
+        line = f" ({self._defaults.serial.line})" if self._defaults is not None else ""
         return [(False, self.tr("the profile's") + line), (True, self.tr("this station's own"))]

@@ -102,13 +102,7 @@ class _Level:
 
 
 class PyramidWriter:
-    """Writes the files from consecutive samples.
-
-    Parameters
-    ----------
-    folder : existing folder
-    keep_samples : store every sample too, for logs without random access
-    """
+    """Writes the files of consecutive samples; with `keep_samples` the samples too, for logs without random access."""
 
     def __init__(self, folder: Path, keep_samples: bool) -> None:
         self._levels = [_Level(folder, samples) for samples in BINS]
