@@ -1,4 +1,4 @@
-"""The commands and their options; what they do is imported when called, so that --help is fast."""
+"""The commands and their options; their functions are imported when called, so that --help is fast."""
 
 import io
 import logging

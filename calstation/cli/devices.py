@@ -1,4 +1,4 @@
-"""`test`, `table` and `check`: links and tables tried without moving anything, files checked as a run reads them."""
+"""`test`, `table` and `check`: test links and tables without motion, and check files as a run reads them."""
 
 from dataclasses import asdict, replace
 from pathlib import Path

@@ -25,7 +25,7 @@ def complain(text: str) -> None:
 
 
 def usage_error(error: typer.TyperException, arguments: list[str]) -> CalstationError:
-    """What is wrong with a command line. `arguments` tell the command if the parser does not."""
+    """Convert an error of the parser; `arguments` name the command if the parser does not."""
     context, parameter = getattr(error, "ctx", None), getattr(error, "param", None)
     program, command = "calstation", ""
     if context is not None:

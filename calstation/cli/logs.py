@@ -122,7 +122,7 @@ def _unit(sensor: str, limit: float) -> tuple[float, str]:
 
 
 def _imus(value: Any) -> Any:
-    """Numbers of IMUs in a list as names."""
+    """Replace numbers of IMUs in a list by names."""
     if not isinstance(value, list | tuple):
         return value
     return [f"imu{item}" if isinstance(item, int) else str(item) for item in value]

@@ -89,7 +89,7 @@ def read_command(request: RunRequest, json: str | None) -> int:
 
 
 def operate_command(operation: RegisterOperation, json: str | None, *, yes: bool, debug: bool) -> int:
-    """Announce a register operation, have the engine do it, and show its result."""
+    """Announce a register operation, run it in the engine, and show its result."""
     check_json(json)
     _confirm(operation, yes)
     settled = fault = None
@@ -105,7 +105,7 @@ def operate_command(operation: RegisterOperation, json: str | None, *, yes: bool
 
 
 def _confirm(operation: RegisterOperation, yes: bool) -> None:
-    """Announce what happens; on hardware ask before anything is written or moved. Raises StoppedError."""
+    """Announce the operation; on hardware ask before anything is written or moved. Raises StoppedError."""
     moves = moves_table(operation)
     _, station = load_station(operation.request.station)
     values = {"station": station.name, "serial": operation.request.serial}
@@ -126,7 +126,7 @@ def _show(settled: Settled, json: str | None) -> None:
 
 
 def _lines(unit: _UnitTransfers) -> Iterator[str]:
-    """Each transfer's id on a line that no terminal cuts, what it was below."""
+    """Lines of a unit's transfers, each id on a short line of its own."""
     yield f"unit {unit.serial} {_STATIONS[unit.kind]}, {unit.cycles} flash cycles by this station"
     for t in unit.transfers:
         yield f"  {t.id}  {_closing(t)}"
@@ -138,7 +138,7 @@ def _lines(unit: _UnitTransfers) -> Iterator[str]:
 
 
 def _closing(transfer: Transfer) -> str:
-    """How it ended, and how its output was verified if that was recorded."""
+    """How the transfer ended and, if recorded, how its output was verified."""
     closing = say(f"cli.registers_{transfer.closing or 'open'}")
     proofs = [name for step, name in _PROOFS.items() if step in transfer.steps]
     if transfer.closing is None or not proofs:

@@ -76,7 +76,7 @@ def complete_request(request: RunRequest) -> RunRequest:
 
 
 def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | None = None) -> Iterator[Event]:
-    """Have the engine do its work, show its events and yield them; Ctrl-C asks for a safe stop.
+    """Run the engine, show its events and yield them; Ctrl-C requests a safe stop.
 
     `work` is the request itself unless it is given.
     """
@@ -131,7 +131,7 @@ def _outcome(outcome: str, result: Result) -> Text:
 
 
 class _Display:
-    """A bar per stage with the time left and the present step; plain lines without a terminal."""
+    """Shows a bar per stage with the time left and the current step; plain lines without a terminal."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -180,7 +180,7 @@ class _Display:
 
 
 def _guided(event: PositionGuided) -> str:
-    """What the operator does next, and how the present position proceeds."""
+    """What the operator does next, and the state of the current position."""
     task = say("step.carry", outer=degrees(event.outer), inner=degrees(event.inner))
     state = say(f"guided.{event.state}", rest=event.rest, wanted=event.wanted)
     return f"{event.index}/{event.count} {task}: {state}"

@@ -1,4 +1,4 @@
-"""Results and sentences on the terminal: a table in human units, JSON where it was asked for."""
+"""Results and messages on the terminal: a table in display units, and JSON on request."""
 
 import json as json_module
 import math
@@ -32,7 +32,7 @@ def show_line(console: Console, text: str) -> None:
 
 
 def ignore_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """The progress of work that takes seconds is not shown."""
+    """Ignore the progress of work that takes seconds."""
 
 
 def check_json(target: str | None) -> None:

@@ -1,4 +1,4 @@
-"""Versions of a site's files: changes are checked, written atomically, numbered and can be restored."""
+"""Versions of a site's files: changes are checked, written atomically and numbered, and can be restored."""
 
 import hashlib
 import json
@@ -109,7 +109,7 @@ def restore(kind: str, name: str, number: int, author: str) -> Version:
 
 
 def _save_present(kind: str, name: str, path: Path) -> None:
-    """Add the present file as a version if it was not saved here: a shipped default, or changed by hand."""
+    """Add the present file as a version if it was not saved here: a shipped default, or changed outside the program."""
     try:
         present = (path if path.exists() else library.find(kind, name)).read_bytes().decode()
         tomllib.loads(present)

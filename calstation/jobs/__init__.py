@@ -1,4 +1,4 @@
-"""Slow work beside the window, in a process that can be killed, with progress.
+"""Background work for the window, with progress, in a process that can be killed.
 
 What a job computes belongs elsewhere; runs have an engine of their own.
 """

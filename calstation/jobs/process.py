@@ -1,4 +1,4 @@
-"""Processes of our own: how they are started, and how their messages are read without blocking."""
+"""Child processes: how they are started, and how their messages are read without blocking."""
 
 import pickle
 import signal

@@ -269,7 +269,7 @@ class JobQueue:
 
 
 class _QueueClosedError(BaseException):
-    """The job queue is gone; no work catches this."""
+    """The job queue is closed; derived from BaseException so that no work catches it."""
 
 
 def _serve(connection: "Connection[Any, Any]", warm_up: Callable[[], None] | None) -> None:

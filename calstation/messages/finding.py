@@ -18,7 +18,7 @@ class Finding:
 
     id: str
     state: State
-    values: Mapping[str, Value] = field(default_factory=dict)  #: What stands in the braces of its sentences.
+    values: Mapping[str, Value] = field(default_factory=dict)  #: Values in the braces of its sentences.
     entry: str = ""  #: Its key in the catalogue if several entries have this id; empty otherwise.
 
     @property

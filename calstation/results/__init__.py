@@ -1,4 +1,4 @@
-"""The solver chain, solving again, the result, history and hand-over.
+"""The solver chain, solving logs again, the result model, history and hand-over.
 
 Nothing here talks to a device; estimators belong to `estimation`.
 """

@@ -1,4 +1,4 @@
-"""Preview of a run by covariance analysis: joint angles, duration, broken limits, and sigmas after every stage.
+"""Preview of a run by covariance analysis: joint angles, duration, violated limits, and sigmas after every stage.
 
 Plans and solvers are those of the run; the solvers receive a perfect unit's samples of the planned motion and return
 the covariance that the run will report.

@@ -1,4 +1,4 @@
-"""Solves a stored log again: the offline side of the one chain of solvers."""
+"""Solves a stored log again with the same chain of solvers as a run."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path

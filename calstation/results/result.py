@@ -53,7 +53,7 @@ class StageConsistency(_Section):
 
     @classmethod
     def of(cls, found: Consistency) -> "StageConsistency":
-        """The test as the estimation gives it."""
+        """Convert the test of a solution."""
         passed, warning = bool(found.passed), bool(found.warning)
         band = {"nis_low": found.nis_low, "nis_high": found.nis_high}
         return cls(nis_mean=found.nis_mean, **band, passed=passed, warning=warning)
@@ -68,7 +68,7 @@ class Temperature(_Section):
 
 
 class KeptRegister(_Section):
-    """A register that was left as it was, because an earlier run had found it better; SI."""
+    """A register that was not rewritten because an earlier run had estimated it better; SI."""
 
     sigma: Number = math.nan
     sigma_now: Number = math.nan
@@ -77,7 +77,7 @@ class KeptRegister(_Section):
 
 
 class Verification(_Section):
-    """One comparison of the unit's output after the transfer with what its registers let expect."""
+    """One comparison of the unit's output after the transfer with the output expected from its registers."""
 
     name: str
     value: Number
@@ -137,7 +137,7 @@ class Software(_Section):
 
 
 class Result(_Section):
-    """A result, see the contract. Sections that the JSON leaves out have their defaults."""
+    """A result as in the contract; missing sections have their defaults."""
 
     schema_name: Literal["calstation.result/1"] = Field(alias="schema")
     unit: Unit
@@ -195,7 +195,7 @@ class Result(_Section):
 
     @property
     def solved_stages(self) -> list[str]:
-        """Stages that were solved, those of a run that died included."""
+        """Solved stages, including those of an interrupted run."""
         return self.finished_stages or self.stages
 
     @property
@@ -210,7 +210,7 @@ class Result(_Section):
 
     @property
     def fault(self) -> CalstationError | None:
-        """The fault that ended the run, None for a result that does not hold its values."""
+        """The fault that ended the run; None for a result without the values of its message."""
         if self.error_code is None or self.error_values is None or not known(self.error_code):
             return None
         return CalstationError(self.error_code, **values_from_json(self.error_values))
@@ -234,7 +234,7 @@ def load_result(path: Path) -> Result:
 
 
 def plain(value: Any) -> Any:
-    """Numbers and containers as JSON knows them; what is not finite becomes null."""
+    """Convert numbers and containers to those of JSON; a number that is not finite becomes null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
@@ -249,7 +249,7 @@ def plain(value: Any) -> Any:
 
 
 def write_json(path: Path, data: Mapping[str, Any]) -> None:
-    """Write a JSON file, whole or not at all. Raises ConfigurationError where it cannot be written."""
+    """Write a JSON file atomically. Raises ConfigurationError."""
     text = json.dumps(data, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     try:
         if path.exists() and not path.is_file():
