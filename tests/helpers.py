@@ -3,11 +3,9 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
 import pytest
 
 from calstation.errors import CalstationError
-from calstation.physics import FloatArray, TableGeometry, rotation_vector
 from calstation.schema import EntryError
 
 

@@ -12,11 +12,11 @@ from typing import Any
 from calstation.config import pair_folder
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, StoredPair
-from calstation.estimation.pairs import PairCalibration, PairWatch, StaticCheck, WatchEvent, check_values
+from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, StaticCheck, WatchEvent, check_values
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, values_from_json, values_to_json
-from calstation.records import context_from_meta, load_pair, open_log, prior_from_meta, store_pair
-from calstation.results.plots import StoredPairFile, expected_rows, stored_pairs
+from calstation.records import context_from_meta, estimated_rows, load_pair, open_log, prior_from_meta, store_pair
+from calstation.results.plots import StoredPairFile, stored_pairs
 from calstation.results.solver_chain import one_blas_thread
 from calstation.schema import validate
 
@@ -58,7 +58,7 @@ def watch_log(
     context = context_from_meta(log.meta)
     if not context.secondaries:
         raise InputError("solution.in_log", file=path, what=Text("solution.one_imu"))
-    schedule = validate(Schedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
+    schedule = validate(PairSchedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
     primary, rate = log.meta.imu.serial, log.meta.imu.sample_rate_hz
     secondaries = tuple(
         replace(s, stored=found if (found := load_pair(folder, primary, s.imu.serial)).values else s.stored)
@@ -69,12 +69,11 @@ def watch_log(
     def store(number: int, pair: StoredPair) -> None:
         store_pair(folder, primary, serials[number], pair)
 
-    calibration = PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule.rules)
+    calibration = PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule)
     watch = PairWatch(
         context.imu,
         secondaries,
         calibration,
-        schedule.triggers,
         store,
     )
     if command or schedule.trigger == "command":
@@ -147,7 +146,7 @@ def check_pair(report: ProgressCallback, path: Path) -> PairCheckResult:
     Raises InputError or ConfigurationError.
     """
     log = open_log(path)
-    duration = expected_rows(path) / log.meta.imu.sample_rate_hz
+    duration = estimated_rows(path) / log.meta.imu.sample_rate_hz
     events: list[WatchEvent] = []
     start: float | None = None
     last = 0.0

@@ -75,10 +75,10 @@ def resolve(
     unconfirmed = unconfirmed_latitude(log.meta, solutions)
     if unconfirmed is not None:
         messages.append(("latitude_untold", unconfirmed))
-    if log.holes:
-        damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.holes]
+    if log.damaged_rows:
+        damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.damaged_rows]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
-        messages.insert(0, ("log_damaged", {"file": path.name, **summary(log.holes)}))
+        messages.insert(0, ("log_damaged", {"file": path.name, **damage_summary(log.damaged_rows)}))
     if missing:
         result = result.model_copy(update={"missing_data": {stage: sentence(why) for stage, why in missing.items()}})
     return Resolved(result, tuple(messages), tuple(missing.values()))

@@ -70,9 +70,9 @@ class Finalization:
         run = self._run
         if not judge(run.meta, run.chain.prior, solutions).passed:
             run.emit(Message("registers_kept"))
-            unconfirmed = unconfirmed_latitude(run.meta, solutions)
-            if unconfirmed is not None:
-                run.emit(Message("latitude_untold", unconfirmed))
+            untold = unconfirmed_latitude(run.meta, solutions)
+            if untold is not None:
+                run.emit(Message("latitude_untold", untold))
             return Finalized(passed=False, written=False)
         if not self._entries.parameters:
             return Finalized(passed=True, written=False)

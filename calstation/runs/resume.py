@@ -15,7 +15,17 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
-from calstation.records import SUFFIX, Check, Log, LogMeta, RunRecord, being_written, open_log, solved_stages
+from calstation.records import (
+    SUFFIX,
+    Check,
+    Log,
+    LogMeta,
+    RawLogWriter,
+    RunRecord,
+    being_written,
+    open_log,
+    solved_stages,
+)
 from calstation.results import History, StageChain
 from calstation.sequencer import LastSample, solution_events, to_json
 from procedures import method
@@ -95,7 +105,7 @@ def _offer(record: RunRecord) -> list[Resumable]:
     if (result.get("registers") or {}).get("new") is not None:
         return []  # its registers have changed: the transfer is to be finished or restored instead
     if not latitude_agrees(map(Check.from_json, result.get("checks", ()))):
-        return []  # it was solved for another location
+        return []  # it was solved for another latitude
     return [
         Resumable(
             serial=record.serial,

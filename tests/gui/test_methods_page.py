@@ -232,8 +232,8 @@ def test_a_secondary_out_of_tolerance_is_calibrated_stored_and_within_at_the_nex
         "within",
         "within",
     ]
-    assert view.timeline.followed is not None
-    happened = [h.kind for h in view.timeline.followed.events]
+    assert view.timeline.progress is not None
+    happened = [h.kind for h in view.timeline.progress.events]
     assert happened == ["triggered", "checked", "calibrating", "calibrated"]
     assert len(load_pair(pair_folder(), "BENCH-mems", "BENCH-2").values) == 28
     assert "28 values" in panel.findChild(QLabel, "pair_stored_label").text()
@@ -384,8 +384,8 @@ def test_calibrations_by_triggers_are_shown_on_the_timeline(
     solved(panel, path, qtbot)
     view = panel.answers.check
     assert view is not None
-    assert view.timeline.followed is not None
-    assert [h.kind for h in view.timeline.followed.events][-1] == "calibrated"
+    assert view.timeline.progress is not None
+    assert [h.kind for h in view.timeline.progress.events][-1] == "calibrated"
     assert "Checked at start-up" in view.schedule_label.text()
     assert view.bars.bars[0].verdict.startswith("calibrated: now")
     assert "nothing is stored" in panel.findChild(QLabel, "pair_stored_label").text()

@@ -380,7 +380,7 @@ def test_a_running_solve_is_cancelled(page: OfflinePage, long_log: Path, qtbot: 
         ("nowhere.h5", "No such file"),
     ],
 )
-def test_refuses_a_file_that_is_no_log_in_a_sentence(
+def test_a_file_that_is_no_log_is_refused_with_a_reason(
     page: OfflinePage, name: str, said: str, tmp_path: Path, qtbot: QtBot
 ) -> None:
     if name != "nowhere.h5":

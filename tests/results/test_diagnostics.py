@@ -1,4 +1,4 @@
-"""Diagnostics are computed from a log alone and agree with its result."""
+"""What stands behind a result is made from its log alone, and agrees with the result."""
 
 from pathlib import Path
 
@@ -9,12 +9,14 @@ from calstation.results.diagnostics import diagnose
 from tests.shared_runs import SharedRuns
 
 
-def test_diagnoses_every_stage_of_a_log(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run("rate", "six_position", "azimuth_flip")
-    fractions: list[float] = []
+def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(
+    tmp_path: Path, shared_runs: SharedRuns
+) -> None:
+    verdict = shared_runs.passed(tmp_path)
+    told: list[float] = []
 
     def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-        fractions.append(fraction)
+        told.append(fraction)
 
     looked = diagnose(tell, Path(verdict.log))
     assert looked.serial == "SN-000042"
@@ -28,12 +30,12 @@ def test_diagnoses_every_stage_of_a_log(site_folder: SiteFolder) -> None:
         assert np.all(np.diff(stage.innovations.seq) > 0)
         assert stage.innovations.seq[0] >= stage.first_seq
         assert len(stage.rests) >= 4
-    assert looked.stages[2].observability == verdict.result["observability"]["azimuth_flip"]
-    assert fractions == sorted(fractions)
-    assert fractions[-1] < 1.0
+    assert looked.stages[3].observability == verdict.result["observability"]["azimuth_flip"]
+    assert told == sorted(told)
+    assert told[-1] < 1.0
 
 
-def test_diagnoses_part_of_a_log(site_folder: SiteFolder) -> None:
-    verdict = site_folder.run("six_position", "azimuth_flip")
+def test_part_of_a_log_can_be_looked_at(tmp_path: Path, shared_runs: SharedRuns) -> None:
+    verdict = shared_runs.passed(tmp_path)
     looked = diagnose(lambda *_, **__: None, Path(verdict.log), ("six_position",))
     assert [s.stage for s in looked.stages] == ["six_position"]

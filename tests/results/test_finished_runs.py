@@ -1,4 +1,4 @@
-"""A finished run is loaded from its result or its log, with the unit's earlier values."""
+"""A finished run is brought together from its result or its log, with the unit's earlier values beside it."""
 
 import json
 from pathlib import Path
@@ -16,7 +16,9 @@ def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> N
     """Progress that nobody watches."""
 
 
-def test_result_and_log_give_the_same_run_with_earlier_values(site_folder: SiteFolder) -> None:
+def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(
+    site_folder: SiteFolder, shared_runs: SharedRuns
+) -> None:
     runs = site_folder.folder / "runs"
     first = shared_runs.passed(site_folder.folder, "six_position")
     site_folder.write(seed=6)
@@ -42,14 +44,14 @@ def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRun
     assert found.result.to_json()["parameters"] == verdict.result["parameters"]
 
 
-def test_loads_a_result_whose_log_is_missing(site_folder: SiteFolder) -> None:
+def test_a_result_whose_log_has_gone_is_still_shown(site_folder: SiteFolder) -> None:
     verdict = site_folder.run("six_position")
     Path(verdict.log).unlink()
     assert load_finished_run(tell, Path(verdict.result_file), site_folder.folder / "runs").log is None
 
 
 @pytest.mark.parametrize("text", ["{", json.dumps({"schema": "other"}), "[]"])
-def test_refuses_a_file_that_is_no_result(tmp_path: Path, text: str) -> None:
+def test_what_is_no_result_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "x.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"x\.json: The file is not"):

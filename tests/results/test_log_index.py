@@ -1,4 +1,4 @@
-"""Index of a log: min-max columns at any width, marks, and single samples."""
+"""The index of a log: its plot data at any width, its marks and its single samples."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -31,7 +31,7 @@ META = {
 START = 2**33 + 12_345
 
 
-def ignore_progress(_: float, *rest: Any, **more: Any) -> None:
+def told(_: float, *rest: Any, **more: Any) -> None:
     """Nobody listens."""
 
 
@@ -93,7 +93,7 @@ def seen(request: pytest.FixtureRequest, log: Path, tmp_path_factory: pytest.Tem
     if request.param != "raw":
         path = folder / f"log.{request.param}"
         export_csv(log, path)
-    return log_index(ignore_progress, path, tmp_path / "picture")
+    return log_index(told, path, folder / "picture")
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:
@@ -114,8 +114,8 @@ def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: LogIndex) -> None:
     assert seen.facts.gaps == 1
 
 
-def test_the_index_holds_the_result_of_the_run(log: Path, tmp_path: Path) -> None:
-    seen = log_index(ignore_progress, log, tmp_path / "picture")
+def test_the_result_of_the_run_comes_along(log: Path, tmp_path: Path) -> None:
+    seen = log_index(told, log, tmp_path / "picture")
     assert seen.outcome == "passed"
     assert seen.stored is not None
     assert seen.stored.outcome == "passed"
@@ -139,17 +139,17 @@ def test_columns_hold_the_extremes_of_their_samples(seen: LogIndex, first: int, 
     assert columns.seq[-1] + columns.samples > START + last
 
 
-def test_reads_little_more_than_is_drawn(seen: LogIndex) -> None:
+def test_what_is_read_stays_within_what_is_drawn(seen: LogIndex) -> None:
     picture = MinMaxPyramid(seen.folder)
     for width in (90_000, 20_000, 3_000):
         columns = picture.columns(START, START + width, 100)
         assert columns.samples == BINS[0] or 50 <= len(columns) <= 104
 
 
-def test_single_samples_are_unchanged(seen: LogIndex) -> None:
+def test_single_samples_come_back_as_they_are(seen: LogIndex) -> None:
     seq, gyro = truth()
     start, stop = MinMaxPyramid(seen.folder).rows(START + 40_100, START + 40_200)
-    fine = samples(ignore_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
     assert fine.samples == 1
     assert fine.seq[0] <= START + 40_100
     assert fine.seq[-1] >= START + 40_200
@@ -159,15 +159,15 @@ def test_single_samples_are_unchanged(seen: LogIndex) -> None:
 
 def test_angles_are_held_between_polls(seen: LogIndex) -> None:
     start, stop = MinMaxPyramid(seen.folder).rows(START + 40_105, START + 40_110)
-    fine = samples(ignore_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
     np.testing.assert_allclose(fine.low[:, 6], 10.0, rtol=1e-6)
     np.testing.assert_allclose(MinMaxPyramid(seen.folder).columns(START, START + 90_000, 100).high[:, 7], -20.0)
 
 
 def test_angles_are_not_held_over_a_gap(log: Path, tmp_path: Path) -> None:
-    seen = log_index(ignore_progress, log, tmp_path / "picture")
+    seen = log_index(told, log, tmp_path / "picture")
     start, stop = MinMaxPyramid(seen.folder).rows(START + 8_990, START + 9_045)
-    fine = samples(ignore_progress, seen.path, seen.folder, seen.scale, start, stop, 1000)
+    fine = samples(told, seen.path, seen.folder, seen.scale, start, stop, 1000)
     known = ~np.isnan(fine.low[:, 6])
     assert known[fine.seq <= START + 8_999].all()
     assert known[fine.seq >= START + 9_040].all()  # polled at once here
@@ -185,8 +185,8 @@ def test_progress_reaches_the_end(log: Path, tmp_path: Path) -> None:
     assert fractions[-1] > 0.95
 
 
-def test_refuses_a_file_that_is_no_log(tmp_path: Path) -> None:
+def test_a_file_that_is_no_log_says_so(tmp_path: Path) -> None:
     wrong = tmp_path / "notes.h5"
     wrong.write_text("not a log", encoding="utf-8")
     with pytest.raises(InputError, match="not a raw log"):
-        log_index(ignore_progress, wrong, tmp_path / "picture")
+        log_index(told, wrong, tmp_path / "picture")

@@ -94,13 +94,12 @@ class Backdrop(_Layer):
             painter.setPen(QPen(_faint(c.muted, 70), 1, Qt.PenStyle.DotLine))
             for x in steps.tolist():
                 painter.drawLine(QPointF(x, box.top()), QPointF(x, box.bottom()))
-        for ranges, colour, style in (
-            (self.marked.gaps, c.caution, Qt.BrushStyle.BDiagPattern),
-            (self.marked.spoilt, c.bad, Qt.BrushStyle.DiagCrossPattern),
+        for times, colour, style in (
+            (self._marks.gaps, c.caution, Qt.BrushStyle.BDiagPattern),
+            (self._marks.spoilt, c.bad, Qt.BrushStyle.DiagCrossPattern),
         ):
-            brush = QBrush(QColor(colour), style)
-            for left, right in stretches(column(ranges), box).tolist():
-                painter.fillRect(QRectF(QPointF(left, box.top()), QPointF(right, box.bottom())), brush)
+            for left, right in _stretches(to_pixels(times), box).tolist():
+                fill(left, right, QBrush(QColor(colour), style))
 
 
 class Strip(_Layer):
@@ -125,14 +124,11 @@ class Strip(_Layer):
             name = metrics.elidedText(self._stage_name(stage), Qt.TextElideMode.ElideRight, cell.width() - 8)
             if len(name) > 1:
                 painter.setPen(QColor(c.text))
-                painter.drawText(cell, Qt.AlignmentFlag.AlignCenter, word)
-        row = QRectF(box.left(), box.bottom() - _SIGN, box.width(), _SIGN)
-        for kind, ranges in (("gap", self.marked.gaps), ("spoilt", self.marked.spoilt)):
-            centres = np.mean(stretches(column(ranges), box), axis=1)
-            if len(centres):
-                centres = centres[np.diff(centres, prepend=-np.inf) >= _SIGN]
-            for x in centres.tolist():
-                draw_sign(painter, kind, QRectF(x - _SIGN / 2, row.top(), _SIGN, _SIGN))
+                painter.drawText(cell, Qt.AlignmentFlag.AlignCenter, name)
+        for kind, times in (("gap", self._marks.gaps), ("spoilt", self._marks.spoilt)):
+            centres = np.mean(_stretches(to_pixels(times), box), axis=1)
+            for x in centres[np.diff(centres, prepend=-np.inf) >= _SIGN].tolist():
+                draw_sign(painter, kind, QRectF(x - _SIGN / 2, bottom, _SIGN, _SIGN))
 
 
 def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
@@ -147,9 +143,15 @@ def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
         painter.drawRect(box.adjusted(1, 1, -1, -1))
 
 
-def stretches(ranges: FloatArray, box: QRectF) -> FloatArray:
-    """Stretches (left, right) in pixels within a box, widened where too narrow to be seen, those that meet joined."""
-    inside = ranges[(ranges[:, 1] >= box.left()) & (ranges[:, 0] <= box.right())]
+def _faint(colour: str, alpha: int) -> QColor:
+    faint = QColor(colour)
+    faint.setAlpha(alpha)
+    return faint
+
+
+def _stretches(stretches: FloatArray, box: QRectF) -> FloatArray:
+    """Stretches (left, right) in pixels within a box, widened to the least width, adjacent ones joined."""
+    inside = stretches[(stretches[:, 1] >= box.left()) & (stretches[:, 0] <= box.right())]
     if len(inside) == 0:
         return inside
     widen = np.maximum(0.0, _LEAST - (inside[:, 1] - inside[:, 0])) / 2

@@ -5,7 +5,6 @@ from .gimbal import GimbalAxis as GimbalAxis
 from .gimbal import GimbalPlotData as GimbalPlotData
 from .index import LogIndex as LogIndex
 from .index import StageSpan as StageSpan
-from .index import expected_rows as expected_rows
 from .index import log_index as log_index
 from .index import samples as samples
 from .method_answer import MethodAnswer as MethodAnswer

@@ -69,11 +69,6 @@ class LogIndex:
         return self.meta.imu.sample_rate_hz
 
 
-def expected_rows(path: Path) -> int:
-    """Number of samples of a log, estimated for a CSV; at least 1."""
-    return max(1, row_count(path) if path.suffix == SUFFIX else estimated_rows(path))
-
-
 def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
     """Job: read a log once and write its min-max pyramid.
 
@@ -91,7 +86,7 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
         If the pyramid cannot be written.
     """
     log = open_log(path)
-    total, scale = expected_rows(path), _scale(log.meta)
+    total, scale = estimated_rows(path), _scale(log.meta)
     builder = _IndexBuilder()
     held, last = np.full(2, np.nan), -1
     try:

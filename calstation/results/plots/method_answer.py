@@ -9,10 +9,9 @@ from calstation.errors import InputError
 from calstation.estimation.common import stage_data
 from calstation.jobs import ProgressCallback
 from calstation.physics import INDEX, NAMES
-from calstation.records import Log, LogMeta, context_from_meta, open_log, prior_from_meta, read_truth
+from calstation.records import Log, LogMeta, context_from_meta, estimated_rows, open_log, prior_from_meta, read_truth
 from calstation.results import Parameter, Resolved, Result, resolve
 from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
-from calstation.results.plots.index import expected_rows
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
 from calstation.results.plots.positions import PositionPlotData, position_plot_data
 from calstation.schema import validate
@@ -58,7 +57,7 @@ def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnsw
     """
     report(0.0, note="reading")
     log = open_log(path)
-    total = expected_rows(path)
+    total = estimated_rows(path)
     first: list[int] = []
 
     def watch(_: str, seq: int, solved: float) -> None:

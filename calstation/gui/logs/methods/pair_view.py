@@ -62,81 +62,46 @@ class PairCheckView(QWidget):
         )
         on_language_change(self, self._refresh)
 
-    def show_answer(self, answer: MethodAnswer) -> None:
-        """Show what a solved recording says at rest, and what its triggers led to where it has any."""
-        self._answer, self._checked = answer, None
-        picture = answer.picture
-        assert isinstance(picture, PairPlotData)
-        end = PairProgress(picture.duration, picture.duration, "waiting", 0.0, picture.events)
-        self.timeline.show_followed(end if picture.events else None)
-        self.retranslate()
+    def show_data(self, data: PairPlotData, schedule: Mapping[str, Any]) -> None:
+        """Show the rests of a solved recording, and what its triggers led to if it has any."""
+        self._data, self._schedule, self._checked = data, schedule, None
+        end = PairProgress(data.duration, data.duration, "waiting", 0.0, data.events)
+        self.timeline.show_progress(end if data.events else None)
+        self._refresh()
 
     def show_progress(self, progress: PairProgress | None) -> None:
         """Show how far the replay is."""
         self.timeline.show_progress(progress)
         self._explanation.setVisible(progress is None)
         self.timeline.setVisible(progress is not None)
-        reasons = [] if progress is None else [h.values["why"] for h in progress.happened if h.kind == "given_up"]
+        reasons = [] if progress is None else [h.values["why"] for h in progress.events if h.kind == "given_up"]
         self._why.setText(self.tr("Abandoned: {0}").format(show(reasons[-1])) if reasons else "")
         self._why.setVisible(bool(reasons))
 
     def show_checked(self, checked: PairCheckResult) -> None:
         """Show the end of the replay."""
         self._checked = checked
-        self.timeline.show_followed(checked.progress)
-        self.retranslate()
+        self.timeline.show_progress(checked.progress)
+        self._refresh()
 
-    @property
-    def kept(self) -> tuple[StoredPairFile, ...]:
-        """What is kept of the pairs at hand."""
-        if self._checked is not None:
-            return self._checked.stored
-        picture = None if self._answer is None else self._answer.picture
-        return picture.stored if isinstance(picture, PairPlotData) else ()
+    def _refresh(self) -> None:
+        if self._data is not None:
+            self.schedule_label.setText(_schedule_text(self._schedule))
+            self.bars.show_bars(self._bars(self._data))
+            stored = self._data.stored if self._checked is None else self._checked.stored
+            self._stored.setText("\n".join(map(self._stored_text, stored)))
+        self.show_progress(self.timeline.progress)
 
-    def retranslate(self) -> None:
-        """Say everything again in the language in force."""
-        texts = self.tr("Check at rest"), self.tr("Watch"), self.tr("Kept")
-        for head, text in zip(self._heads, texts, strict=True):
-            head.setText(text)
-        self.check_button.setText(self.tr("Check now"))
-        self.check_button.setToolTip(
-            self.tr("Follows the recording as if it were live: what is off is calibrated and kept")
-        )
-        self._unwatched.setText(
-            self.tr(
-                "Check now follows this recording as it would be followed live: a check at the first rest, and "
-                "for what is off a calibration from the motion after it."
-            )
-        )
-        if self._answer is not None:
-            self.schedule_label.setText(word_schedule(self._answer.schedule))
-            self.bars.show_bars(self._bars())
-        self._kept.setText("\n".join(self._word_kept(kept) for kept in self.kept))
-        self._show_watch(self.timeline.followed)
-
-    def _show_watch(self, followed: PairProgress | None) -> None:
-        self._unwatched.setVisible(followed is None)
-        self.timeline.setVisible(followed is not None)
-        why = "" if followed is None else why_given_up(followed)
-        self._why.setText(self.tr("Given up: {0}").format(why) if why else "")
-        self._why.setVisible(bool(why))
-
-    def _bars(self) -> list[CheckBar]:
-        assert self._answer is not None
-        picture = self._answer.picture
-        assert isinstance(picture, PairPlotData)
-        bars: list[CheckBar] = []
-        by_trigger = {h.number for h in picture.events if h.kind == "calibrated"}
-        for place, secondary in enumerate(picture.secondaries):
-            check: Mapping[str, Any] | None = secondary.check
-            calibrated: Mapping[str, float | None] = {}
-            if secondary.number in by_trigger:
-                calibrated = secondary.static
+    def _bars(self, data: PairPlotData) -> list[CheckBar]:
+        """A row for each sensor of every secondary, and last of the primary, as the last check found it."""
+        bars = []
+        check: Mapping[str, Any] | None = None
+        by_trigger = {h.number for h in data.events if h.kind == "calibrated"}
+        for k, secondary in enumerate(data.secondaries):
+            check, after = secondary.check, secondary.static if secondary.number in by_trigger else {}
             if self._checked is not None:
-                check, calibrated = self._checked.checks.get(secondary.number, check), {}
-                if secondary.number in self._checked.calibrated:
-                    calibrated = self._checked.stored[place].static
+                check = self._checked.checks.get(secondary.number, check)
+                after = self._checked.stored[k].static if secondary.number in self._checked.calibrated else {}
             name = self.tr("IMU {0}").format(secondary.number)
             bars += [self._bar(name, s, check and check["secondary"][s], after.get(s)) for s in _SENSORS]
         return bars + [self._bar(self.tr("primary"), s, check and check["primary"][s], None) for s in _SENSORS]
@@ -217,12 +182,10 @@ class PairResidualsView(QWidget):
         column(top, *((plot, 1) for plot in self._plots.values()), on=self, margins=(0, theme.GRID, 0, 0))
         theme.on_appearance_change(self, self._refresh)
 
-    def show_answer(self, answer: MethodAnswer) -> None:
-        """Draw it, the first secondary that was calibrated; the others can be chosen."""
-        self._answer = answer
-        picture = answer.picture
-        assert isinstance(picture, PairPlotData)
-        self._calibrated = [s for s in picture.secondaries if s.residuals]
+    def show_data(self, data: PairPlotData, parameters: Mapping[str, Parameter]) -> None:
+        """Show the first calibrated secondary; the others can be chosen."""
+        self._parameters = parameters
+        self._calibrated = [s for s in data.secondaries if s.residuals]
         with QSignalBlocker(self.secondary_combo):
             self.secondary_combo.clear()
             self.secondary_combo.addItems([f"{s.number}: {s.serial}" for s in self._calibrated])
@@ -239,21 +202,15 @@ class PairResidualsView(QWidget):
             note = self.tr("Nothing was calibrated in this recording"), theme.colours().muted
             self._plots["gyro"].finish([note])
             return
-        name = self.tr("IMU {0}").format(of.number)
-        self._draw(
-            self.gyro_plot, of.residuals["gyro"], self.tr("{0} gyro against the primary, °/s").format(name), _RATE
-        )
-        self._draw(
-            self.accel_plot,
-            of.residuals["accel"],
-            self.tr("{0} accelerometer against the primary, m/s²").format(name),
-            _FORCE,
-        )
+        secondary = self._calibrated[max(self.secondary_combo.currentIndex(), 0)]
+        rates, forces = secondary.residuals["gyro"], secondary.residuals["accel"]
+        self._draw("gyro", rates, self.tr("IMU {0} gyro against the primary, °/s").format(secondary.number), DEGREE)
+        title = self.tr("IMU {0} accelerometer against the primary, m/s²")
+        self._draw("accel", forces, title.format(secondary.number), 1.0)
         gyro, accel, clock, lever = self.figures
-        (before, after), (force, left) = of.residuals["gyro"].rms, of.residuals["accel"].rms
-        gyro.show_change(self.tr("gyro left, rms"), before / _RATE, after / _RATE, "°/s")
-        accel.show_change(self.tr("accelerometer left, rms"), force / _FORCE, left / _FORCE, "m/s²")
-        clock.show_text(self.tr("clock offset"), self._told(answer, ["clock_offset"], of.number))
+        gyro.show_change(self.tr("gyro residual, rms"), rates.rms[0] / DEGREE, rates.rms[1] / DEGREE, "°/s")
+        accel.show_change(self.tr("accelerometer residual, rms"), forces.rms[0], forces.rms[1], "m/s²")
+        clock.show_text(self.tr("clock offset"), self._values(["clock_offset"], secondary.number))
         levers = [f"secondary_lever_{axis}" for axis in "xyz"]
         lever.show_text(self.tr("lever arm x, y, z"), self._values(levers, secondary.number))
 
