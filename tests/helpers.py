@@ -3,9 +3,11 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import numpy as np
 import pytest
 
 from calstation.errors import CalstationError
+from calstation.physics import FloatArray, TableGeometry, rotation_vector
 from calstation.schema import EntryError
 
 
@@ -37,3 +39,9 @@ class Progress:
     def __call__(self, fraction: float, remaining_s: float | None = None, note: str = "") -> None:
         self.fractions.append(fraction)
         self.notes.append(note)
+
+
+def joint_axis(geometry: TableGeometry, joint: int, inner: float) -> FloatArray:
+    """Axis of a joint in b at an inner angle (rad), from the attitudes before and after a turn of 0.5 rad."""
+    before, after = geometry.body_to_home(0.0, inner), geometry.body_to_home(0.5 * (joint == 0), inner + 0.5 * joint)
+    return np.asarray(rotation_vector(before.T @ after) / 0.5)

@@ -86,7 +86,7 @@ def test_encoder_angles_come_back_as_they_were_written(calstation: Run, tmp_path
 
 
 def test_reports_a_diverged_solution(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def diverge(self: BatchStage) -> None:
+    def diverge(self: BatchStage, *_: object) -> None:
         raise np.linalg.LinAlgError("Matrix is singular to machine precision.")
 
     monkeypatch.setattr(BatchStage, "finish", diverge)

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers import complaint
 from test_framed_imu import driver as framed
 from test_framed_imu import reply_frame, request
 from test_modbus_imu import driver as modbus
@@ -16,6 +15,7 @@ from test_vectornav_imu import pair
 from calstation.devices.profiles.imu import ImuProfile
 from calstation.errors import ConfigurationError
 from calstation.schema import validate
+from tests.helpers import complaint
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 

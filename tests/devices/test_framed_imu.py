@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from helpers import raises_code
 from test_frames import reply_frame, stream_frame
 
 from calstation.devices.imu.framed_imu import FramedImu
@@ -17,6 +16,7 @@ from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.interfaces import OtherModelError
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
+from tests.helpers import raises_code
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")
 BRIEF = {"timeout_s": 0.25, "commit_timeout_s": 0.4, "reset_timeout_s": 1.5}

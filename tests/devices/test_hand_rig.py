@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from helpers import complaint, raises_code
 
 from calstation.config import library
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.devices.table.drivers import ManualTable, open_table
 from calstation.errors import ConfigurationError
 from calstation.schema import read_toml, validate
+from tests.helpers import complaint, raises_code
 
 PATH = library.shipped_folder() / "tables" / "hand_rails.toml"
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 import tomli_w
-from helpers import complaint
 
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.errors import ConfigurationError
+from tests.helpers import complaint
 
 DATA = Path(__file__).parents[2] / "data" / "imus"
 DSP, NAV, MIP, VN = "dsp_modbus", "bench_nav", "microstrain_mip", "vectornav_vn100"

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import raises_code
 from rtu_server import RtuServer
 
 from calstation.devices.imu.modbus_imu import ModbusImu
@@ -24,6 +23,7 @@ from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.errors import DeviceFaultError
+from tests.helpers import raises_code
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 

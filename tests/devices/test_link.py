@@ -6,11 +6,11 @@ import sys
 import threading
 
 import pytest
-from helpers import raises_code
 
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import CalstationError, DeviceFaultError
+from tests.helpers import raises_code
 
 SETTINGS = SerialSettings()
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from fastcrc import crc16
-from helpers import raises_code
 from test_framed_imu import ScriptedLink
 from test_frames import stream_frame
 
@@ -18,6 +17,7 @@ from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.devices.profiles.imu_sections import ModbusUnitSection
 from calstation.errors import DeviceFaultError
+from tests.helpers import raises_code
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_timeout(0.15)
 MAP = RegisterMap(tuple(PROFILE.registers))

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from helpers import raises_code
 from test_modbus_table import image, long, quick, read, table, write
 
 from calstation.devices.interfaces import UNKNOWN_FAULT
 from calstation.devices.profiles.table import TableProfile
 from calstation.errors import ConfigurationError
+from tests.helpers import raises_code
 
 RATE = 4
 

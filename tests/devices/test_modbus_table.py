@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import raises_code
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,6 +18,7 @@ from calstation.devices.profiles.table_registers import ModbusRegister
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.register_table import decode, encode
 from calstation.errors import ConfigurationError, DeviceFaultError
+from tests.helpers import raises_code
 
 SHIPPED = Path(__file__).parents[2] / "data" / "tables" / "bench.toml"
 PROFILE = load_table_profile(SHIPPED)

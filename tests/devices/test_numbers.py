@@ -6,13 +6,13 @@ import struct
 
 import numpy as np
 import pytest
-from helpers import raises_code
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, check_bytes, check_function, parametric_crc
 from calstation.devices.codecs.numbers import check_orders, number
 from calstation.schema import EntryError
+from tests.helpers import raises_code
 
 TYPES = ["u8", "i8", "u16", "i16", "u24", "i24", "u32", "i32", "u40", "i48", "u56", "i64", "f32", "f64"]
 TYPES += ["q1.15", "q12.20", "q16.32", "uq16.16", "q8.24", "uq0.16", "q32.32"]

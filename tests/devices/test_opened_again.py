@@ -5,7 +5,6 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from helpers import raises_code
 from rtu_server import RtuServer
 from serial.tools import list_ports
 from test_modbus_table import image, quick
@@ -13,6 +12,7 @@ from test_modbus_table import image, quick
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.errors import DeviceFaultError
+from tests.helpers import raises_code
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 

@@ -5,7 +5,6 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from helpers import raises_code
 from serial.tools import list_ports
 
 from calstation.devices.links.modbus_link import ModbusLink
@@ -14,6 +13,7 @@ from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.links.serial_ports import found_ports, resolve
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import DeviceFaultError
+from tests.helpers import raises_code
 
 
 def listed(device: str, number: str | None = None, location: str | None = None, about: str = "n/a") -> object:

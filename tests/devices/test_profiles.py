@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from helpers import complaint
 
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
+from tests.helpers import complaint
 
 DATA = Path(__file__).parents[2] / "data"
 IMUS = sorted((DATA / "imus").glob("*.toml"))

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from helpers import complaint, raises_code
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -20,6 +19,7 @@ from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
+from tests.helpers import complaint, raises_code
 
 DATA = Path(__file__).parents[2] / "data" / "imus"
 CONVENTIONS = [
@@ -227,7 +227,7 @@ def edited(name: str, where: str, value: Any) -> dict[str, Any]:
         ("dsp_modbus", "registers/5/parameters", ["accel_misalign"], "registers[2] profile.parameter_and_matrix"),
         ("dsp_modbus", "registers/4/parameters", ["gyro_matrx"], "registers[4].parameters[0] entry.unknown_parameter"),
         ("dsp_modbus", "modbus", None, "modbus profile.needed_by"),
-        ("vectornav_vn100", "modbus", {}, "modbus.unit entry.missing"),
+        ("vectornav_vn100", "modbus", {}, "modbus.timeout_s entry.missing"),
         ("vectornav_vn100", "vectornav/digits", 6, "vectornav.digits entry.greater_than_equal"),
         ("vectornav_vn100", "vectornav/check", "crc32", "vectornav.check entry.not_one_of"),
         ("vectornav_vn100", "registers/1/address", 84, "registers[1].address profile.registers_overlap"),

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import raises_code
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -12,6 +11,7 @@ from calstation.devices.imu.registers import RegisterMap
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.errors import DeviceFaultError
 from calstation.physics.parameters import NAMES
+from tests.helpers import raises_code
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "bench_nav.toml")
 MAP = RegisterMap(tuple(PROFILE.registers))

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 
 import pytest
-from helpers import raises_code
 from rtu_server import RtuServer
 from test_late_answers import pageless
 
@@ -18,6 +17,7 @@ from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import DeviceFaultError
 from tests.devices.test_transfer import Noted
+from tests.helpers import raises_code
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 

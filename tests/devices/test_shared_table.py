@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers import raises_code
 from test_framed_imu import PROFILE as IMU_PROFILE
 from test_framed_imu import ScriptedLink, request
 from test_frames import reply_frame, stream_frame
@@ -22,6 +21,7 @@ from calstation.devices.profiles.table import load_table_profile
 from calstation.devices.table.drivers import open_table
 from calstation.devices.table.shared_table import SharedTable
 from calstation.errors import ConfigurationError, DeviceFaultError
+from tests.helpers import raises_code
 
 DATA = Path(__file__).parents[2] / "data"
 PROFILE = load_table_profile(DATA / "tables" / "indexing_unit.toml")

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 import tomli_w
-from helpers import complaint
 
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
+from tests.helpers import complaint
 
 DATA = Path(__file__).parents[2] / "data" / "tables"
 BENCH, DRIVES, MN, ATL, ACL = "bench", "cia402_drives", "mn_ascii", "aerosmith_atl", "acutronic_acl"

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import raises_code
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -21,6 +20,7 @@ from calstation.devices.links.text_link import Checked, Plain, Prompted, TextRef
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import ConfigurationError, DeviceFaultError
+from tests.helpers import raises_code
 
 TABLES = Path(__file__).parents[2] / "data" / "tables"
 Pairs = list[tuple[bytes, bytes]]

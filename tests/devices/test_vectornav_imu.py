@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fastcrc import crc16
-from helpers import raises_code
 from test_framed_imu import ScriptedLink
 
 from calstation.devices.imu.registers import RegisterMap
@@ -18,6 +17,7 @@ from calstation.devices.imu.vectornav_imu import VectorNavImu, line
 from calstation.devices.interfaces import OtherModelError
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
+from tests.helpers import raises_code
 
 PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "vectornav_vn100.toml").with_timeout(0.15)
 MAP = RegisterMap(tuple(PROFILE.registers))

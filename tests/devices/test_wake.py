@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from helpers import raises_code
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.imu.frames import REPLY_SYNC, crc16, pack, stream_frames
@@ -20,6 +19,7 @@ from calstation.devices.imu.streamed_imu import StreamedImu
 from calstation.devices.interfaces import ImuIdentity, NoFramesError, OtherModelError
 from calstation.devices.profiles.imu import ImuProfile, load_imu_profile
 from calstation.errors import DeviceFaultError
+from tests.helpers import raises_code
 
 UNITS: dict[str, type[ImuUnit]] = {"bench_nav": ImuUnit, "dsp_modbus": DspUnit, "vectornav_vn100": VectorNavUnit}
 

@@ -64,7 +64,7 @@ def stream(name: str, data: bytes) -> None:
     taken = 0
     for k in range(0, len(data), size):
         decoded = found.feed(data[k : k + size])
-        taken += len(decoded.frames.tobytes()) + sum(len(reply.payload) for reply in decoded.replies)
+        taken += sum(len(frame) for frame in decoded.frames.raw) + sum(len(reply.payload) for reply in decoded.replies)
         counter, counts, _, _ = found.samples(decoded.frames)
         assert counts.shape == (len(counter), 6)
         assert len(count.feed(counter)) == len(counter)

@@ -68,7 +68,7 @@ def test_the_clock_offset_is_found_far_below_a_sample(mems):
 
 def test_a_unit_mounted_upside_down_is_no_error():
     primary, secondary = pair(4)
-    turned = replace(secondary, place=Mounting(rotation(np.array([np.pi, 0.02, 0.01])), secondary.place.arm))
+    turned = replace(secondary, mounting=Mounting(rotation(np.array([np.pi, 0.02, 0.01])), secondary.mounting.arm))
     found = solved(recording(primary, [turned], 4), context_of(primary, [turned]), known(primary))
     error = (vector(found) - truth_of(primary, turned)) / vector(found, "sigma")
     assert np.abs(error).max() < 5.0
@@ -113,7 +113,7 @@ def test_secondary_data_are_compensated_with_the_stored_error_and_then_with_the_
     primary, secondary, _ = mems
     random = np.random.default_rng(3)
     omega, force = random.standard_normal((5, 3)), 5.0 * random.standard_normal((5, 3))
-    truth = truth_of(primary, replace(secondary, place=Mounting(secondary.place.turn, np.zeros(3))))
+    truth = truth_of(primary, replace(secondary, mounting=Mounting(secondary.mounting.turn, np.zeros(3))))
     c = compensation(primary.parameters)
     measured = [
         omega @ np.linalg.inv(c.gyro_inverse).T + c.gyro_bias,

@@ -30,7 +30,7 @@ def test_previewed_sigmas_equal_those_of_the_run(site_folder: SiteFolder) -> Non
     assert final is not None
     for name, parameter in result["parameters"].items():
         assert final[INDEX[name]] == pytest.approx(parameter["sigma"], rel=0.1), name
-    for stage, started in zip(preview.stages, site_folder.told(StageStarted), strict=True):
+    for stage, started in zip(preview.stages, site_folder.events_of(StageStarted), strict=True):
         assert stage.end - stage.begin == pytest.approx(started.duration, abs=5.0)
 
 
