@@ -53,7 +53,7 @@ def test_bias_keeps_the_uncertainty_of_the_second_order_term(nav_chain):
 
 
 def test_mount_error_of_a_degree_does_not_affect_the_scale(solve_chain):
-    tilted = solve_chain("nav", 33, instability=False, mount=(np.deg2rad(0.99), np.deg2rad(1.0)))
+    tilted = solve_chain("nav", 33, instability=False, mount_deg=(0.99, 1.0))
     errors = errors_in_sigma(tilted.solutions["six_position"].belief, tilted.truth)
     assert np.abs(errors[SCALE]).max() < 4.0
     # a nominal direction would have cost 1 − cos 1° = 150 ppm
