@@ -9,7 +9,7 @@ from PySide6.QtCore import QEvent, QPoint, QRectF
 from PySide6.QtGui import QHelpEvent
 from PySide6.QtWidgets import QToolTip, QWidget
 
-from calstation.gui.engineer.stage_combo import StageCombo
+from calstation.gui.engineer.controls import StageCombo
 from calstation.gui.text import on_language_change, term
 from calstation.gui.widgets import EmptyState, ThemedPlot, column, label, row, scroll_area, theme
 from calstation.physics import FloatArray

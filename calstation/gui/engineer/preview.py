@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QSplitter, QStackedWidget, QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.cell_table import CellTable
+from calstation.gui.engineer.controls import CellTable
 from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
 from calstation.gui.shell import AppContext
 from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term

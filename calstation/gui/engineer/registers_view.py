@@ -9,18 +9,10 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.cell_table import CellTable
+from calstation.gui.engineer.controls import CellTable
 from calstation.gui.history import local_time
 from calstation.gui.shell import AppContext
-from calstation.gui.text import (
-    bind,
-    error_text,
-    event_sentence,
-    fault_text,
-    on_language_change,
-    say,
-    step_sentence,
-)
+from calstation.gui.text import bind, error_text, event_sentence, fault_text, on_language_change, say, step_sentence
 from calstation.gui.widgets import (
     Choice,
     EmptyState,

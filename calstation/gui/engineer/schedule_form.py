@@ -7,13 +7,7 @@ from typing import Any
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEdit, QSizePolicy, QWidget
 
-from calstation.config import (
-    ScheduleField,
-    ScheduleOptions,
-    ScheduleProblem,
-    schedule_fields,
-    schedule_problems,
-)
+from calstation.config import ScheduleField, ScheduleOptions, ScheduleProblem, schedule_fields, schedule_problems
 from calstation.gui.text import bind, on_language_change, say, term
 from calstation.gui.widgets import Words, column, enable, label, row, theme
 from calstation.messages import known

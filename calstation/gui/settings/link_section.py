@@ -1,20 +1,34 @@
-"""The link of one device: network or serial line, its settings, and the test beside them."""
+"""The link of one device: network or serial line, its settings, and the test beside them with what it found."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
-from calstation.config import LinkDefaults, StationConfig, imu_defaults, table_defaults
-from calstation.connection import FoundPort, discover_ports
+from calstation.config import DEFAULT_PRODUCT, LinkDefaults, StationConfig, imu_defaults, library, table_defaults
+from calstation.connection import FoundPort, LinkTestRequest, check_imu_link, check_table_link, discover_ports
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import EDITOR, LABEL, Field, Form, Row, choices_of
 from calstation.gui.settings.inputs import AddressEdit, ChoiceBox, NumberBox, NumberEdit, PortBox
-from calstation.gui.settings.test_panel import TestPanel
-from calstation.gui.shell import AppContext
-from calstation.gui.text import error_text, on_language_change, say, term
-from calstation.gui.widgets import JobWatch, button, column, enable, label, row, theme
+from calstation.gui.shell import AppContext, ResetBar
+from calstation.gui.text import error_text, language, on_language_change, say, term
+from calstation.gui.widgets import (
+    JobRow,
+    JobWatch,
+    StateBadge,
+    StateIcon,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    scroll_area,
+    theme,
+)
+from calstation.messages import Finding, Report, render
 
 #: Kinds of connection over a network, as schemes of addresses, and the common port number of each.
 _NETWORK = {"tcp": 502, "socket": 4001}
@@ -170,3 +184,197 @@ class LinkSection(QWidget):
     def _own_choices(self) -> list[tuple[Any, str]]:
         line = f" ({self._defaults.serial.line})" if self._defaults is not None else ""
         return [(False, self.tr("the profile's") + line), (True, self.tr("this station's own"))]
+
+
+#: Shapes of the states of a finding, and of the whole test.
+_KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad", "failed": "bad"}
+#: Findings after which a reset of the table is offered.
+_LATCHED = ("fault", "fault_untold")
+
+
+class TestPanel(QFrame):
+    """The test of ``table`` or ``imu`` with the settings as typed.
+
+    Parameters
+    ----------
+    app : shared state of the window
+    device : ``table`` or ``imu``
+    station : gives the station to test, None while the typed values are wrong
+    """
+
+    __test__ = False  # not a pytest class
+
+    def __init__(self, app: AppContext, device: str, station: Callable[[], StationConfig | None]) -> None:
+        super().__init__()
+        self._app, self._device, self._station = app, device, station
+        self.report: Report | None = None
+        #: The settings that were tested.
+        self._tested: tuple[object, ...] = ()
+        self._error: CalstationError | None = None
+        self.setProperty("kind", "panel")
+        self.product_box = ChoiceBox(lambda: [(name, name) for name in library.names("products")], "imu_test_product")
+        self.product_box.typed.connect(self.refresh)
+        self.button = button(
+            f"test_{device}_button",
+            lambda: self.tr("Test the table") if device == "table" else self.tr("Test the IMU"),
+            self.start,
+            kind="primary",
+        )
+        self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
+        self.watch = JobWatch(self)
+        self.watch.progress.connect(self._show_note)
+        self.watch.done.connect(self._done)
+        self.watch.failed.connect(self._failed)
+        self.watch.cancelled.connect(lambda: self._show_running(False))
+        self._progress, self._note = JobRow(self.watch), label(kind="muted")
+        self.badge = StateBadge(theme.SECTION)
+        self.badge.setObjectName(f"{device}_test_badge")
+        self.reset = ResetBar(app, self._request, f"{device}_reset_button")
+        self.reset.changed.connect(self.refresh)
+        self.reset.ended.connect(lambda _: self._test())
+        self._why = label(wrap=True)
+        self._nothing = label(lambda: say("setting.not_tested"), "muted", wrap=True)
+        self._lay_out()
+        app.engine_link.running_changed.connect(lambda _: self.refresh())
+        app.product_changed.connect(self._follow_product)
+        self._follow_product()
+        self._show_running(False)
+        on_language_change(self, self._show_verdict)
+        on_language_change(self, self.refresh)
+
+    def _lay_out(self) -> None:
+        self._lines = QWidget()
+        self._list = column(None, on=self._lines, margins=(0, 0, theme.GRID, 0))
+        findings = scroll_area(self._lines)
+        findings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        caption = label(lambda: self.tr("Expected: the IMU of product"))
+        caption.setBuddy(self.product_box)
+        for widget in (caption, self.product_box):
+            widget.setVisible(self._device == "imu")
+        column(
+            label(lambda: self.tr("Connection test"), "section"),
+            label(lambda: say("setting.about_test"), "muted", wrap=True),
+            row(caption, (self.product_box, 1)),
+            self.button,
+            self._progress,
+            self._note,
+            self.badge,
+            self._why,
+            self.reset,
+            self._nothing,
+            (findings, 1),
+            on=self,
+            margins=(2 * theme.GRID, 2 * theme.GRID, theme.GRID, theme.GRID),
+        )
+
+    def start(self) -> None:
+        """Test the settings as typed, saved or not."""
+        self.reset.forget()
+        self._test()
+
+    def refresh(self) -> None:
+        """Enable the button or say why not; drop the findings if the settings have changed."""
+        station = self._station()
+        shown = self.report is not None or self.reset.result is not None
+        if shown and (station is None or self._settings(station) != self._tested):
+            self.reset.forget()
+            self._clear()
+        reason = ""
+        if self._app.engine_link.running:
+            reason = self.tr("A run is going on; test when it has ended.")
+        elif self.watch.busy:
+            reason = self.tr("A test is going on.")
+        elif self.reset.watch.busy:
+            reason = self.tr("A fault is being reset.")
+        elif station is None:
+            reason = self.tr("Correct what is marked first.")
+        enable(self.button, reason)
+
+    def _test(self) -> None:
+        """Run the test; the result of an earlier reset stays."""
+        request = self._request()
+        if request is None or self._app.engine_link.running or self.watch.busy or self.reset.watch.busy:
+            return
+        self._clear()
+        self._tested = self._settings(request.station)
+        work = check_table_link if self._device == "table" else check_imu_link
+        self.watch.watch(self._app.job_queue.submit(work, request))
+        self._show_running(True)
+
+    def _request(self) -> LinkTestRequest | None:
+        """The station with the product whose IMU is expected; None while the typed values are wrong."""
+        station = self._station()
+        return None if station is None else LinkTestRequest(station, self._product())
+
+    def _product(self) -> Path:
+        return library.find("products", self.product_box.value())
+
+    def _settings(self, station: StationConfig) -> tuple[object, ...]:
+        """The settings that a test depends on."""
+        link = station.table if self._device == "table" else (station.imu, station.site, self._product())
+        return (link, station.bench)
+
+    def _follow_product(self) -> None:
+        chosen = self._app.product_path
+        self.product_box.show_value(chosen.stem if chosen is not None else DEFAULT_PRODUCT)
+
+    def _show_note(self) -> None:
+        job = self.watch.job
+        self._note.setText(term("note", job.note) if job is not None and job.note else "")
+
+    def _done(self, report: Report) -> None:
+        self.report = report
+        for finding in report.findings:
+            self._list.insertWidget(self._list.count() - 1, _Line(finding))
+        self._show_running(False)
+        # Last: the focus that leaves the job's row must not land on the reset button.
+        self.reset.offer(self._device == "table" and any(map(report.find, _LATCHED)))
+
+    def _failed(self, error: CalstationError) -> None:
+        self._error = error
+        self._show_running(False)
+
+    def _show_running(self, running: bool) -> None:
+        self._progress.setVisible(running)
+        self._note.setVisible(running)
+        self._show_verdict()
+        self.refresh()
+
+    def _show_verdict(self) -> None:
+        state = "failed" if self._error else self.report.state if self.report is not None else ""
+        self.badge.setVisible(bool(state) and not self.watch.busy)
+        if state:
+            self.badge.show_state(_KINDS[state], term("setting", f"test_{state}"))
+        self._why.setText(error_text(self._error).sentences if self._error else "")
+        self._why.setVisible(self._error is not None)
+        self._nothing.setVisible(not state and not self.watch.busy)
+
+    def _clear(self) -> None:
+        self.report = self._error = None
+        self.reset.offer(False)
+        for line in self._lines.findChildren(_Line):
+            line.setParent(None)
+            line.deleteLater()
+        self._show_verdict()
+
+
+class _Line(QWidget):
+    """One finding: shape, sentence, remedy."""
+
+    def __init__(self, finding: Finding) -> None:
+        super().__init__()
+        self._message = finding.message
+        icon = StateIcon(18)
+        icon.set_kind(_KINDS[finding.state])
+        self._text, self._remedy = label(wrap=True), label(kind="muted", wrap=True)
+        for each in (self._text, self._remedy):
+            each.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        words = column(self._text, self._remedy, spacing=2)
+        row((icon, 0, Qt.AlignmentFlag.AlignTop), (words, 1), on=self)
+        on_language_change(self, self._show)
+
+    def _show(self) -> None:
+        shown = render(self._message.code, self._message.values, language.current(), window=True)
+        self._text.setText(shown.text)
+        self._remedy.setText(shown.remedy)
+        self._remedy.setVisible(bool(shown.remedy))

@@ -5,22 +5,15 @@ from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import (
-    QComboBox,
-    QListWidget,
-    QListWidgetItem,
-    QStackedWidget,
-    QWidget,
-)
+from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QStackedWidget, QWidget
 
 from calstation.config import DEFAULT_STATION, editing, library
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import problem_text_with_name
 from calstation.gui.settings.link_section import LinkSection
-from calstation.gui.settings.new_file import NewFileBar
 from calstation.gui.settings.personal_section import PersonalSection
-from calstation.gui.settings.profiles_section import ProfilesSection
+from calstation.gui.settings.profiles_section import NewFileBar, ProfilesSection
 from calstation.gui.settings.site_section import SiteSection
 from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection

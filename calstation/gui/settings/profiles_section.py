@@ -1,22 +1,133 @@
 """All files as text: products, IMUs, tables and stations, edited with marks and compared with older versions."""
 
 import difflib
+from collections.abc import Iterable
 from datetime import datetime
 from pathlib import Path
 
-from PySide6.QtCore import QSignalBlocker
-from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QComboBox, QListWidget, QTabWidget, QWidget
+from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtGui import QColor, QFontDatabase, QShowEvent, QTextCharFormat, QTextCursor, QTextFormat
+from PySide6.QtWidgets import QComboBox, QFrame, QLineEdit, QListWidget, QPlainTextEdit, QTabWidget, QTextEdit, QWidget
 
 from calstation.config import Version, editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.inputs import ChoiceBox
-from calstation.gui.settings.new_file import NewFileBar
-from calstation.gui.settings.text_view import TextView
 from calstation.gui.shell import AppContext
-from calstation.gui.text import bind, error_text, on_language_change, say, show
+from calstation.gui.text import bind, error_text, on_language_change, say, show, term
 from calstation.gui.widgets import button, column, enable, label, row, theme
+
+
+class TextView(QPlainTextEdit):
+    """Shows or edits a text without wrapping its lines."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.setObjectName(name)
+        font = QFontDatabase.systemFont(QFontDatabase.SystemFont.FixedFont)
+        font.setFamilies([*font.families(), "Consolas", "DejaVu Sans Mono", "WenQuanYi Micro Hei Mono"])
+        font.setPixelSize(theme.BODY)
+        self.setFont(font)
+        self.setLineWrapMode(QPlainTextEdit.LineWrapMode.NoWrap)
+        self.setTabChangesFocus(True)
+
+    def shade(self, lines: Iterable[tuple[int, str]]) -> None:
+        """Shade only these whole lines, counted from 1, each in its colour."""
+        selections = []
+        for number, colour in lines:
+            shade = QColor(colour)
+            shade.setAlpha(45)
+            form = QTextCharFormat()
+            form.setBackground(shade)
+            form.setProperty(QTextFormat.Property.FullWidthSelection, True)
+            selection = QTextEdit.ExtraSelection()
+            selection.format = form
+            selection.cursor = self._start_of(number)
+            selections.append(selection)
+        self.setExtraSelections(selections)
+
+    def go_to(self, line: int) -> None:
+        """Put the cursor on a line, counted from 1, and show it."""
+        self.setTextCursor(self._start_of(line))
+        self.centerCursor()
+        self.setFocus()
+
+    def _start_of(self, line: int) -> QTextCursor:
+        return QTextCursor(self.document().findBlockByNumber(line - 1))
+
+
+class NewFileBar(QFrame):
+    """Hidden until `ask`; emits `made(kind, path)` when the file exists."""
+
+    made = Signal(str, object)
+
+    def __init__(self, drafts: Drafts) -> None:
+        super().__init__()
+        self._drafts = drafts
+        self._kind = "stations"
+        self.setProperty("kind", "panel")
+        self._title, self._message = label(), label(kind="error", wrap=True)
+        self._title.setFont(theme.font(bold=True))
+        self._name = QLineEdit()
+        self._name.setObjectName("new_name_edit")
+        self._name.setFixedWidth(26 * theme.GRID)
+        self._name.textEdited.connect(lambda _: self._check())
+        self._name.returnPressed.connect(self._make)
+        self._source = ChoiceBox(lambda: [(name, name) for name in library.names(self._kind)], "new_source_combo")
+        self._source.setMinimumWidth(26 * theme.GRID)
+        self._make_button = button("make_file_button", lambda: self.tr("Create"), self._make, kind="primary")
+        inputs = row(
+            self._title,
+            self._name,
+            label(lambda: self.tr("copied from")),
+            self._source,
+            None,
+            self._make_button,
+            button("", lambda: self.tr("Cancel"), self.hide),
+        )
+        margins = (2 * theme.GRID, theme.GRID, theme.GRID, theme.GRID)
+        column(inputs, self._message, on=self, spacing=theme.GRID // 2, margins=margins)
+        on_language_change(self, self._check)
+        self.hide()
+
+    def ask(self, kind: str, source: str) -> None:
+        """Ask for the name of a new file of a kind; `source` is offered as the file to copy."""
+        self._kind = kind
+        self._source.fill()
+        self._source.show_value(source)
+        self._name.clear()
+        self._check()
+        self.show()
+        self._name.setFocus()
+
+    def _check(self) -> None:
+        """Show what is wrong with the name once something is typed."""
+        self._title.setText(term("setting", f"new_{self._kind}"))
+        name = self._name.text()
+        message = ""
+        if name in library.names(self._kind):
+            message = self.tr("This name is taken; choose another.")
+        elif name and not editing.is_name(name):
+            message = self.tr("Only letters a to z, digits, - and _; a letter or digit first.")
+        self._show_message(message)
+        enable(self._make_button, message or ("" if name else self.tr("Type a name first.")))
+
+    def _make(self) -> None:
+        if not self._make_button.isEnabled():
+            return
+        source = library.find(self._kind, self._source.value())
+        try:
+            path = self._drafts.create(self._kind, self._name.text(), source)
+        except ConfigurationError as error:
+            self._show_message(error_text(error).sentences)
+            return
+        self.hide()
+        self.made.emit(self._kind, path)
+
+    def _show_message(self, message: str) -> None:
+        self._message.setText(message)
+        self._message.setVisible(bool(message))
+
 
 _TEXT, _COMPARE = range(2)
 

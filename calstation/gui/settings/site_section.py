@@ -7,13 +7,7 @@ from PySide6.QtCore import QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QWidget
 
-from calstation.config import (
-    StationConfig,
-    confirmation_key,
-    normal_gravity_at,
-    site_advice,
-    this_computer,
-)
+from calstation.config import StationConfig, confirmation_key, normal_gravity_at, site_advice, this_computer
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Form, Row, panel
 from calstation.gui.settings.inputs import ChoiceBox

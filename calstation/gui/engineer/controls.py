@@ -1,8 +1,12 @@
-"""A parameter table whose texts are prepared by row and column."""
+"""A parameter table whose texts are prepared by row and column, and a box that offers stages."""
 
 from collections.abc import Callable, Mapping, Sequence
 
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable, Words
+from PySide6.QtCore import QSignalBlocker
+from PySide6.QtWidgets import QComboBox
+
+from calstation.gui.text import on_language_change, term
+from calstation.gui.widgets import Column, ParameterModel, ParameterTable, Words, theme
 from calstation.physics import aligned
 
 #: Height of a row, px.
@@ -49,3 +53,30 @@ class CellTable(ParameterTable):
     def refresh(self) -> None:
         """Show all texts again."""
         self._columns_model.refresh()
+
+
+class StageCombo(QComboBox):
+    """Its signal `currentIndexChanged` is emitted only by the user's choice."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__()
+        self.setObjectName(name)
+        self.setMinimumWidth(22 * theme.GRID)
+        on_language_change(self, self._show_names)
+
+    @property
+    def stage(self) -> str:
+        """The stage chosen, "" without any."""
+        return str(self.currentData() or "")
+
+    def offer(self, stages: Sequence[str], chosen: str = "") -> None:
+        """Offer stages and choose one, the first by default."""
+        with QSignalBlocker(self):
+            self.clear()
+            for stage in stages:
+                self.addItem(term("stage", stage), stage)
+            self.setCurrentIndex(max(self.findData(chosen), 0))
+
+    def _show_names(self) -> None:
+        for index in range(self.count()):
+            self.setItemText(index, term("stage", self.itemData(index)))
