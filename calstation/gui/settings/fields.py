@@ -61,8 +61,7 @@ class Field(QWidget):
         joined = "_".join(map(str, place))
         self.editor.setObjectName(f"{joined}_edit")
         words = partial(term, "setting", name or key)
-        self.label = label(words, wrap=True)
-        self.label.setBuddy(self.editor)
+        self.label = label(words, wrap=True, buddy=self.editor)
         self.label.setFixedWidth(LABEL)
         bind(self.editor.setAccessibleName, words)
         self._message = label(name=f"{joined}_message", wrap=True)
@@ -82,32 +81,28 @@ class Field(QWidget):
         draft.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
-    def as_cell(self, words: Words) -> "Field":
-        """Hide the label, whose words are beside or above a table of fields; `words` name it for a screen reader."""
+    def hide_label(self, words: Words) -> None:
+        """Leave the label to the headings of a table of fields; `words` name the input for a screen reader."""
         self.label.hide()
         self.setFixedWidth(self.editor.maximumWidth() + _UNIT)
         bind(self.editor.setAccessibleName, words)
-        return self
-
-    def lock(self, reason: str) -> None:
-        """Disable the input with the reason as its tooltip; "" enables it."""
-        enable(self.editor, reason)
 
     def refresh(self) -> None:
         """Show value and message of the draft."""
         value = self._draft.value(self._place)
         self.editor.show_value(self._default if value is None else value)
         problem = next((p for p in self._draft.problems if self._is_mine(p.place)), None)
-        advice = self.advice()
+        wrong = problem is not None
         if problem is not None:
             kind, text = "error", problem_text(problem)
+        elif text := self.advice():
+            kind = "caution"
         else:
-            kind, text = ("caution", advice) if advice else ("muted", self._hint())
+            kind, text = "muted", self._hint()
         self._message.setText(text)
         self._message.setVisible(bool(text))
         if self._message.property("kind") != kind:
             theme.set_kind(self._message, kind)
-        wrong = problem is not None
         if self.editor.property("wrong") != wrong:
             self.editor.setProperty("wrong", wrong)
             self.editor.style().polish(self.editor)
@@ -121,33 +116,22 @@ class Field(QWidget):
 class Row(QWidget):
     """A label, named as in the catalogue family ``setting`` or "", and an input that belongs to no single value."""
 
-    def __init__(self, widget: QWidget, name: str = "") -> None:
+    def __init__(self, editor: QWidget, name: str = "") -> None:
         super().__init__()
-        self._widget = widget
-        caption = label(partial(term, "setting", name) if name else str, wrap=True)
-        caption.setBuddy(widget)
+        self.editor = editor
+        caption = label(partial(term, "setting", name) if name else str, wrap=True, buddy=editor)
         caption.setFixedWidth(LABEL)
-        widget.setFixedWidth(EDITOR)
-        row(caption, widget, None, on=self, spacing=2 * theme.GRID)
+        editor.setFixedWidth(EDITOR)
+        row(caption, editor, None, on=self, spacing=2 * theme.GRID)
+
+
+class Section(QWidget):
+    """A part of the page, made of fields and rows."""
 
     def lock(self, reason: str) -> None:
-        """Disable the input with the reason as its tooltip; "" enables it."""
-        enable(self._widget, reason)
-
-
-class Form(QWidget):
-    """Fields, rows and other widgets one below the other."""
-
-    def __init__(self, *widgets: QWidget) -> None:
-        super().__init__()
-        self._widgets = widgets
-        column(*widgets, None, on=self)
-
-    def lock(self, reason: str) -> None:
-        """Disable all fields and rows with the reason as their tooltip; "" enables them."""
-        for widget in self._widgets:
-            if isinstance(widget, Field | Row):
-                widget.lock(reason)
+        """Disable the inputs of all fields and rows with the reason as their tooltip; "" enables them."""
+        for each in (*self.findChildren(Field), *self.findChildren(Row)):
+            enable(each.editor, reason)
 
 
 def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:

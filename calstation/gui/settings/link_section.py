@@ -11,7 +11,7 @@ from calstation.config import DEFAULT_PRODUCT, LinkDefaults, StationConfig, imu_
 from calstation.connection import FoundPort, LinkTestRequest, check_imu_link, check_table_link, discover_ports
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import EDITOR, LABEL, Field, Form, Row, choices_of
+from calstation.gui.settings.fields import EDITOR, LABEL, Field, Row, Section, choices_of
 from calstation.gui.settings.inputs import AddressEdit, ChoiceBox, NumberBox, NumberEdit, PortBox
 from calstation.gui.shell import AppContext, ResetBar
 from calstation.gui.text import error_text, language, on_language_change, say, term
@@ -36,7 +36,7 @@ _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 _SERIAL_KEYS = {"baud", "data_bits", "parity", "stop_bits"}
 
 
-class LinkSection(QWidget):
+class LinkSection(Section):
     """The link of ``table`` or ``imu`` in a station's draft."""
 
     def __init__(self, app: AppContext, device: str, draft: Draft) -> None:
@@ -80,12 +80,12 @@ class LinkSection(QWidget):
         self._unit = Field(draft, ("table", "unit"), self._unit_edit)
         self._line_fields = [
             Field(draft, (*serial, "baud"), NumberBox(_BAUDS)),
-            Field(draft, (*serial, "data_bits")),
-            Field(draft, (*serial, "parity")),
+            *(Field(draft, (*serial, key)) for key in ("data_bits", "parity")),
             Field(draft, (*serial, "stop_bits"), ChoiceBox(choices_of("stop_bits", 1, 1.5, 2))),
         ]
         self._own_row, self._search_row = Row(self.own_box, "own_serial"), Row(self.search_button)
-        self._form = Form(
+        self._form = QWidget()
+        column(
             Row(self.way_box, "way"),
             *self._ports.values(),
             self._search_row,
@@ -93,11 +93,13 @@ class LinkSection(QWidget):
             timeout,
             self._own_row,
             *self._line_fields,
+            None,
+            on=self._form,
         )
 
     def lock(self, reason: str) -> None:
         """Disable changes with the reason as tooltip; "" enables them."""
-        self._form.lock(reason)
+        super().lock(reason)
         enable(self.search_button, "")  # looking for ports changes nothing
 
     def search(self) -> None:
@@ -193,14 +195,7 @@ _LATCHED = ("fault", "fault_untold")
 
 
 class TestPanel(QFrame):
-    """The test of ``table`` or ``imu`` with the settings as typed.
-
-    Parameters
-    ----------
-    app : shared state of the window
-    device : ``table`` or ``imu``
-    station : gives the station to test, None while the typed values are wrong
-    """
+    """The test of ``table`` or ``imu`` at `station`, which gives None while the values typed are wrong."""
 
     __test__ = False  # not a pytest class
 
@@ -247,8 +242,7 @@ class TestPanel(QFrame):
         self._list = column(None, on=self._lines, margins=(0, 0, theme.GRID, 0))
         findings = scroll_area(self._lines)
         findings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        caption = label(lambda: self.tr("Expected: the IMU of product"))
-        caption.setBuddy(self.product_box)
+        caption = label(lambda: self.tr("Expected: the IMU of product"), buddy=self.product_box)
         for widget in (caption, self.product_box):
             widget.setVisible(self._device == "imu")
         column(

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import StationConfig, confirmation_key, normal_gravity_at, site_advice, this_computer
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import Field, Form, Row, panel
+from calstation.gui.settings.fields import Field, Row, Section, panel
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.text import on_language_change, say, show
 from calstation.gui.widgets import button, column, enable, label, row, theme
@@ -23,7 +23,7 @@ _NOWHERE = 9.7
 _COMPASS = 26 * theme.GRID
 
 
-class SiteSection(QWidget):
+class SiteSection(Section):
     """`[site]` of a station's draft."""
 
     def __init__(self, draft: Draft) -> None:
@@ -40,7 +40,8 @@ class SiteSection(QWidget):
         gravity.advice = lambda: self._advice("gravity_off")
         self._optional = {_AZIMUTH: (self._azimuth_box, azimuth), _GRAVITY: (self._gravity_box, gravity)}
         self._confirmation = _Confirmation(draft)
-        self._form = Form(
+        left = column(
+            label(lambda: self.tr("Site"), "section"),
             latitude,
             longitude,
             height,
@@ -49,8 +50,8 @@ class SiteSection(QWidget):
             Row(self._gravity_box, "gravity"),
             gravity,
             self._confirmation,
+            None,
         )
-        left = column(label(lambda: self.tr("Site"), "section"), (self._form, 1))
         row(left, (self._make_panel(), 1), on=self, spacing=3 * theme.GRID)
         draft.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
@@ -69,7 +70,7 @@ class SiteSection(QWidget):
 
     def lock(self, reason: str) -> None:
         """Disable changes with the reason as tooltip; "" enables them."""
-        self._form.lock(reason)
+        super().lock(reason)
         enable(self._confirmation.button, reason)
 
     def refresh(self) -> None:

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QFileDialog, QFormLayout, QWidget
 
 from calstation.config import is_manual_table, library, versions
 from calstation.gui.settings.drafts import Drafts
-from calstation.gui.settings.fields import Field, Form, Row, panel
+from calstation.gui.settings.fields import Field, Row, Section, panel
 from calstation.gui.settings.inputs import ChoiceBox
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import StateBadge, button, column, label, row, theme
@@ -15,26 +15,25 @@ from calstation.gui.widgets import StateBadge, button, column, label, row, theme
 _FOLDER = ("handover", "folder")
 
 
-class StationSection(QWidget):
+class StationSection(Section):
     """The station's own values, and a summary of its file."""
 
     def __init__(self, drafts: Drafts) -> None:
         super().__init__()
         self._draft = draft = drafts.station
-        browse = button("handover_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder)
         profiles = ChoiceBox(lambda: [(name, name) for name in library.names("tables")])
-        self._bench_fields = (
-            Field(draft, ("bench", "seed"), default=1),
-            Field(draft, ("bench", "speed"), default=0),
-        )
-        self._form = Form(
+        self._bench_fields = [
+            Field(draft, ("bench", key), default=default) for key, default in (("seed", 1), ("speed", 0))
+        ]
+        left = column(
+            label(lambda: self.tr("Station"), "section"),
             Field(draft, ("name",)),
             Field(draft, ("table", "profile"), profiles),
             Field(draft, _FOLDER),
-            Row(browse),
+            Row(button("handover_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder)),
             *self._bench_fields,
+            None,
         )
-        left = column(label(lambda: self.tr("Station"), "section"), (self._form, 1))
         row(left, (self._make_summary(), 1), on=self, spacing=3 * theme.GRID)
         draft.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
@@ -52,10 +51,6 @@ class StationSection(QWidget):
         for each in (self._kind, self._file, *(value for _, value in self._summary)):
             each.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         return panel(self.badge, self._kind, lines, self._file, spacing=2 * theme.GRID)
-
-    def lock(self, reason: str) -> None:
-        """Disable changes with the reason as tooltip; "" enables them."""
-        self._form.lock(reason)
 
     def refresh(self) -> None:
         """Show the draft."""

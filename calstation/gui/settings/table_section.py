@@ -5,10 +5,10 @@ from typing import Any
 
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QGridLayout, QWidget
+from PySide6.QtWidgets import QGridLayout
 
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import Field, Form
+from calstation.gui.settings.fields import Field, Section
 from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import ThemedPlot, Words, column, label, row, theme
 
@@ -27,7 +27,7 @@ _ACCURACY = (
 _NARROW = 14 * theme.GRID
 
 
-class TableSection(QWidget):
+class TableSection(Section):
     """`[outer]`, `[inner]`, `[accuracy]` and the axes of the table profile's draft."""
 
     def __init__(self, draft: Draft) -> None:
@@ -38,17 +38,20 @@ class TableSection(QWidget):
         axes = [Field(draft, (name,)) for name in ("outer_axis", "inner_axis")]
         axes[0].places += ((),)  # axes that do not fit each other are a problem of the whole file
         accuracy = [Field(draft, ("accuracy", name), width=_NARROW) for name in _ACCURACY]
-        self._axes = Form(*axes)
-        self._accuracy = Form(*accuracy, Field(draft, ("outer_lever",), width=26 * theme.GRID))
         left = column(
             label(lambda: self.tr("Table"), "section"),
             self._file,
             self._make_joints(),
             self._travel,
-            self._axes,
+            *axes,
             None,
         )
-        right = column(label(lambda: self.tr("Accuracy"), "section"), (self._accuracy, 1))
+        right = column(
+            label(lambda: self.tr("Accuracy"), "section"),
+            *accuracy,
+            Field(draft, ("outer_lever",), width=26 * theme.GRID),
+            None,
+        )
         row((left, 1), (right, 1), on=self, spacing=3 * theme.GRID)
         draft.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
@@ -56,7 +59,6 @@ class TableSection(QWidget):
     def _make_joints(self) -> QGridLayout:
         """Travel, rate and acceleration of both joints, side by side."""
         headings: tuple[Words, ...] = (lambda: self.tr("Outer axis"), lambda: self.tr("Inner axis"))
-        self._cells: list[Field] = []
         grid = QGridLayout()
         grid.setHorizontalSpacing(2 * theme.GRID)
         grid.setVerticalSpacing(theme.GRID // 2)
@@ -66,24 +68,16 @@ class TableSection(QWidget):
             caption.setMinimumHeight(4 * theme.GRID)
             grid.addWidget(caption, line, 0, Qt.AlignmentFlag.AlignTop)
             for number, (joint, heading) in enumerate(zip(_JOINTS, headings, strict=True), start=1):
-                words = partial(_cell_name, heading, key)
-                field = Field(self._draft, (joint, key), width=_NARROW).as_cell(words)
+                field = Field(self._draft, (joint, key), width=_NARROW)
+                field.hide_label(partial(_cell_name, heading, key))
                 if key == "high_deg":
                     field.places += ((joint,),)  # a lowest angle above the highest is shown once
-                self._cells.append(field)
                 grid.addWidget(field, line, number, Qt.AlignmentFlag.AlignTop)
         for number, heading in enumerate(headings, start=1):
             title = label(heading)
             title.setFont(theme.font(bold=True))
             grid.addWidget(title, 0, number)
         return grid
-
-    def lock(self, reason: str) -> None:
-        """Disable changes with the reason as tooltip; "" enables them."""
-        for cell in self._cells:
-            cell.lock(reason)
-        self._axes.lock(reason)
-        self._accuracy.lock(reason)
 
     def refresh(self) -> None:
         """Show the draft."""

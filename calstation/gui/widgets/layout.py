@@ -84,7 +84,9 @@ class ViewTabs(QTabBar):
         self.setExpanding(False)
 
 
-def label(words: Words | None = None, kind: str = "", *, name: str = "", wrap: bool = False) -> QLabel:
+def label(
+    words: Words | None = None, kind: str = "", *, name: str = "", wrap: bool = False, buddy: QWidget | None = None
+) -> QLabel:
     """Make a label.
 
     Parameters
@@ -93,6 +95,7 @@ def label(words: Words | None = None, kind: str = "", *, name: str = "", wrap: b
     kind : of the style sheet, such as ``muted`` or ``section``
     name : object name
     wrap : whether long texts take several lines
+    buddy : the input that the label names
     """
     made = QLabel()
     made.setObjectName(name)
@@ -101,6 +104,8 @@ def label(words: Words | None = None, kind: str = "", *, name: str = "", wrap: b
         made.setProperty("kind", kind)
     if words is not None:
         bind(made, words)
+    if buddy is not None:
+        made.setBuddy(buddy)
     return made
 
 
