@@ -24,20 +24,18 @@ _FEW = 100
 _LEAST_RANGE = 5.0
 
 
-class InnovationsView(StackedPlots):
+class InnovationsView(StackedPlots[Diagnostics]):
     """One plot for each component, and below them one line for each stage."""
 
     def __init__(self) -> None:
         super().__init__(3, 7 * theme.GRID)
-        self._diagnostics: Diagnostics | None = None
         self._stage_combo = StageCombo("innovation_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self.refresh)
-        caption = label(lambda: self.tr("Stage"))
-        caption.setBuddy(self._stage_combo)
+        caption = label(lambda: self.tr("Stage"), buddy=self._stage_combo)
         self._beyond = label()
         self._nis = table = CellTable("nis_table")
         table.verticalHeader().hide()
-        table.set_columns(
+        table.parameters.set_columns(
             (
                 Column(lambda: self.tr("Stage"), partial(term, "stage"), number=False),
                 table.column(lambda: self.tr("Mean NIS"), "mean"),
@@ -58,22 +56,21 @@ class InnovationsView(StackedPlots):
             spacing=theme.GRID // 2,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._nis.refresh)
+        on_language_change(self, table.parameters.refresh)
 
-    def show_diagnostics(self, diagnostics: Diagnostics) -> None:
+    def show_data(self, diagnostics: Diagnostics) -> None:
         """Show diagnostics, starting with the stage that has most innovations."""
-        self._diagnostics = diagnostics
         sizes = {s.stage: len(s.innovations.seq) for s in diagnostics.stages if s.innovations is not None}
         longest = max(sizes, key=lambda stage: sizes[stage], default="")
         self._stage_combo.offer(list(sizes), longest)
         self._nis.show_cells({stage.stage: _nis_cells(stage) for stage in diagnostics.stages})
         header = self._nis.horizontalHeader().sizeHint().height()
         self._nis.setFixedHeight(header + ROW * len(diagnostics.stages) + theme.GRID // 2)
-        self.refresh()
+        super().show_data(diagnostics)
 
-    def draw(self) -> None:
+    def draw(self, diagnostics: Diagnostics) -> None:
         """Draw the innovations of the chosen stage."""
-        stage = self._stage(self._stage_combo.stage)
+        stage = next((stage for stage in diagnostics.stages if stage.stage == self._stage_combo.stage), None)
         if stage is None or stage.innovations is None:
             self._beyond.setText("")
             return
@@ -86,10 +83,8 @@ class InnovationsView(StackedPlots):
             beyond = np.abs(values) > _BOUND
             inside = np.flatnonzero(~beyond)[:: -(-len(values) // _MOST)]
             for drawn, colour, grow in ((inside, c.accent, 0), (np.flatnonzero(beyond), c.bad, 2)):
-                dots = pg.ScatterPlotItem(
-                    minutes[drawn], values[drawn], size=size + grow, pen=None, brush=pg.mkBrush(colour)
-                )
-                self.add(plot, dots)
+                style = {"size": size + grow, "pen": None, "brush": pg.mkBrush(colour)}
+                self.add(plot, pg.ScatterPlotItem(minutes[drawn], values[drawn], **style))
             for level in (-_BOUND, 0.0, _BOUND):
                 pen = pg.mkPen(c.line) if level == 0.0 else dashed(c.muted)
                 self.add(plot, pg.InfiniteLine(level, 0, pen=pen))
@@ -102,10 +97,6 @@ class InnovationsView(StackedPlots):
         self._beyond.setText(
             self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(len(innovations.seq), share)
         )
-
-    def _stage(self, name: str) -> StageDiagnostics | None:
-        stages = () if self._diagnostics is None else self._diagnostics.stages
-        return next((stage for stage in stages if stage.stage == name), None)
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:
         """Names of the components: velocity in the level frame, or along the unit's axes."""
@@ -135,12 +126,11 @@ _LEFT = 9 * theme.GRID
 _UPWARD = np.cos(np.deg2rad(30.0))
 
 
-class ResidualsView(StackedPlots):
+class ResidualsView(StackedPlots[Diagnostics]):
     """Three plots over the rests of all stages; the rest under the pointer is described."""
 
     def __init__(self) -> None:
         super().__init__(3, _LEFT)
-        self._diagnostics: Diagnostics | None = None
         #: Each rest drawn, as its stage and its number in it.
         self._rests: list[tuple[StageDiagnostics, int]] = []
         self._rest_label = ElidedLabel()
@@ -156,16 +146,9 @@ class ResidualsView(StackedPlots):
         )
         on_language_change(self, self._explain)
 
-    def show_diagnostics(self, diagnostics: Diagnostics) -> None:
-        """Show diagnostics."""
-        self._diagnostics = diagnostics
-        self.refresh()
-
-    def draw(self) -> None:
+    def draw(self, diagnostics: Diagnostics) -> None:
         """Draw the rests of all stages."""
-        if self._diagnostics is None:
-            return
-        stages = [stage for stage in self._diagnostics.stages if len(stage.rests)]
+        stages = [stage for stage in diagnostics.stages if len(stage.rests)]
         self._rests = [(stage, k) for stage in stages for k in range(len(stage.rests))]
         bands: list[Band] = []
         begin = -0.5
@@ -211,7 +194,6 @@ class ResidualsView(StackedPlots):
         self._rest_label.setText(say("engineer.about_rests"))
 
     def _describe_rest(self, plot: ThemedPlot, at: QPointF) -> None:
-        """Describe the rest under the pointer."""
         view = plot.getPlotItem().getViewBox()
         if not self._rests or not view.sceneBoundingRect().contains(at):
             return

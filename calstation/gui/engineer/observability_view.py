@@ -29,8 +29,7 @@ class ObservabilityView(QWidget):
         self._stages: Mapping[str, Mapping[str, Any]] = {}
         self._stage_combo = StageCombo("observability_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self._show)
-        self._caption = label(lambda: self.tr("Stage"))
-        self._caption.setBuddy(self._stage_combo)
+        self._caption = label(lambda: self.tr("Stage"), buddy=self._stage_combo)
         self._lost = label(name="unobservable_label", wrap=True)
         self.map = HeatMap()
         self._scroll = scroll_area(self.map)
@@ -103,14 +102,7 @@ class HeatMap(ThemedPlot):
         self.getAxis("left").setStyle(tickFont=theme.font(11), tickLength=0)
 
     def show_strengths(self, names: tuple[str, ...], steps: tuple[int, ...], strength: FloatArray) -> None:
-        """Show strengths.
-
-        Parameters
-        ----------
-        names : states
-        steps : their numbers in the stage
-        strength : ndarray, shape (names, steps), prior sigma over the sigma after the step
-        """
+        """Show the strengths of named states: prior sigma over the sigma after each step, shape (names, steps)."""
         self._names, self._steps, self._strength = names, steps, strength
         self.setMinimumHeight(_ROW * len(names) + _AXIS)
         lost = strength <= OBSERVABLE

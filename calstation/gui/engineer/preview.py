@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QSplitter, QStackedWidget, QWidget
+from PySide6.QtWidgets import QSplitter, QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
@@ -25,6 +25,7 @@ from calstation.gui.widgets import (
     enable,
     label,
     row,
+    stack,
     theme,
 )
 from calstation.physics import INDEX, NAMES, display
@@ -35,13 +36,7 @@ _STATES = {"reached": "good", "missed": "bad"}
 
 
 class PreviewView(QWidget):
-    """The preview of a request and the button that computes it.
-
-    Parameters
-    ----------
-    app : shared state of the window
-    request : gives the request of a run as chosen now
-    """
+    """The preview of the run that `request` gives, as it is chosen now, and the button that computes it."""
 
     def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
@@ -51,7 +46,7 @@ class PreviewView(QWidget):
         self._error: CalstationError | None = None
         self.watch = JobWatch(self)
         self.watch.done.connect(self._done)
-        self.watch.failed.connect(self._failed)
+        self.watch.failed.connect(self._show_error)
         self.watch.cancelled.connect(self._refresh)
         self._job = JobRow(self.watch)
         self._button = button("preview_button", lambda: self.tr("Preview"), self._start)
@@ -65,13 +60,11 @@ class PreviewView(QWidget):
         self._empty = EmptyState()
         split = QSplitter(Qt.Orientation.Vertical)
         split.setChildrenCollapsible(False)
-        for stretch, widget in ((2, self._plot), (3, self._table)):
+        for number, widget in enumerate((self._plot, self._table)):
             split.addWidget(widget)
-            split.setStretchFactor(split.count() - 1, stretch)
+            split.setStretchFactor(number, 2 + number)
         split.setSizes([26 * theme.GRID, 36 * theme.GRID])
-        self._stack = QStackedWidget()
-        self._stack.addWidget(self._empty)
-        self._stack.addWidget(split)
+        self._stack = stack(self._empty, split)
         column(
             row(self._badge, (self._summary, 1), (self._job, 1), self._button, spacing=2 * theme.GRID),
             self._problems,
@@ -92,25 +85,24 @@ class PreviewView(QWidget):
 
     def _start(self) -> None:
         self.watch.watch(self._app.job_queue.submit(compute_preview, self._request()))
-        self._error = None
-        self._refresh()
+        self._show_error(None)
 
     def _show_texts(self) -> None:
         self._empty.say(say("engineer.preview_empty"), say("engineer.preview_about"))
-        self._table.refresh()
+        self._table.parameters.refresh()
         self._refresh()
 
     def _done(self, preview: Preview) -> None:
         self.preview, self._outdated = preview, False
-        self._plot.show_preview(preview)
+        self._plot.show_data(preview)
         self._table.show_cells({})
-        self._table.set_columns(self._columns(preview))
+        self._table.parameters.set_columns(self._columns(preview))
         self._table.show_cells({name: _cells(preview, name) for name in _names(preview)})
         self._table.setVisible(not preview.violations)
         self._stack.setCurrentIndex(1)
         self._refresh()
 
-    def _failed(self, error: CalstationError) -> None:
+    def _show_error(self, error: CalstationError | None) -> None:
         self._error = error
         self._refresh()
 
@@ -160,27 +152,18 @@ class PreviewView(QWidget):
         ]
 
 
-class MotionPlot(StackedPlots):
+class MotionPlot(StackedPlots[Preview]):
     """The angles of both joints against time, with the stages and the travel."""
 
     def __init__(self) -> None:
         super().__init__(2, 9 * theme.GRID)
-        self._preview: Preview | None = None
         for plot in self.plots:
             plot.getPlotItem().getViewBox().setDefaultPadding(0.1)
             plot.setMinimumHeight(8 * theme.GRID)
         column(*((plot, 1) for plot in self.plots), on=self, spacing=0)
 
-    def show_preview(self, preview: Preview) -> None:
-        """Draw the motion of a preview."""
-        self._preview = preview
-        self.refresh()
-
-    def draw(self) -> None:
+    def draw(self, preview: Preview) -> None:
         """Draw angles, bands and travel."""
-        preview = self._preview
-        if preview is None:
-            return
         c = theme.colours()
         self.add_bands([(term("stage", s.stage), s.begin / 60.0, s.end / 60.0) for s in preview.stages])
         angles = (preview.outer, preview.inner)
@@ -199,7 +182,6 @@ class MotionPlot(StackedPlots):
 
 
 def _verdict(preview: Preview) -> tuple[str, str]:
-    """State and words of a preview."""
     if preview.violations:
         return "bad", say("engineer.preview_violations")
     if any(stage.sigma is None for stage in preview.stages):
@@ -211,7 +193,6 @@ def _verdict(preview: Preview) -> tuple[str, str]:
 
 
 def _problem_texts(preview: Preview) -> list[str]:
-    """What is wrong with the plan, in a line each."""
     problems = [_violation_text(violation) for violation in preview.violations]
     for stage in preview.stages:
         if stage.error:
@@ -241,7 +222,6 @@ def _violation_text(violation: Violation) -> str:
 
 
 def _cells(preview: Preview, name: str) -> dict[str, str]:
-    """The texts of a parameter's row."""
     reached = _reached(preview, name)
     verdict = "unknown" if name in preview.limits else "no_limit"
     cells = {

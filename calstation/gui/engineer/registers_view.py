@@ -8,7 +8,6 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import RegisterOperation, RunRequest
-from calstation.errors import CalstationError
 from calstation.gui.engineer.controls import CellTable
 from calstation.gui.history import local_time
 from calstation.gui.shell import AppContext
@@ -41,13 +40,7 @@ _INCOMPLETE = ("transfer_unproved", "old_unproved")
 
 
 class RegistersView(QWidget):
-    """Emits `changed` when other actions may have become possible.
-
-    Parameters
-    ----------
-    app : shared state of the window
-    request : gives the request of a run as chosen now, for its station, product and engineer
-    """
+    """Emits `changed` when other actions may have become possible; `request` gives station, product and engineer."""
 
     changed = Signal()
 
@@ -75,7 +68,7 @@ class RegistersView(QWidget):
         self.watch.cancelled.connect(self._refresh)
         self._target_watch.done.connect(self._show_target)
         for watch in (self.watch, self._target_watch):
-            watch.failed.connect(self._failed)
+            watch.failed.connect(lambda error: self._show_error(lambda: error_text(error).sentences))
         self._lay_out()
         app.engine_link.event.connect(self._follow)
         app.product_changed.connect(self._product_changed)
@@ -89,7 +82,7 @@ class RegistersView(QWidget):
         self._read_button = button("read_registers_button", lambda: self.tr("Read the unit"), self._read)
         self._write_button = button("write_registers_button", lambda: self.tr("Write to the unit"), self._ask)
         self._table = table = CellTable("register_table")
-        table.set_columns(
+        table.parameters.set_columns(
             (
                 table.column(lambda: self.tr("Address"), "address"),
                 table.column(lambda: self.tr("Unit"), "unit", number=False),
@@ -199,9 +192,6 @@ class RegistersView(QWidget):
         else:
             self._show_error(lambda: say("engineer.write_stopped"))
 
-    def _failed(self, error: CalstationError) -> None:
-        self._show_error(lambda: error_text(error).sentences)
-
     # ---- what is shown
 
     def _show_target(self, target: TargetRegisters | None) -> None:
@@ -210,13 +200,11 @@ class RegistersView(QWidget):
         if target is None or self.unit is None or self.unit.serial != target.serial:
             self.unit = None
         self._fill()
-        self.changed.emit()
 
     def _show_unit(self, unit: UnitRegisters, proof: str = "") -> None:
         self.unit, self._proof = unit, proof
         self._error = self._progress = None
         self._fill()
-        self.changed.emit()
 
     def _show_progress(self, words: Words) -> None:
         self._progress = words
@@ -229,7 +217,7 @@ class RegistersView(QWidget):
 
     def _show_texts(self) -> None:
         self._empty.say(say("engineer.registers"), say("engineer.about_registers"))
-        self._table.refresh()
+        self._table.parameters.refresh()
         self._refresh()
 
     def _fill(self) -> None:
@@ -244,6 +232,7 @@ class RegistersView(QWidget):
         self._table.setVisible(bool(names))
         self._empty.setVisible(not names)
         self._refresh()
+        self.changed.emit()
 
     def _cells(self, name: str) -> dict[str, str]:
         old, new = self._old.get(name), self._new.get(name)
@@ -258,7 +247,6 @@ class RegistersView(QWidget):
         return cells
 
     def _changes(self) -> list[str]:
-        """Parameters whose register would get another value."""
         return [n for n, new in self._new.items() if n in self._old and self._old[n].raw != new.raw]
 
     def _address(self, name: str) -> int:
@@ -269,7 +257,6 @@ class RegistersView(QWidget):
         return self.tr("In the unit") if known else self.tr("Old")
 
     def _before_run(self, name: str) -> str:
-        """The value that the run found and replaced."""
         before = self.target.before if self.target is not None and self.target.written else ()
         for register in before:
             if register.parameter == name:
@@ -309,7 +296,6 @@ class RegistersView(QWidget):
         self._notice.ask("caution", lambda: say("engineer.ask_write", **title), text, choices)
 
     def _addresses(self, names: list[str]) -> str:
-        """Addresses as ranges."""
         ranges: list[list[int]] = []
         for address in sorted(self._address(name) for name in names):
             if ranges and address == ranges[-1][1] + 1:
@@ -353,7 +339,6 @@ class RegistersView(QWidget):
         return "", ""
 
     def _sentences(self) -> str:
-        """What the table shows."""
         texts = [say(f"engineer.verified_{self._proof}")] if self._proof else []
         unit, target = self.unit, self.target
         if unit is not None:

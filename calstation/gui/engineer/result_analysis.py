@@ -23,6 +23,7 @@ from calstation.gui.widgets import (
     button,
     column,
     label,
+    ordered,
     row,
     theme,
 )
@@ -58,7 +59,7 @@ class ResultView(QWidget):
         self._badge = StateBadge(theme.SECTION)
         self._about = label(wrap=True)
         self._table = table = CellTable("result_table", grouped=True)
-        table.set_columns(
+        table.parameters.set_columns(
             (
                 table.column(lambda: self.tr("Unit"), "unit", number=False),
                 table.column(lambda: self.tr("Value"), "value"),
@@ -84,8 +85,12 @@ class ResultView(QWidget):
         bind(table.setAccessibleName, lambda: self.tr("Parameters of the run"))
         self._checks = ChecksTable()
         self._checks.setObjectName("acceptance_checks")
-        copy = button("copy_button", lambda: self.tr("Copy table"), table.copy)
-        bind(copy.setToolTip, lambda: self.tr("The selected rows, or all, as a table for a spreadsheet (Ctrl+C)"))
+        copy = button(
+            "copy_button",
+            lambda: self.tr("Copy table"),
+            table.copy,
+            tip=lambda: self.tr("The selected rows, or all, as a table for a spreadsheet (Ctrl+C)"),
+        )
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
             (table, 1),
@@ -99,8 +104,7 @@ class ResultView(QWidget):
         """Show a run."""
         self.shown = finished
         result, parameters = finished.result, finished.result.parameters
-        names = [name for name in NAMES if name in parameters]
-        names += [name for name in parameters if name not in NAMES]
+        names = ordered(parameters)
         checks: dict[str, dict[str, Check]] = {name: {} for name in names}
         for check in result.checks:
             if of_parameter(check) and check.subject in checks:
@@ -116,7 +120,7 @@ class ResultView(QWidget):
         self._show_texts()
 
     def _show_texts(self) -> None:
-        self._table.refresh()
+        self._table.parameters.refresh()
         if self.shown is None:
             return
         result = self.shown.result
@@ -137,13 +141,7 @@ class ResultView(QWidget):
 
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
-    """The verdict of a run: ``PASS``, or ``PASS (partial: Rate)`` if stages of the product were left out.
-
-    Parameters
-    ----------
-    result : of the run
-    stages : whether the stages of a partial run are named
-    """
+    """The verdict of a run: ``PASS``, or ``PASS (partial: Rate)`` if `stages` of a partial run are to be named."""
     if not result.partial or not result.stages:
         return term("badge", result.outcome)
     if not stages:
@@ -152,7 +150,6 @@ def verdict_text(result: Result, *, stages: bool = True) -> str:
 
 
 def _register_texts(registers: Registers) -> list[str]:
-    """When the registers were written, and which were kept."""
     if registers.written_utc:
         texts = [say("engineer.registers_written_at", time=local_time(registers.written_utc))]
     else:
@@ -304,8 +301,8 @@ class ResultAnalysis(QObject):
         self.failed.emit(error)
 
     def _diagnosed(self, found: Diagnostics) -> None:
-        self.innovations.show_diagnostics(found)
-        self.residuals.show_diagnostics(found)
+        self.innovations.show_data(found)
+        self.residuals.show_data(found)
         for lazy in self._computed:
             lazy.show_view()
 

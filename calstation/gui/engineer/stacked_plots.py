@@ -1,6 +1,7 @@
 """Plots one above the other over a common horizontal axis, with the stages as shaded bands."""
 
 from collections.abc import Sequence
+from typing import Generic, TypeVar
 
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, Qt
@@ -10,6 +11,8 @@ from PySide6.QtWidgets import QWidget
 from calstation.gui.text import on_language_change
 from calstation.gui.widgets import ThemedPlot, theme
 
+Data = TypeVar("Data")
+
 #: A stage's name, and where its band begins and ends.
 Band = tuple[str, float, float]
 
@@ -17,17 +20,15 @@ Band = tuple[str, float, float]
 _PER_CHARACTER = 0.008
 
 
-class StackedPlots(QWidget):
-    """Base of views with linked plots: `draw` is called when they are shown, and again in another language or theme.
+class StackedPlots(QWidget, Generic[Data]):
+    """Base of views of `count` linked plots with left axes `left` px wide.
 
-    Parameters
-    ----------
-    count : number of plots
-    left : width of the left axes, px
+    `draw` is called for new data, and again in another language or theme, but not while the view is hidden.
     """
 
     def __init__(self, count: int, left: int) -> None:
         super().__init__()
+        self._data: Data | None = None
         self._outdated = True
         self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
         self.plots = tuple(ThemedPlot() for _ in range(count))
@@ -42,7 +43,12 @@ class StackedPlots(QWidget):
                 plot.setXLink(self.plots[0])
         on_language_change(self, self.refresh)
 
-    def draw(self) -> None:
+    def show_data(self, data: Data) -> None:
+        """Show these data."""
+        self._data = data
+        self.refresh()
+
+    def draw(self, data: Data) -> None:
         """Draw the present data into empty plots."""
         raise NotImplementedError
 
@@ -90,7 +96,8 @@ class StackedPlots(QWidget):
             plot.removeItem(item)
         self._items.clear()
         self._outdated = False
-        self.draw()
+        if self._data is not None:
+            self.draw(self._data)
 
 
 def name_axis(plot: ThemedPlot, side: str, text: str) -> None:

@@ -130,7 +130,9 @@ class Section(QWidget):
 
     def lock(self, reason: str) -> None:
         """Disable the inputs of all fields and rows with the reason as their tooltip; "" enables them."""
-        for each in (*self.findChildren(Field), *self.findChildren(Row)):
+        for field in self.findChildren(Field):
+            enable(field.editor, reason)
+        for each in self.findChildren(Row):
             enable(each.editor, reason)
 
 
