@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QToolButton, QVBoxLayou
 from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
 from calstation.gui.text import bind, on_language_change, term
-from calstation.gui.widgets import button, column, enable, label, row, scroll_area, theme
+from calstation.gui.widgets import button, clear, column, enable, label, row, scroll_area, theme
 
 #: Stages of each part, by the end of the part's object name.
 PARTS = {
@@ -78,9 +78,7 @@ class ChoicePanel(QFrame):
 
     def show_options(self, options: ScheduleOptions) -> None:
         """Offer a product's stages with their schedules."""
-        for form in self._forms.values():
-            form.setParent(None)
-            form.deleteLater()
+        clear(self._form_box)
         self._forms = {stage: ScheduleForm(stage, options) for stage in options.offered}
         for form in self._forms.values():
             form.changed.connect(self.changed)
@@ -89,14 +87,9 @@ class ChoicePanel(QFrame):
         self.parts.offer(options.offered, options.stages)
 
     def lock(self, choice: str, schedule: str, save: str, *, new_pin: bool) -> None:
-        """Disable parts of the panel, each with its reason; "" enables it.
+        """Disable the choice of stages, the schedule and its saving, each with its reason; "" enables it.
 
-        Parameters
-        ----------
-        choice : why stages cannot be chosen
-        schedule : why values cannot be edited
-        save : why the product cannot be saved
-        new_pin : whether no PIN has been set yet, by which the button that unlocks is named
+        The button that unlocks is named by whether a `new_pin` must be set first.
         """
         self._new_pin = new_pin
         self._show_texts()
@@ -114,9 +107,8 @@ class ChoicePanel(QFrame):
         self._reason.setVisible(bool(self._reason.text()))
 
     def _show_texts(self) -> None:
-        self._unlock_button.setText(
-            self.tr("Set the engineer's PIN") if self._new_pin else self.tr("Enter the engineer's PIN")
-        )
+        enter = self.tr("Enter the engineer's PIN")
+        self._unlock_button.setText(self.tr("Set the engineer's PIN") if self._new_pin else enter)
         stage = self.parts.current
         self._heading.setText(self.tr("Schedule: {0}").format(term("stage", stage)) if stage else "")
 
@@ -164,9 +156,7 @@ class Parts(QWidget):
 
     def offer(self, stages: tuple[str, ...], chosen: tuple[str, ...]) -> None:
         """Offer these stages, the `chosen` ones checked."""
-        for each in self._rows:
-            each.setParent(None)
-            each.deleteLater()
+        clear(self._list)
         self._rows = [_StageRow(stage, self) for stage in stages]
         for each in self._rows:
             each.check.setChecked(each.stage in chosen)

@@ -2,11 +2,12 @@
 
 import re
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFileDialog, QLineEdit, QStackedWidget, QTabBar, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFileDialog, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
 from calstation.errors import CalstationError
@@ -21,12 +22,14 @@ from calstation.gui.widgets import (
     ElidedLabel,
     JobWatch,
     NoticeBar,
+    ViewTabs,
     Words,
     button,
     column,
     enable,
     label,
     row,
+    stack,
     theme,
 )
 from calstation.results import FinishedRun
@@ -63,19 +66,18 @@ class EngineerPage(Page):
         return self.tr("Engineer")
 
     def _lay_out(self) -> None:
-        self._tabs, self._views = QTabBar(), QStackedWidget()
-        self._tabs.setObjectName("engineer_views")
-        self._tabs.setProperty("kind", "views")
-        self._tabs.setDrawBase(False)
-        self._tabs.setExpanding(False)
-        for view in (self.preview, *self.analysis.views, self.registers):
+        self._tabs = ViewTabs("engineer_views")
+        self._views = stack(self.preview, *self.analysis.views, self.registers)
+        for _ in range(self._views.count()):
             self._tabs.addTab("")
-            self._views.addWidget(view)
-        self._source = ElidedLabel()
-        self._source.setProperty("kind", "muted")
+        self._source = ElidedLabel("muted")
         self._source.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        open_button = button("open_result_button", lambda: self.tr("Open"), self._ask_file)
-        bind(open_button.setToolTip, lambda: self.tr("Show an earlier result or log"))
+        open_button = button(
+            "open_result_button",
+            lambda: self.tr("Open"),
+            self._ask_file,
+            tip=lambda: self.tr("Show an earlier result or log"),
+        )
         self.choice.setFixedWidth(_LEFT)
         right = column(row(self._tabs, (self._source, 1), open_button), self.notice, (self._views, 1))
         wide = 2 * theme.GRID
@@ -106,17 +108,10 @@ class EngineerPage(Page):
         app.open_run.connect(self.analysis.open)
 
     def _show_texts(self) -> None:
-        for index, text in enumerate(
-            (
-                self.tr("Preview"),
-                self.tr("Parameters"),
-                self.tr("Innovations"),
-                self.tr("Residuals"),
-                self.tr("Observability"),
-                self.tr("Registers"),
-            )
-        ):
-            self._tabs.setTabText(index, text)
+        titles = [self.tr("Preview"), self.tr("Parameters"), self.tr("Innovations"), self.tr("Residuals")]
+        titles += [self.tr("Observability"), self.tr("Registers")]
+        for index, title in enumerate(titles):
+            self._tabs.setTabText(index, title)
         self._source.setText(self.analysis.source())
         self._update()
 
@@ -177,12 +172,9 @@ class EngineerPage(Page):
 
     def _ask_to_save(self) -> None:
         assert self._options is not None
-        form, product = self.choice.form, self._options.name
-        stage = form.stage
-        changes = {stage: form.departures}
-        confirm = Choice(
-            "confirm_save_button", lambda: self.tr("Save to product"), lambda: self._save(changes), primary=True
-        )
+        product, stage = self._options.name, self.choice.form.stage
+        save = partial(self._save, {stage: self.choice.form.departures})
+        confirm = Choice("confirm_save_button", lambda: self.tr("Save to product"), save, primary=True)
         self.notice.ask(
             "caution",
             lambda: say("engineer.ask_save", stage=stage, product=product),
@@ -192,10 +184,8 @@ class EngineerPage(Page):
 
     def _save(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
         assert self._options is not None
-        job = self.app.job_queue.submit(
-            save_schedule, self._options.product, changes, self._header.engineer, cancellable=False
-        )
-        self._saving.watch(job)
+        product, author = self._options.product, self._header.engineer
+        self._saving.watch(self.app.job_queue.submit(save_schedule, product, changes, author, cancellable=False))
         self._update()
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
@@ -239,7 +229,7 @@ class EngineerPage(Page):
         self.app.engine_link.start(self._request())
 
     def _run_changed(self) -> None:
-        """Comes many times a second; only a fault matters here."""
+        """Update after a fault only: this comes many times a second."""
         faulty = self.app.run.fault is not None
         if faulty != self._faulty:
             self._faulty = faulty
@@ -283,10 +273,11 @@ class EngineerPage(Page):
         name = "" if self._header.engineer else say("engineer.no_name")
         device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
-        self._header.lock(busy)
-        self._header.set_why_no_start(problem or busy or device or choice or self._why_no_unit())
+        for edit in (self._header.serial_edit, self._header.engineer_edit):
+            enable(edit, busy)
+        enable(self._header.start_button, problem or busy or device or choice or self._why_no_unit())
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
-        self.preview.set_why_not(problem or choice)
+        enable(self.preview.button, problem or choice)
         self.registers.table = "" if found is None or found.by_hand else found.station
         read = problem or busy or device
         self.registers.set_why_not(read, role or read or name or self.registers.why_not_write())
@@ -343,13 +334,13 @@ class _Header(QWidget):
         self.engineer_edit.setFixedWidth(25 * theme.GRID)
         self.engineer_edit.setMaxLength(40)
         bind(self.engineer_edit.setPlaceholderText, lambda: self.tr("your name, for the record"))
-        self._start_button = button(
+        self.start_button = button(
             "engineer_start_button", lambda: self.tr("START"), self.start_pressed, kind="primary"
         )
-        self._start_button.setFixedHeight(theme.BIG_BUTTON)
-        self._start_button.setMinimumWidth(22 * theme.GRID)
-        self._start_button.setFont(theme.font(theme.SECTION, bold=True))
-        row(serial, engineer, self._start_button, (RunStrip(run), 1), on=self, spacing=2 * theme.GRID)
+        self.start_button.setFixedHeight(theme.BIG_BUTTON)
+        self.start_button.setMinimumWidth(22 * theme.GRID)
+        self.start_button.setFont(theme.font(theme.SECTION, bold=True))
+        row(serial, engineer, self.start_button, (RunStrip(run), 1), on=self, spacing=2 * theme.GRID)
 
     @property
     def serial(self) -> str:
@@ -361,19 +352,8 @@ class _Header(QWidget):
         """The name typed."""
         return self.engineer_edit.text().strip()
 
-    def lock(self, why: str) -> None:
-        """Disable serial number and name with a reason; "" enables them."""
-        for edit in (self.serial_edit, self.engineer_edit):
-            enable(edit, why)
-
-    def set_why_no_start(self, why: str) -> None:
-        """Disable START with a reason; "" enables it."""
-        enable(self._start_button, why)
-
     def _captioned(self, edit: QLineEdit, name: str, words: Words) -> QVBoxLayout:
         edit.setObjectName(name)
         edit.setFixedHeight(theme.BUTTON)
         edit.textChanged.connect(lambda _: self.edited.emit())
-        caption = label(words)
-        caption.setBuddy(edit)
-        return column(caption, edit, spacing=0)
+        return column(label(words, buddy=edit), edit, spacing=0)

@@ -22,7 +22,6 @@ from calstation.gui.widgets import (
     StateBadge,
     button,
     column,
-    enable,
     label,
     row,
     stack,
@@ -49,7 +48,7 @@ class PreviewView(QWidget):
         self.watch.failed.connect(self._show_error)
         self.watch.cancelled.connect(self._refresh)
         self._job = JobRow(self.watch)
-        self._button = button("preview_button", lambda: self.tr("Preview"), self._start)
+        self.button = button("preview_button", lambda: self.tr("Preview"), self._start)
         self._badge = StateBadge()
         self._summary = label(name="preview_summary")
         self._problems = label(kind="error", name="preview_violations", wrap=True)
@@ -66,7 +65,7 @@ class PreviewView(QWidget):
         split.setSizes([26 * theme.GRID, 36 * theme.GRID])
         self._stack = stack(self._empty, split)
         column(
-            row(self._badge, (self._summary, 1), (self._job, 1), self._button, spacing=2 * theme.GRID),
+            row(self._badge, (self._summary, 1), (self._job, 1), self.button, spacing=2 * theme.GRID),
             self._problems,
             (self._stack, 1),
             on=self,
@@ -78,10 +77,6 @@ class PreviewView(QWidget):
         """Show that the choice has changed since this preview."""
         self._outdated = self.preview is not None
         self._refresh()
-
-    def set_why_not(self, why: str) -> None:
-        """Enable the button, or disable it with the reason."""
-        enable(self._button, why)
 
     def _start(self) -> None:
         self.watch.watch(self._app.job_queue.submit(compute_preview, self._request()))
@@ -109,7 +104,7 @@ class PreviewView(QWidget):
     def _refresh(self) -> None:
         preview, busy = self.preview, self.watch.busy
         self._job.setVisible(busy)
-        self._button.setVisible(not busy)
+        self.button.setVisible(not busy)
         self._summary.setVisible(not busy)
         self._badge.setVisible(not busy and preview is not None and not self._error)
         problems = [error_text(self._error).sentences] if self._error else []

@@ -27,14 +27,8 @@ _UNITS_BY_END = {"deg": "°", "dps": "°/s", "dps2": "°/s²", "m": "m", "mps2":
 class Field(QWidget):
     """Label, input, unit and, beneath, what is wrong or what the value means.
 
-    Parameters
-    ----------
-    draft, place : the value shown; its key names label and hint in the catalogue family ``setting``
-    editor : its input; by default one for the type that the schema has for the value
-    name : names the label in place of the key
-    width : of the input, px
-    hint : what the value means, in place of the catalogue's words
-    default : shown if the file has no value, in place of the schema's default
+    The key names label and hint in the catalogue family ``setting``, unless `name` and `hint` are given; the type that
+    the schema has for the value chooses the input, and the schema its default, unless `editor` and `default` are given.
     """
 
     def __init__(
@@ -56,7 +50,8 @@ class Field(QWidget):
         #: Warns of an allowed but unlikely value; gives "" if there is nothing to warn of.
         self.advice: Words = str
         self._draft, self._place = draft, place
-        self._hint = hint or partial(_hint, key)
+        about = f"setting.about_{key}"
+        self._hint = hint or (partial(say, about) if known(about) else str)
         self._default = info.get_default() if default is None and info and not info.is_required() else default
         joined = "_".join(map(str, place))
         self.editor.setObjectName(f"{joined}_edit")
@@ -186,8 +181,3 @@ def _make_editor(info: FieldInfo | None, name: str) -> Editor:
     if get_origin(kind) is list:
         return VectorEdit()
     return WordEdit() if kind is str else NumberEdit()
-
-
-def _hint(key: str) -> str:
-    code = f"setting.about_{key}"
-    return say(code) if known(code) else ""

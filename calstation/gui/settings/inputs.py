@@ -99,13 +99,7 @@ class _Box(QComboBox):
 
 
 class ChoiceBox(_Box):
-    """One of several values, each with a text.
-
-    Parameters
-    ----------
-    choices : gives the values and their texts in the current language
-    name : object name
-    """
+    """One of several values; `choices` gives them with their texts in the current language."""
 
     def __init__(self, choices: Callable[[], Sequence[tuple[Any, str]]], name: str = "") -> None:
         super().__init__()

@@ -220,7 +220,7 @@ class TestPanel(QFrame):
         self.watch.progress.connect(self._show_note)
         self.watch.done.connect(self._done)
         self.watch.failed.connect(self._failed)
-        self.watch.cancelled.connect(lambda: self._show_running(False))
+        self.watch.cancelled.connect(self._show_running)
         self._progress, self._note = JobRow(self.watch), label(kind="muted")
         self.badge = StateBadge(theme.SECTION)
         self.badge.setObjectName(f"{device}_test_badge")
@@ -233,9 +233,7 @@ class TestPanel(QFrame):
         app.engine_link.running_changed.connect(lambda _: self.refresh())
         app.product_changed.connect(self._follow_product)
         self._follow_product()
-        self._show_running(False)
-        on_language_change(self, self._show_verdict)
-        on_language_change(self, self.refresh)
+        on_language_change(self, self._show_running)
 
     def _lay_out(self) -> None:
         self._lines = QWidget()
@@ -293,7 +291,7 @@ class TestPanel(QFrame):
         self._tested = self._settings(request.station)
         work = check_table_link if self._device == "table" else check_imu_link
         self.watch.watch(self._app.job_queue.submit(work, request))
-        self._show_running(True)
+        self._show_running()
 
     def _request(self) -> LinkTestRequest | None:
         """The station with the product whose IMU is expected; None while the typed values are wrong."""
@@ -320,17 +318,17 @@ class TestPanel(QFrame):
         self.report = report
         for finding in report.findings:
             self._list.insertWidget(self._list.count() - 1, _Line(finding))
-        self._show_running(False)
+        self._show_running()
         # Last: the focus that leaves the job's row must not land on the reset button.
         self.reset.offer(self._device == "table" and any(map(report.find, _LATCHED)))
 
     def _failed(self, error: CalstationError) -> None:
         self._error = error
-        self._show_running(False)
+        self._show_running()
 
-    def _show_running(self, running: bool) -> None:
-        self._progress.setVisible(running)
-        self._note.setVisible(running)
+    def _show_running(self) -> None:
+        for widget in (self._progress, self._note):
+            widget.setVisible(self.watch.busy)
         self._show_verdict()
         self.refresh()
 

@@ -80,8 +80,7 @@ class StationPage(Page):
         self.station_box.setMinimumWidth(36 * theme.GRID)
         self.station_box.activated.connect(self._choose)
         bind(self.station_box.setAccessibleName, lambda: self.tr("Station"))
-        caption = label(lambda: self.tr("Station"))
-        caption.setBuddy(self.station_box)
+        caption = label(lambda: self.tr("Station"), buddy=self.station_box)
         self._new_button = button("new_station_button", lambda: self.tr("New from copy"), self._ask_new)
         self._save_button = button("save_station_button", lambda: self.tr("Save"), self.save, kind="primary")
         self._discard_button = button("discard_station_button", lambda: self.tr("Discard"), self.drafts.discard)
@@ -174,8 +173,8 @@ class StationPage(Page):
         elif self._role_reason():
             status = self.tr("Read only: an engineer unlocks it.")
         self._unsaved_label.setText(status)
-        self._discard_button.setVisible(bool(dirty))
-        self._save_button.setVisible(bool(dirty))
+        for each in (self._discard_button, self._save_button):
+            each.setVisible(bool(dirty))
         reason = self._why_not_save()
         if wrong and not reason:
             first = problem_text_with_name(wrong[0].problems[0])

@@ -149,8 +149,8 @@ class ProfilesSection(QWidget):
         self._problems = QListWidget()
         self._problems.setObjectName("problems_list")
         self._problems.setWordWrap(True)
-        self._problems.itemClicked.connect(lambda _: self._go_to_problem())
-        self._problems.itemActivated.connect(lambda _: self._go_to_problem())
+        for signal in (self._problems.itemClicked, self._problems.itemActivated):
+            signal.connect(lambda _: self._go_to_problem())
         text = QWidget()
         column((self.editor, 1), self._problems, on=text)
         self.views = QTabWidget()
@@ -185,7 +185,11 @@ class ProfilesSection(QWidget):
         bind(self.file_box.setAccessibleName, lambda: self.tr("File"))
         self._new = NewFileBar(self._drafts)
         self._new.made.connect(self._made)
-        self._new_button = button("new_file_button", lambda: self.tr("New from copy"), self._ask_new)
+        self._new_button = button(
+            "new_file_button",
+            lambda: self.tr("New from copy"),
+            lambda: self._new.ask(self.kind_box.value(), self.file_box.currentText()),
+        )
         self._about = label(kind="muted")
 
     def _make_versions(self) -> QWidget:
@@ -303,8 +307,7 @@ class ProfilesSection(QWidget):
         if self._draft is None or self._chosen is None:
             return
         self.views.setCurrentIndex(_COMPARE)
-        text = self._text_of(self._chosen)
-        if text is not None:
+        if (text := self._text_of(self._chosen)) is not None:
             self._compared = None
             self._draft.rewrite(text)
 
@@ -340,13 +343,13 @@ class ProfilesSection(QWidget):
         draft = self._draft
         if draft is None:
             return
-        other, name = draft.saved, self.tr("as saved")
+        text: str | None = draft.saved
+        name = self.tr("as saved")
         if self._compared is not None:
             text, name = self._text_of(self._compared), self.tr("version {0}").format(self._compared.number)
-            if text is None:
-                return
-            other = text
-        old, new = other.splitlines(), draft.text.splitlines()
+        if text is None:
+            return
+        old, new = text.splitlines(), draft.text.splitlines()
         lines = list(difflib.unified_diff(old, new, name, self.tr("the present text"), lineterm="", n=4))
         self.diff.setPlainText("\n".join(lines) or self.tr("The present text is the same as {0}.").format(name))
         colours = {"+": theme.colours().good, "-": theme.colours().bad}
@@ -361,9 +364,6 @@ class ProfilesSection(QWidget):
             self.diff.setPlainText(error_text(error).sentences)
             self.diff.shade(())
             return None
-
-    def _ask_new(self) -> None:
-        self._new.ask(self.kind_box.value(), self.file_box.currentText())
 
     def _made(self, kind: str, path: Path) -> None:
         self.open(kind, path.stem)

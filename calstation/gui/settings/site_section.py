@@ -1,6 +1,7 @@
 """The site of the table: latitude, longitude, height, azimuth and gravity, with the cost of an error in each."""
 
 import math
+from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
@@ -31,23 +32,28 @@ class SiteSection(Section):
         self._draft = draft
         #: The last azimuth and gravity given.
         self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0, _GRAVITY: _NOWHERE}
-        self._azimuth_box = ChoiceBox(self._azimuth_ways, "azimuth_way_combo")
-        self._azimuth_box.typed.connect(lambda: self._choose(_AZIMUTH, self._azimuth_box.value()))
-        self._gravity_box = ChoiceBox(self._gravity_ways, "gravity_way_combo")
-        self._gravity_box.typed.connect(lambda: self._choose(_GRAVITY, self._gravity_box.value()))
+        azimuth_box = ChoiceBox(
+            lambda: [(True, self.tr("given here")), (False, self.tr("found from the data"))], "azimuth_way_combo"
+        )
+        gravity_box = ChoiceBox(
+            lambda: [(False, self.tr("normal gravity, computed")), (True, self.tr("surveyed, given here"))],
+            "gravity_way_combo",
+        )
+        for box, place in ((azimuth_box, _AZIMUTH), (gravity_box, _GRAVITY)):
+            box.typed.connect(partial(self._choose, place))
         latitude, longitude, height, azimuth, gravity = (Field(draft, ("site", name)) for name in _NAMES)
         latitude.advice = lambda: self._advice("null_island", "azimuth_hopeless")
         gravity.advice = lambda: self._advice("gravity_off")
-        self._optional = {_AZIMUTH: (self._azimuth_box, azimuth), _GRAVITY: (self._gravity_box, gravity)}
+        self._optional = {_AZIMUTH: (azimuth_box, azimuth), _GRAVITY: (gravity_box, gravity)}
         self._confirmation = _Confirmation(draft)
         left = column(
             label(lambda: self.tr("Site"), "section"),
             latitude,
             longitude,
             height,
-            Row(self._azimuth_box, "azimuth_of_body"),
+            Row(azimuth_box, "azimuth_of_body"),
             azimuth,
-            Row(self._gravity_box, "gravity"),
+            Row(gravity_box, "gravity"),
             gravity,
             self._confirmation,
             None,
@@ -96,20 +102,15 @@ class SiteSection(Section):
     def _values(self) -> list[Any]:
         return [self._draft.value(("site", name)) for name in _NAMES]
 
-    def _choose(self, place: tuple[str, str], given: bool) -> None:
+    def _choose(self, place: tuple[str, str]) -> None:
         """Give a value, starting from the last one, or none."""
-        self._optional[place][1].editor.clearFocus()
-        self._draft.set({place: self._last[place] if given else None})
+        box, field = self._optional[place]
+        field.editor.clearFocus()
+        self._draft.set({place: self._last[place] if box.value() else None})
 
     def _advice(self, *ids: str) -> str:
         """The first of these findings about the values typed, "" if none applies."""
         return next((show(found.message) for found in site_advice(*self._values()) if found.id in ids), "")
-
-    def _azimuth_ways(self) -> list[tuple[Any, str]]:
-        return [(True, self.tr("given here")), (False, self.tr("found from the data"))]
-
-    def _gravity_ways(self) -> list[tuple[Any, str]]:
-        return [(False, self.tr("normal gravity, computed")), (True, self.tr("surveyed, given here"))]
 
 
 class _Confirmation(QWidget):
