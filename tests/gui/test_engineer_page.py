@@ -23,8 +23,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config import versions
-from calstation.gui.engineer.diagnostics_views import upward_axis
-from calstation.gui.engineer.observability_view import HeatMap
+from calstation.gui.engineer.diagnostics_views import HeatMap, upward_axis
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.text import language
 from calstation.gui.text.messages import show

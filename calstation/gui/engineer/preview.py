@@ -10,8 +10,7 @@ from PySide6.QtWidgets import QSplitter, QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.controls import CellTable
-from calstation.gui.engineer.stacked_plots import StackedPlots, dashed, name_axis
+from calstation.gui.engineer.shared_views import CellTable, StackedPlots, dashed, name_axis
 from calstation.gui.shell import AppContext
 from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
 from calstation.gui.widgets import (

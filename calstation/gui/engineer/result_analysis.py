@@ -6,9 +6,8 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from calstation.errors import CalstationError
-from calstation.gui.engineer.controls import CellTable
-from calstation.gui.engineer.diagnostics_views import InnovationsView, ResidualsView
-from calstation.gui.engineer.observability_view import ObservabilityView
+from calstation.gui.engineer.diagnostics_views import InnovationsView, ObservabilityView, ResidualsView
+from calstation.gui.engineer.shared_views import CellTable
 from calstation.gui.history import local_time
 from calstation.gui.shell import AppContext
 from calstation.gui.text import KINDS, bind, error_text, of_parameter, on_language_change, say, term

@@ -11,8 +11,19 @@ from calstation.config import DEFAULT_PRODUCT, LinkDefaults, StationConfig, imu_
 from calstation.connection import FoundPort, LinkTestRequest, check_imu_link, check_table_link, discover_ports
 from calstation.errors import CalstationError
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import EDITOR, LABEL, Field, Row, Section, choices_of
-from calstation.gui.settings.inputs import AddressEdit, ChoiceBox, NumberBox, NumberEdit, PortBox
+from calstation.gui.settings.fields import (
+    EDITOR,
+    LABEL,
+    AddressEdit,
+    ChoiceBox,
+    Field,
+    NumberBox,
+    NumberEdit,
+    PortBox,
+    Row,
+    Section,
+    choices_of,
+)
 from calstation.gui.shell import AppContext, ResetBar
 from calstation.gui.text import error_text, language, on_language_change, say, term
 from calstation.gui.widgets import (

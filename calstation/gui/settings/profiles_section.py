@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QComboBox, QFrame, QLineEdit, QListWidget, QPlainT
 from calstation.config import Version, editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
-from calstation.gui.settings.inputs import ChoiceBox
+from calstation.gui.settings.fields import ChoiceBox
 from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, error_text, on_language_change, say, show, term
 from calstation.gui.widgets import button, column, enable, label, row, theme

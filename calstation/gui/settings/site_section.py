@@ -10,8 +10,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import StationConfig, confirmation_key, normal_gravity_at, site_advice, this_computer
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.settings.fields import Field, Row, Section, panel
-from calstation.gui.settings.inputs import ChoiceBox
+from calstation.gui.settings.fields import ChoiceBox, Field, Row, Section, panel
 from calstation.gui.text import on_language_change, say, show
 from calstation.gui.widgets import button, column, enable, label, row, theme
 from calstation.schema import KeyPath

@@ -7,8 +7,7 @@ from PySide6.QtWidgets import QFileDialog, QFormLayout, QWidget
 
 from calstation.config import is_manual_table, library, versions
 from calstation.gui.settings.drafts import Drafts
-from calstation.gui.settings.fields import Field, Row, Section, panel
-from calstation.gui.settings.inputs import ChoiceBox
+from calstation.gui.settings.fields import ChoiceBox, Field, Row, Section, panel
 from calstation.gui.text import on_language_change, say
 from calstation.gui.widgets import StateBadge, button, column, label, row, theme
 
