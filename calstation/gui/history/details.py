@@ -4,21 +4,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFormLayout, QFrame, QScrollArea, QWidget
+from PySide6.QtWidgets import QFormLayout, QFrame, QWidget
 
 from calstation.gui.history.run_table import local_time, stages_text
 from calstation.gui.history.trend import Trend
 from calstation.gui.operator import FiguresTable, advice
-from calstation.gui.text import (
-    KINDS,
-    duration_text,
-    error_text,
-    event_sentence,
-    free_text,
-    on_language_change,
-    term,
+from calstation.gui.text import KINDS, duration_text, error_text, event_sentence, free_text, on_language_change, term
+from calstation.gui.widgets import (
+    ElidedLabel,
+    StateBadge,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    scroll_area,
+    show_text,
+    theme,
 )
-from calstation.gui.widgets import ElidedLabel, StateBadge, button, column, enable, label, row, theme
 from calstation.records import IndexedRun, RunRecord
 from calstation.results import Result
 
@@ -69,15 +72,7 @@ class RunDetails(QFrame):
     def show_run(
         self, run: RunRecord, result: Result | None, unit_runs: Sequence[IndexedRun], actions: Actions
     ) -> None:
-        """Show a run.
-
-        Parameters
-        ----------
-        run : as indexed
-        result : its result, None if it has none
-        unit_runs : solved runs of the same unit, oldest first
-        actions : what may be done with it
-        """
+        """Show a run with its result, the solved runs of the same unit, oldest first, and what may be done with it."""
         self._run, self._result, self._actions = run, result, actions
         checks = result.checks if result is not None else []
         limits = {c.subject: c.limit for c in checks if c.kind == "within" and isinstance(c.limit, tuple)}
@@ -94,13 +89,8 @@ class RunDetails(QFrame):
         content = QWidget()
         items = (self.reason_label, self.failed_label, self._figures, self._facts, None)
         column(*items, on=content, spacing=2 * theme.GRID, margins=(0, 0, theme.GRID, 0))
-        scroll = QScrollArea()
-        scroll.setWidget(content)
-        scroll.setWidgetResizable(True)
-        scroll.setFrameShape(QFrame.Shape.NoFrame)
+        scroll = scroll_area(content)
         scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        for widget in (content, scroll.viewport()):
-            widget.setAutoFillBackground(False)
         column(
             row((self._serial, 1), self.badge),
             (scroll, 5),
@@ -124,8 +114,7 @@ class RunDetails(QFrame):
             lines = [f"✕  {advice.failed_check_text(check, result)}" for check in failed[:_MOST_FAILED]]
             if len(failed) > _MOST_FAILED:
                 lines.append(self.tr("and {0} more").format(len(failed) - _MOST_FAILED))
-        self.failed_label.setText("\n".join(lines))
-        self.failed_label.setVisible(bool(lines))
+        show_text(self.failed_label, "\n".join(lines))
         self._figures.show_result(result)
         self._fill_facts(run)
         self._update_buttons(run)

@@ -1,18 +1,19 @@
 """The history page: finished and incomplete runs, found by serial number, outcome and time."""
 
+from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
-from PySide6.QtWidgets import QSplitter, QStackedWidget
+from PySide6.QtWidgets import QSplitter
 
 from calstation.errors import CalstationError, InputError
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import bind, error_text, on_language_change
-from calstation.gui.widgets import Choice, EmptyState, JobWatch, NoticeBar, button, column, theme
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import Choice, EmptyState, JobWatch, NoticeBar, button, column, stack, theme
 from calstation.records import RunRecord
 from calstation.results import History, Result, load_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
@@ -35,8 +36,7 @@ class HistoryPage(Page):
         self._index: tuple[Path, History] | None = None
         self._filters, self.table, self.details = Filters(), RunTable(), RunDetails()
         bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
-        self.notice = NoticeBar()
-        self.notice.setObjectName("history_notice")
+        self.notice = NoticeBar("history_notice")
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear)
         self._nothing = EmptyState(self._clear_button)
         self._split = QSplitter(Qt.Orientation.Horizontal)
@@ -46,9 +46,7 @@ class HistoryPage(Page):
             self._split.addWidget(widget)
             self._split.setStretchFactor(index, share)
         self._split.setSizes([_TABLE_SHARE * 100, _DETAILS_SHARE * 100])
-        self._stack = QStackedWidget()
-        self._stack.addWidget(self._nothing)
-        self._stack.addWidget(self._split)
+        self._stack = stack(self._nothing, self._split)
         wide = 2 * theme.GRID
         column(self._filters, self.notice, (self._stack, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
@@ -156,25 +154,14 @@ class HistoryPage(Page):
     def _open_folder(self) -> None:
         if self.table.run is not None:
             folder = str(self.table.run.log.parent.absolute())
-            if not QDesktopServices.openUrl(QUrl.fromLocalFile(folder)):
-                self._show_folder(folder)
-
-    def _show_folder(self, folder: str) -> None:
-        """Show the path of a folder, to copy it, if this computer cannot open folders."""
-        self.notice.ask(
-            "none",
-            lambda: self.tr("Folder of this run"),
-            lambda: folder,
-            (
-                Choice(
-                    "copy_folder_button",
-                    lambda: self.tr("Copy the path"),
-                    lambda: QGuiApplication.clipboard().setText(folder),
-                    primary=True,
-                ),
+            if QDesktopServices.openUrl(QUrl.fromLocalFile(folder)):
+                return
+            copy = partial(QGuiApplication.clipboard().setText, folder)  # this computer cannot open folders
+            choices = (
+                Choice("copy_folder_button", lambda: self.tr("Copy the path"), copy, primary=True),
                 Choice("folder_close_button", lambda: self.tr("Close"), self.table.setFocus),
-            ),
-        )
+            )
+            self.notice.ask("none", lambda: self.tr("Folder of this run"), lambda: folder, choices)
 
     def _close_run(self) -> None:
         if self.table.run is not None:
@@ -188,23 +175,14 @@ class HistoryPage(Page):
         self.refresh()
 
     def _show_error(self, error: CalstationError) -> None:
-        close = Choice("history_notice_close", lambda: self.tr("Close"), self.table.setFocus)
-        self.notice.ask(
-            "bad",
-            lambda: self.tr("The runs could not be read"),
-            lambda: error_text(error).sentences,
-            (close,),
-        )
+        self.notice.report(lambda: self.tr("The runs could not be read"), error, self.table.setFocus)
 
     def _show_nothing(self) -> None:
         self._filters.show_count(len(self.table.runs), _MOST)
         active = self._filters.active
         self._clear_button.setVisible(active)
         if active:
-            self._nothing.say(
-                self.tr("No run matches"),
-                self.tr("Search for less, or show every outcome and time."),
-            )
+            self._nothing.say(self.tr("No run matches"), self.tr("Search for less, or show every outcome and time."))
         else:
             self._nothing.say(
                 self.tr("Every run will be listed here"),

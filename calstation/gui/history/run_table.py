@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from datetime import datetime
 
-from PySide6.QtCore import QCoreApplication, QEvent, QModelIndex, Qt, Signal
+from PySide6.QtCore import QCoreApplication, QModelIndex, Qt, Signal
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
@@ -45,6 +45,7 @@ class RunTable(QTableWidget):
         header.setStretchLastSection(True)
         header.setResizeContentsPrecision(0)  # columns are as wide as the visible rows need
         self.selectionModel().currentRowChanged.connect(self._row_changed)
+        theme.themes.changed.connect(self._fill_rows)
         on_language_change(self, self._refresh)
 
     @property
@@ -59,8 +60,7 @@ class RunTable(QTableWidget):
         self.setRowCount(0)
         self.runs = tuple(runs)
         self.setRowCount(len(runs))
-        for row, run in enumerate(runs):
-            self._fill(row, run)
+        self._fill_rows()
         self._share_width()
         if runs:
             self.selectRow(next((i for i, run in enumerate(runs) if run.log == log), 0))
@@ -73,12 +73,9 @@ class RunTable(QTableWidget):
         if event.size().width() != event.oldSize().width():
             self._share_width()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Show the outcomes in the colours of another theme."""
-        super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange:
-            for row, run in enumerate(self.runs):
-                self._fill(row, run)
+    def _fill_rows(self) -> None:
+        for row, run in enumerate(self.runs):
+            self._fill(row, run)
 
     def _refresh(self) -> None:
         """Show headings and cells in the current language."""

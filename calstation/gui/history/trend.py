@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QSignalBlocker, Qt
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QComboBox, QSizePolicy, QWidget
 
 from calstation.gui.history.run_table import local_time
 from calstation.gui.text import bind
-from calstation.gui.widgets import ThemedPlot, column, label, row, theme
-from calstation.physics import INDEX, NAMES, display
+from calstation.gui.widgets import ThemedPlot, column, label, ordered, row, theme
+from calstation.physics import display
 from calstation.records import IndexedRun
 
 #: Most runs shown, the latest.
@@ -43,20 +43,14 @@ class Trend(QWidget):
         self._plot.getAxis("left").setWidth(8 * theme.GRID)
         bind(self._plot.setAccessibleName, lambda: self.tr("The parameter over the unit's runs"))
         column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
+        theme.themes.changed.connect(self.draw)
 
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]) -> None:
-        """Show the solved runs of a unit.
-
-        Parameters
-        ----------
-        runs : oldest first
-        selected : name of the run to emphasise
-        limits : lowest and highest value of each parameter, SI
-        """
+        """Show the solved runs of a unit, oldest first, one of them selected, and the limits of parameters, SI."""
         self._runs, self._selected, self._limits = tuple(runs[-_MOST:]), selected, limits
         wanted = self._combo.currentData()
         found = dict.fromkeys(name for run in self._runs for name in run.values)
-        names = [*(n for n in NAMES if n in found), *(n for n in found if n not in INDEX)]
+        names = ordered(found)
         with QSignalBlocker(self._combo):
             self._combo.clear()
             for name in names:
@@ -105,9 +99,3 @@ class Trend(QWidget):
         dates = [(i, local_time(runs[i].record.started_utc)[2:10]) for i in range(0, len(runs), step)]
         plot.getAxis("bottom").setTicks([dates])
         plot.setLabel("left", display(name, 0.0)[1])
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Draw in the colours of another theme."""
-        super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange and self._runs:
-            self.draw()

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QFrame, QWidget
 
-from calstation.gui.text import on_language_change, term
+from calstation.gui.text import term
 from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, column, label, row, theme
 from calstation.physics import DISPLAY
 
@@ -74,8 +74,7 @@ class Convergence(QFrame):
             spacing=0,
             margins=(theme.GRID,) * 4,
         )
-        on_language_change(self, self._show_labels)
-        self._set_colours()
+        theme.on_appearance_change(self, self._refresh)
 
     def start(self, targets: Mapping[str, float]) -> None:
         """Start a new run with these targets per group, SI."""
@@ -85,7 +84,7 @@ class Convergence(QFrame):
         for line in self.lines.values():
             self._plot.addItem(line.curve)
         self._now = 0.0
-        self._set_colours()
+        self._refresh()
         self.draw()
 
     def take(self, at: float, sigma: Mapping[str, float]) -> None:
@@ -114,18 +113,9 @@ class Convergence(QFrame):
         self._plot.setXRange(0.0, max(_SHORTEST, self._now / 60.0), padding=0.0)
         self._label_lines()
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Follow the theme."""
-        if event.type() == QEvent.Type.PaletteChange:
-            self._set_colours()
-        super().changeEvent(event)
-
-    def _show_labels(self) -> None:
-        self._plot.setLabel("bottom", self.tr("device time, min"))
-        self._label_lines()
-
-    def _set_colours(self) -> None:
+    def _refresh(self) -> None:
         c = theme.colours()
+        self._plot.setLabel("bottom", self.tr("device time, min"))
         self._target.setPen(pg.mkPen(c.text, width=1, style=Qt.PenStyle.DashLine))
         for line in self.lines.values():
             line.curve.setPen(pg.mkPen(c.muted, width=1))

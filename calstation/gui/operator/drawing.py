@@ -128,14 +128,9 @@ class Drawing(QWidget):
             self.area([screen(p) for p in corners[list(face)]], fill, c.muted, 0.015)
 
     def axes(self, attitude: FloatArray, starts: Sequence[float], length: float, hidden: Sequence[bool]) -> None:
-        """Draw the axes of the unit as arrows with their names.
+        """Draw the axes of the unit, the columns of `attitude`, shape (3, 3), as arrows with names; hidden ones dotted.
 
-        Parameters
-        ----------
-        attitude : the axes as columns, shape (3, 3)
-        starts : distance of each arrow's start from the centre
-        length : of the arrows from the centre
-        hidden : whether each is dotted
+        `starts` and `length` are distances of the arrows' starts and ends from the centre.
         """
         for i in sorted(range(3), key=lambda i: -depth(attitude[:, i])):
             name, direction = "xyz"[i], attitude[:, i]

@@ -4,7 +4,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
 from calstation.gui.operator import advice
-from calstation.gui.widgets import StateIcon, label, theme
+from calstation.gui.widgets import StateIcon, clear, label, theme
 from calstation.physics import aligned
 from calstation.results import Result
 
@@ -25,11 +25,7 @@ class FiguresTable(QWidget):
 
     def show_result(self, result: Result | None) -> None:
         """Show the figures of a result; none without one."""
-        while (item := self._grid.takeAt(0)) is not None:
-            widget = item.widget()
-            assert widget is not None
-            widget.setParent(None)
-            widget.deleteLater()
+        clear(self._grid)
         figures = [] if result is None else advice.figures(result)
         if not figures:
             return

@@ -1,7 +1,7 @@
 """A run in progress: preparation steps, table, traces and convergence, or the guide of a manual rig."""
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QStackedWidget, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QWidget
 
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
@@ -10,7 +10,7 @@ from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
 from calstation.gui.shell import RunStatus
 from calstation.gui.text import on_language_change
-from calstation.gui.widgets import StateIcon, column, label, row, theme
+from calstation.gui.widgets import PANEL, StateIcon, column, label, row, stack, theme
 from calstation.messages import Text
 from calstation.physics import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer import Event, PositionGuided, StageEnded, StageProgress, StageSolved, TableMoved, Trace
@@ -33,8 +33,7 @@ class Preparation(QFrame):
         self._current = 0
         self._rows = [(StateIcon(20), QLabel(), label(kind="muted", wrap=True)) for _ in _STEPS]
         grid = QGridLayout()
-        grid.setHorizontalSpacing(2 * theme.GRID)
-        grid.setVerticalSpacing(2 * theme.GRID)
+        grid.setSpacing(2 * theme.GRID)
         for number, widgets in enumerate(self._rows):
             for at, widget in enumerate(widgets):
                 grid.addWidget(widget, number, at, Qt.AlignmentFlag.AlignVCenter)
@@ -45,7 +44,7 @@ class Preparation(QFrame):
             None,
             on=self,
             spacing=2 * theme.GRID,
-            margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID),
+            margins=PANEL,
         )
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)
@@ -79,10 +78,9 @@ class LiveView(QWidget):
         super().__init__()
         self._run = run
         self.table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
-        self.position, self._upper, self._lower = PositionPanel(), QWidget(), QStackedWidget()
+        self.position, self._upper = PositionPanel(), QWidget()
+        self._lower = stack(Preparation(run), self._convergence)
         self.position.finish_wanted.connect(self.finish_wanted)
-        self._lower.addWidget(Preparation(run))
-        self._lower.addWidget(self._convergence)
         self.table.setMinimumWidth(37 * theme.GRID)
         row((self.table, 1), (self._traces, 3), on=self._upper)
         column((self.position, 9), (self._upper, 5), (self._lower, 4), on=self)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from PySide6.QtCore import Signal
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QFrame, QLabel, QProgressBar, QStackedWidget
 
 from calstation.config import (
     DEFAULT_PRODUCT,
@@ -27,12 +26,21 @@ from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import KINDS, event_sentence, fault_text, on_language_change, say, step_sentence, term
-from calstation.gui.widgets import Choice, NoticeBar, StateBadge, column, row, theme
+from calstation.gui.widgets import (
+    STEPS,
+    Choice,
+    NoticeBar,
+    StateBadge,
+    column,
+    label,
+    panel,
+    progress_bar,
+    row,
+    stack,
+    theme,
+)
 from calstation.messages import Text
 from calstation.sequencer import Command
-
-#: Steps of the progress bar.
-_STEPS = 1000
 
 #: Most compatible products that get a button; all are named.
 _MOST_PRODUCTS = 2
@@ -57,11 +65,15 @@ class OperatorPage(Page):
         self._loading, self._live, self._verdict = Loading(), LiveView(app.run), VerdictPanel(app)
         self.closing, self.notice = NoticeBar(), NoticeBar()
         self._starting = RunStarter(app, self.header, self.notice)
-        self._views, self._progress = QStackedWidget(), QProgressBar()
-        for view in (self._loading, self._live, self._verdict):
-            self._views.addWidget(view)
-        self._message, self._badge = QLabel(), StateBadge(theme.SECTION)
-        self._lay_out()
+        self._views = stack(self._loading, self._live, self._verdict)
+        self._progress = progress_bar(theme.GRID, "run_progress")
+        self._message, self._badge = label(name="message_label"), StateBadge(theme.SECTION)
+        self._message.setFont(theme.font(theme.SECTION))
+        self._stages.setFixedWidth(38 * theme.GRID)
+        right = column(self.closing, self.notice, (self._views, 1))
+        foot = panel(row((self._message, 1), self._badge))
+        page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
+        column((row(self._stages, (right, 1)), 1), self._progress, foot, on=self, margins=page_margins)
         self._connect()
         self._read_products()
         on_language_change(self, self._refresh)
@@ -84,22 +96,6 @@ class OperatorPage(Page):
         run = self.app.run
         if self.isVisible() and not run.going and run.fault is None and not self.notice.asking:
             self.header.focus_serial()
-
-    def _lay_out(self) -> None:
-        self._progress.setObjectName("run_progress")
-        self._progress.setRange(0, _STEPS)
-        self._progress.setTextVisible(False)
-        self._progress.setFixedHeight(theme.GRID)
-        self._message.setObjectName("message_label")
-        self._message.setFont(theme.font(theme.SECTION))
-        self._stages.setFixedWidth(38 * theme.GRID)
-        foot = QFrame()
-        foot.setProperty("kind", "panel")
-        margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        row((self._message, 1), self._badge, on=foot, margins=margins)
-        right = column(self.closing, self.notice, (self._views, 1))
-        page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
-        column((row(self._stages, (right, 1)), 1), self._progress, foot, on=self, margins=page_margins)
 
     def _connect(self) -> None:
         header, app = self.header, self.app
@@ -192,14 +188,11 @@ class OperatorPage(Page):
             why = Text.of("window.manual_station" if manual else "window.driven_station")
             products = Text.of("window.compatible_products" if found else "window.no_compatible_product", names=names)
             self._problem = Text.of("question.wrong_table", why=why, products=products)
-            return None, [
-                Choice(
-                    f"product_choice_{name}",
-                    partial(say, "window.choose_product", name=name),
-                    partial(app.set_product, path),
-                )
-                for name, path in found[:_MOST_PRODUCTS]
-            ]
+            choices = []
+            for name, path in found[:_MOST_PRODUCTS]:
+                words = partial(say, "window.choose_product", name=name)
+                choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
+            return None, choices
         except CalstationError as error:
             self._problem = Text.of("question.cannot_run", why=error.as_text)
             return None, []
@@ -238,7 +231,6 @@ class OperatorPage(Page):
             self._await_next()
 
     def _await_next(self) -> None:
-        """Be ready for the next unit."""
         run = self.app.run
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
@@ -279,7 +271,7 @@ class OperatorPage(Page):
             "" if pausable else say(f"no_pause.{run.shown if run.going else 'idle'}"),
         )
         self._badge.show_state(KINDS.get(run.shown, "none"), term("badge", run.shown))
-        self._progress.setValue(round(_STEPS * run.fraction) if run.state != "idle" else 0)
+        self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
         self._live.refresh()
         if run.going and self.notice.asking:
             self.notice.dismiss()
@@ -314,5 +306,4 @@ class OperatorPage(Page):
 
 
 def _products() -> list[tuple[str, Path]]:
-    """Names and files of all products."""
     return [(name, library.find("products", name)) for name in library.names("products")]

@@ -22,16 +22,10 @@ def ask(
     primary: str = "",
     others: Sequence[Choice] = (),
 ) -> None:
-    """Ask a question, or show a notice if it has no answers.
+    """Ask a question in a bar with a state of `badge.KINDS`, or show a notice if it has no answers.
 
-    Parameters
-    ----------
-    bar : shows the question
-    kind : state of the notice, one of `badge.KINDS`
-    question : its text is the title, its remedy the explanation
-    answers : what each answer of the family ``answer`` does, from left to right
-    primary : the answer that has the focus
-    others : answers with texts of their own, shown first
+    `answers` says what each answer of the family ``answer`` does, `primary` which one has the focus; `others`, with
+    texts of their own, come first.
     """
     choices = [
         Choice(f"{name}_choice", partial(show, Text(f"answer.{name}", question.values)), act, name == primary)

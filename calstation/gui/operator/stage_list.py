@@ -1,15 +1,13 @@
 """The stages of a run as a list: number, name, state, progress and time left."""
 
 from PySide6.QtCore import QSize, Qt
-from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem, QProgressBar, QWidget
+from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.shell import RunStatus, StageState, planned
 from calstation.gui.text import duration_text, on_language_change, term
-from calstation.gui.widgets import StateIcon, column, label, row, theme
+from calstation.gui.widgets import PANEL, STEPS, StateIcon, column, label, progress_bar, row, show_text, theme
 
-#: Size of the shape of a state, and height of the progress bar, px.
-_SHAPE, _BAR = 18, 3
 _KINDS = {
     "waiting": "none",
     "kept": "none",
@@ -28,11 +26,8 @@ class _Row(QFrame):
     def __init__(self) -> None:
         super().__init__()
         self.setProperty("kind", "")
-        self._icon, self._bar = StateIcon(_SHAPE), QProgressBar()
+        self._icon, self._bar = StateIcon(18), progress_bar(3)
         self._name, self._state, self._time = QLabel(), QLabel(), label(kind="muted")
-        self._bar.setRange(0, 1000)
-        self._bar.setTextVisible(False)
-        self._bar.setFixedHeight(_BAR)
         right = Qt.AlignmentFlag.AlignRight
         times = column(None, (self._state, 0, right), (self._time, 0, right), None, spacing=0)
         line = row(self._icon, (self._name, 1), times, spacing=3 * theme.GRID // 2, margins=(2 * theme.GRID, 0) * 2)
@@ -45,12 +40,11 @@ class _Row(QFrame):
             theme.set_kind(self, "current" if active else "")
         self._icon.set_kind(kind)
         for widget, text in ((self._name, name), (self._state, state), (self._time, time)):
-            widget.setText(text)
-            widget.setVisible(bool(text))
+            show_text(widget, text)
         self._name.setFont(theme.font(theme.SECTION, bold=active))
         self._state.setFont(theme.font(bold=active))
         self._bar.setVisible(active)
-        self._bar.setValue(round(1000 * fraction))
+        self._bar.setValue(round(STEPS * fraction))
 
 
 class StageList(QFrame):
@@ -62,7 +56,7 @@ class StageList(QFrame):
         self._run = run
         self._planned: RunSummary | None = None
         title = label(lambda: self.tr("Stages"), "section")
-        title.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+        title.setContentsMargins(*PANEL)
         self.list = QListWidget()
         self.list.setObjectName("stage_list")
         self.list.setFrameShape(QFrame.Shape.NoFrame)
@@ -132,8 +126,7 @@ class StageList(QFrame):
         elif (remaining := self._run.remaining) is not None:
             left = self.tr("{time} left").format(time=duration_text(remaining))
         for shown, text in ((self._left, left), (self._note, note)):
-            shown.setText(text)
-            shown.setVisible(bool(text))
+            show_text(shown, text)
 
 
 def _state_text(stage: StageState) -> str:

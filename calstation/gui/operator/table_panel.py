@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QGridLayout, QLabe
 
 from calstation.gui.operator.drawing import VIEWER, Drawing, basis, depth, screen
 from calstation.gui.text import on_language_change
-from calstation.gui.widgets import StateBadge, column, label, theme
+from calstation.gui.widgets import PANEL, StateBadge, column, label, theme
 from calstation.physics import axis_rotation
 from calstation.sequencer import TableMoved
 
@@ -99,8 +99,7 @@ class TablePanel(QFrame):
             grid.addWidget(rate, row, 2, right)
         grid.setColumnStretch(1, 1)
         grid.setColumnMinimumWidth(2, 9 * theme.GRID)
-        margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        column(self.badge, (self.picture, 1), grid, on=self, spacing=theme.GRID // 2, margins=margins)
+        column(self.badge, (self.picture, 1), grid, on=self, spacing=theme.GRID // 2, margins=PANEL)
         on_language_change(self, self._show_state)
 
     def take(self, moved: TableMoved) -> None:

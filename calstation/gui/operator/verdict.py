@@ -2,17 +2,17 @@
 
 from pathlib import Path
 
-from PySide6.QtCore import QEvent, QRectF, Qt, Signal
+from PySide6.QtCore import QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
 from calstation.gui.operator import advice
 from calstation.gui.operator.figures import FiguresTable
 from calstation.gui.shell import AppContext, ResetBar
-from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, on_language_change, term
-from calstation.gui.widgets import button, column, draw_state, label, row, state_colour, theme
+from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, term
+from calstation.gui.widgets import button, column, draw_state, label, row, show_text, state_colour, theme
 from calstation.results import Result
 from calstation.sequencer import Fault, Verdict
 
@@ -26,8 +26,7 @@ class _Head(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._kind = "none"
-        self.word = QLabel()
-        self.word.setObjectName("verdict_label")
+        self.word = label(name="verdict_label")
         row(self.word, on=self)
         self.setMinimumHeight(12 * theme.GRID)
 
@@ -97,7 +96,7 @@ class VerdictPanel(QFrame):
         right = column((self._figures, 1), None)
         lower = row((left, 1), right, spacing=3 * theme.GRID)
         column((self._head, 2), (lower, 3), on=self, spacing=2 * theme.GRID, margins=(2 * theme.GRID,) * 4)
-        on_language_change(self, self._refresh)
+        theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
         """Show how the run ended."""
@@ -116,12 +115,6 @@ class VerdictPanel(QFrame):
         fault = self._run.fault
         return advice.next_action(self._run.state, self._result) if fault is None else fault_text(fault).remedy
 
-    def changeEvent(self, event: QEvent) -> None:
-        """Follow the theme."""
-        if event.type() == QEvent.Type.PaletteChange:
-            self._head.show_state(self._run.state)
-        super().changeEvent(event)
-
     def _refresh(self) -> None:
         text = None if self._run.fault is None else fault_text(self._run.fault)
         self._head.show_state(self._run.state)
@@ -136,8 +129,7 @@ class VerdictPanel(QFrame):
             (self._notes, "\n".join(notes)),
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
-            shown.setText(content)
-            shown.setVisible(bool(content))
+            show_text(shown, content)
         self._figures.show_result(self._result if text is None else None)
 
     def _table(self) -> LinkTestRequest | None:

@@ -1,7 +1,7 @@
 from .app import create_window as create_window
 from .app import main as main
 from .context import AppContext as AppContext
-from .page import Page as Page
+from .context import Page as Page
 from .reset_bar import ResetBar as ResetBar
 from .run_status import RunStatus as RunStatus
 from .run_status import StageState as StageState

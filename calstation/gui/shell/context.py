@@ -1,10 +1,11 @@
-"""What all pages of a window share."""
+"""What all pages of a window share: their state, and their base class."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject, QSettings, Signal
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import library
 from calstation.gui.shell.engine_link import EngineLink
@@ -93,3 +94,25 @@ class AppContext(QObject):
         """The station chosen last on the station page, if it still exists."""
         name = str(self.settings.value("station", ""))
         return library.find("stations", name) if name in library.names("stations") else None
+
+
+class Page(QWidget):
+    """A page of the window.
+
+    The main window draws a strip at the top of every page, with STOP at its right end. `header` stands at the left of
+    the strip; without one the strip shows the progress of the run.
+    """
+
+    header: QWidget | None = None
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__()
+        self.app = app
+
+    def title(self) -> str:
+        """The text of the page's tab in the current language."""
+        raise NotImplementedError
+
+    def may_leave(self, go: Callable[[], object]) -> bool:
+        """Whether the page may be left now; a page that asks first returns False and calls `go` when it may."""
+        return True

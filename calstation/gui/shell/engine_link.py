@@ -27,8 +27,7 @@ class EngineLink(QObject):
         self._engine: Engine | None = None
         self.request: RunRequest | None = None
         self.operation: RegisterOperation | None = None
-        self._timer = QTimer(self)
-        self._timer.setInterval(_EVERY)
+        self._timer = QTimer(self, interval=_EVERY)
         self._timer.timeout.connect(self._poll)
 
     @property

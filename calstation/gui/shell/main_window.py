@@ -14,12 +14,11 @@ from calstation.gui.history import HistoryPage
 from calstation.gui.logs import OfflinePage
 from calstation.gui.operator import OperatorPage
 from calstation.gui.settings import StationPage
-from calstation.gui.shell.context import AppContext
-from calstation.gui.shell.page import Page
+from calstation.gui.shell.context import AppContext, Page
 from calstation.gui.shell.role import RolePanel
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.text import bind, language, on_language_change
-from calstation.gui.widgets import button, label, padlock_icon, row, theme, theme_icon
+from calstation.gui.widgets import PANEL, button, label, padlock_icon, row, theme, theme_icon
 
 #: Height of the strip with STOP at the top of every page, px.
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
@@ -49,14 +48,14 @@ class MainWindow(QMainWindow):
         self.page_tabs.setCornerWidget(name, Qt.Corner.TopLeftCorner)
         self.page_tabs.setCornerWidget(self._corner(), Qt.Corner.TopRightCorner)
         self._strip, self._headers = QWidget(self.page_tabs), QStackedWidget()
-        self.stop_button = button("stop_button", lambda: self.tr("STOP"), app.run.stop)
-        self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
-        bind(
-            self.stop_button.setToolTip,
-            lambda: self.tr("Stops the run safely; Esc does the same. It is no emergency stop."),
+        self.stop_button = button(
+            "stop_button",
+            lambda: self.tr("STOP"),
+            app.run.stop,
+            tip=lambda: self.tr("Stops the run safely; Esc does the same. It is no emergency stop."),
         )
-        margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
-        row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=margins)
+        self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
+        row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
         self.operator_page, self.offline_page = OperatorPage(app), OfflinePage(app)
         self.pages: list[Page] = [
             self.operator_page,
@@ -166,9 +165,8 @@ class MainWindow(QMainWindow):
         self.language_combo = language.language_combo()
         self.language_combo.setProperty("kind", "tall")
         self.language_combo.currentIndexChanged.connect(self._choose_language)
-        self._theme_button = button("theme_button", pressed=self._other_theme)
+        self._theme_button = button("theme_button", None, self._other_theme, tip=lambda: self.tr("Light or dark"))
         self._theme_button.setFixedWidth(theme.BUTTON)
-        bind(self._theme_button.setToolTip, lambda: self.tr("Light or dark"))
         bind(self._theme_button.setAccessibleName, lambda: self.tr("Light or dark"))
         self._role_button = button("role_button", pressed=self._role_pressed)
         self._theme_button.setIconSize(_ICON)

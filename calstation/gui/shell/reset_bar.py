@@ -9,19 +9,14 @@ from calstation.connection import LinkTestRequest, TableReset, reset_table
 from calstation.errors import CalstationError
 from calstation.gui.shell.context import AppContext
 from calstation.gui.text import error_text, on_language_change, say, term
-from calstation.gui.widgets import JobWatch, StateIcon, button, column, enable, label, row
+from calstation.gui.widgets import JobWatch, StateIcon, button, column, enable, label, row, show_text
 
 
 class ResetBar(QWidget):
     """The button and the result of the last reset.
 
-    `changed()` : a reset has started or ended; `ended(result)` : with its `TableReset`.
-
-    Parameters
-    ----------
-    app : shared state of the window
-    order : gives the station of the table when the button is pressed; None if there is none
-    name : object name of the button
+    `changed()` : a reset has started or ended; `ended(result)` : with its `TableReset`. `order` gives the station of
+    the table when the button is pressed, None if there is none; `name` is the object name of the button.
     """
 
     changed = Signal()
@@ -91,8 +86,7 @@ class ResetBar(QWidget):
         kind, text = self._result_text()
         self._icon.setVisible(bool(kind))
         self._icon.set_kind(kind)
-        self.result_label.setText(text)
-        self.result_label.setVisible(bool(text))
+        show_text(self.result_label, text)
         self.setVisible(self._offered or bool(text))
 
     def _result_text(self) -> tuple[str, str]:

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidg
 from calstation.config import access
 from calstation.errors import ConfigurationError
 from calstation.gui.text import bind, error_text, on_language_change
-from calstation.gui.widgets import button, column, label, row, theme
+from calstation.gui.widgets import button, column, label, row, show_text, theme
 
 #: Interval at which the time to wait is updated, ms.
 _TICK = 250
@@ -94,8 +94,7 @@ class RolePanel(QFrame):
             margins=(2 * theme.GRID,) * 4,
         )
         self.setFixedWidth(42 * theme.GRID)
-        self._timer = QTimer(self)
-        self._timer.setInterval(_TICK)
+        self._timer = QTimer(self, interval=_TICK)
         self._timer.timeout.connect(self._show_wait)
         role.wanted.connect(self.open)
         bind(self._again_edit.setPlaceholderText, lambda: self.tr("the same again"))
@@ -172,8 +171,7 @@ class RolePanel(QFrame):
         waiting = self.tr("Wait {seconds:.0f} s.").format(seconds=max(1.0, wait)) if wait > 0.0 else ""
         text = f"{self._wrong} {waiting}".strip()
         self._unlock.setEnabled(not waiting)
-        self._error.setText(text)
-        self._error.setVisible(bool(text))
+        show_text(self._error, text)
         self.adjustSize()
         if waiting:
             self._timer.start()

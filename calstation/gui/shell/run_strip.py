@@ -1,10 +1,10 @@
 """State, stage, progress and time left in one line beside STOP, for pages without a header of their own."""
 
-from PySide6.QtWidgets import QLabel, QProgressBar, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import KINDS, duration_text, on_language_change, term
-from calstation.gui.widgets import StateBadge, column, row, theme
+from calstation.gui.widgets import STEPS, StateBadge, column, label, progress_bar, row, theme
 
 
 class RunStrip(QWidget):
@@ -13,10 +13,7 @@ class RunStrip(QWidget):
     def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._run = run
-        self._badge, self._text, self._bar = StateBadge(theme.SECTION), QLabel(), QProgressBar()
-        self._bar.setRange(0, 1000)
-        self._bar.setTextVisible(False)
-        self._bar.setFixedHeight(theme.GRID)
+        self._badge, self._text, self._bar = StateBadge(theme.SECTION), label(), progress_bar(theme.GRID)
         line = row(self._badge, (self._text, 1), spacing=2 * theme.GRID)
         column(line, self._bar, on=self, margins=(0, 0, theme.GRID, 0))
         run.changed.connect(self._refresh)
@@ -35,4 +32,4 @@ class RunStrip(QWidget):
             parts.append(self.tr("{time} left").format(time=duration_text(run.remaining)))
         self._text.setText("  ·  ".join(parts))
         self._bar.setVisible(run.going)
-        self._bar.setValue(round(1000 * run.fraction))
+        self._bar.setValue(round(STEPS * run.fraction))

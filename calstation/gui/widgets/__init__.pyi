@@ -11,8 +11,10 @@ from .checks_table import ChecksTable as ChecksTable
 from .jobs import JobRow as JobRow
 from .jobs import JobStack as JobStack
 from .jobs import JobWatch as JobWatch
-from .labels import ElidedLabel as ElidedLabel
-from .labels import EmptyState as EmptyState
+from .layout import PANEL as PANEL
+from .layout import STEPS as STEPS
+from .layout import ElidedLabel as ElidedLabel
+from .layout import EmptyState as EmptyState
 from .layout import Item as Item
 from .layout import ViewTabs as ViewTabs
 from .layout import Words as Words
@@ -22,8 +24,10 @@ from .layout import column as column
 from .layout import enable as enable
 from .layout import label as label
 from .layout import panel as panel
+from .layout import progress_bar as progress_bar
 from .layout import row as row
 from .layout import scroll_area as scroll_area
+from .layout import show_text as show_text
 from .layout import stack as stack
 from .notice import Choice as Choice
 from .notice import NoticeBar as NoticeBar

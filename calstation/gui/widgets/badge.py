@@ -26,15 +26,7 @@ def state_colour(kind: str) -> QColor:
 
 
 def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None = None) -> None:
-    """Draw the shape of a state.
-
-    Parameters
-    ----------
-    painter : an active painter
-    kind : one of `KINDS`
-    box : rectangle; the shape fills the largest square in its middle
-    colour : of the shape; the state's own by default
-    """
+    """Draw the shape of one of `KINDS` in the largest square in the middle of a box; its own colour by default."""
     colour = colour or state_colour(kind)
     side = min(box.width(), box.height())
     box = QRectF(box.center().x() - side / 2, box.center().y() - side / 2, side, side)

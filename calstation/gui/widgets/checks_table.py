@@ -2,10 +2,11 @@
 
 from collections.abc import Callable, Sequence
 
-from PySide6.QtWidgets import QHeaderView, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import CheckText, check_text, on_language_change
 from calstation.gui.widgets import theme
+from calstation.gui.widgets.layout import column
 from calstation.gui.widgets.parameter_table import Column, ParameterModel, ParameterTable
 from calstation.records import Check
 
@@ -35,11 +36,8 @@ class ChecksTable(QWidget):
         self.table = ParameterTable(self.model)
         self.table.setObjectName("checks_table")
         self.table.verticalHeader().hide()
-        self.table.verticalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         self.table.verticalHeader().setDefaultSectionSize(_ROW)
-        column = QVBoxLayout(self)
-        column.setContentsMargins(0, 0, 0, 0)
-        column.addWidget(self.table)
+        column(self.table, on=self)
         on_language_change(self, self._refresh)
 
     def show_checks(self, checks: Sequence[Check]) -> None:

@@ -1,17 +1,15 @@
 """Follows background jobs from a timer, and shows their progress in a row with a Cancel button."""
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
-from PySide6.QtWidgets import QProgressBar, QStackedWidget, QWidget
+from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from calstation.gui.text import duration_text, on_language_change
 from calstation.gui.widgets import theme
-from calstation.gui.widgets.layout import Words, button, label, row
+from calstation.gui.widgets.layout import STEPS, Words, button, label, progress_bar, row
 from calstation.jobs import Job
 
 #: Interval between two polls of a job, ms.
 _INTERVAL = 50
-#: Steps of the progress bar.
-_STEPS = 1000
 #: Fraction from which the time left is shown.
 _RELIABLE = 0.05
 
@@ -83,10 +81,7 @@ class JobRow(QWidget):
         self._fraction = 0.0
         self._remaining: float | None = None
         self._work_label, self.left_label = label(), label()
-        self.bar = QProgressBar()
-        self.bar.setRange(0, _STEPS)
-        self.bar.setTextVisible(False)
-        self.bar.setFixedHeight(2 * theme.GRID)
+        self.bar = progress_bar(2 * theme.GRID)
         self.left_label.setMinimumWidth(15 * theme.GRID)
         self.left_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.cancel_button = button(cancel_name, lambda: self.tr("Cancel"), watch.cancel)
@@ -106,7 +101,7 @@ class JobRow(QWidget):
         if self._words is not None:
             self._work_label.setText(self._words())
         self.cancel_button.setVisible(job is None or job.cancellable)
-        self.bar.setValue(round(_STEPS * self._fraction))
+        self.bar.setValue(round(STEPS * self._fraction))
         percent = f"{100 * self._fraction:.0f} %"
         if job is not None and job.state == "waiting":
             self.left_label.setText(self.tr("waiting for other work"))

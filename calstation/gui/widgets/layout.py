@@ -1,17 +1,20 @@
-"""Builds layouts, labels and buttons in one call each; their texts follow the language."""
+"""Builds layouts, labels, buttons and bars in one call each; their texts follow the language."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from PySide6.QtCore import SignalInstance
+from PySide6.QtCore import QSize, Qt, SignalInstance
+from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
     QFrame,
     QHBoxLayout,
     QLabel,
     QLayout,
+    QProgressBar,
     QPushButton,
     QScrollArea,
+    QSizePolicy,
     QStackedWidget,
     QTabBar,
     QVBoxLayout,
@@ -29,6 +32,12 @@ Item = QWidget | QLayout | tuple[Any, ...] | int | None
 
 #: Left, top, right and bottom, px.
 Margins = tuple[int, int, int, int]
+
+#: Margins in a panel.
+PANEL: Margins = (2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID)
+
+#: Steps of a progress bar.
+STEPS = 1000
 
 Box = TypeVar("Box", bound=QBoxLayout)
 
@@ -51,7 +60,7 @@ def panel(*items: Item) -> QFrame:
     """Frame items, one below the other."""
     frame = QFrame()
     frame.setProperty("kind", "panel")
-    column(*items, on=frame, margins=(2 * theme.GRID, theme.GRID, 2 * theme.GRID, theme.GRID))
+    column(*items, on=frame, margins=PANEL)
     return frame
 
 
@@ -89,13 +98,7 @@ def label(
 ) -> QLabel:
     """Make a label.
 
-    Parameters
-    ----------
-    words : its text; None if the caller sets it
-    kind : of the style sheet, such as ``muted`` or ``section``
-    name : object name
-    wrap : whether long texts take several lines
-    buddy : the input that the label names
+    `words` is its text (None if the caller sets it), `kind` of the style sheet, `buddy` the input that it names.
     """
     made = QLabel()
     made.setObjectName(name)
@@ -117,16 +120,7 @@ def button(
     kind: str = "",
     tip: Words | None = None,
 ) -> QPushButton:
-    """Make a button.
-
-    Parameters
-    ----------
-    name : object name
-    words : its text; None if the caller sets it
-    pressed : called, or emitted if it is a signal, at each click
-    kind : of the style sheet, such as ``primary``
-    tip : its tooltip
-    """
+    """Make a button: object name, text (None if the caller sets it), what a click calls or emits, kind and tooltip."""
     made = QPushButton()
     made.setObjectName(name)
     if kind:
@@ -138,6 +132,22 @@ def button(
     if pressed is not None:
         made.clicked.connect(pressed)
     return made
+
+
+def progress_bar(height: int, name: str = "") -> QProgressBar:
+    """Make a thin bar without a text, with `STEPS` steps."""
+    bar = QProgressBar()
+    bar.setObjectName(name)
+    bar.setRange(0, STEPS)
+    bar.setTextVisible(False)
+    bar.setFixedHeight(height)
+    return bar
+
+
+def show_text(shown: QLabel, text: str) -> None:
+    """Show a text on a label, which is hidden while the text is empty."""
+    shown.setText(text)
+    shown.setVisible(bool(text))
 
 
 def clear(layout: QLayout) -> None:
@@ -153,6 +163,59 @@ def enable(widget: QWidget, why_not: str, tip: str = "") -> None:
     """Enable a widget, or disable it with the reason as its tooltip; `tip` is the tooltip while it is enabled."""
     widget.setEnabled(not why_not)
     widget.setToolTip(why_not or tip)
+
+
+class ElidedLabel(QLabel):
+    """A line of text that ends in an ellipsis if it is too long; the tooltip shows all of it."""
+
+    def __init__(self, kind: str = "") -> None:
+        super().__init__()
+        if kind:
+            self.setProperty("kind", kind)
+        self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+
+    def minimumSizeHint(self) -> QSize:
+        """No minimum width."""
+        return QSize(0, super().minimumSizeHint().height())
+
+    def setText(self, text: str) -> None:
+        """Show a text."""
+        super().setText(text)
+        self.setToolTip(text)
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw as much of the text as fits."""
+        painter = QPainter(self)
+        text = self.fontMetrics().elidedText(self.text(), Qt.TextElideMode.ElideRight, self.width())
+        painter.setPen(self.palette().color(self.foregroundRole()))
+        painter.drawText(self.rect(), int(self.alignment()), text)
+
+
+class EmptyState(QWidget):
+    """What will be here and how to get it: a centred title, a sentence or two, and widgets below them."""
+
+    def __init__(self, *widgets: QWidget) -> None:
+        super().__init__()
+        self._title, self._text = label(kind="section", wrap=True), label(kind="muted", wrap=True)
+        for each in (self._title, self._text):
+            each.setAlignment(Qt.AlignmentFlag.AlignHCenter)
+        middle = QWidget()
+        middle.setFixedWidth(70 * theme.GRID)
+        below = [(widget, 0, Qt.AlignmentFlag.AlignHCenter) for widget in widgets]
+        box = column(self._title, self._text, *below, on=middle, spacing=2 * theme.GRID)
+        box.insertStretch(0, 2)
+        box.addStretch(3)
+        row(None, middle, None, on=self)
+
+    @property
+    def title(self) -> str:
+        """The title."""
+        return self._title.text()
+
+    def say(self, title: str, text: str) -> None:
+        """Show a title and a text (may be empty)."""
+        self._title.setText(title)
+        show_text(self._text, text)
 
 
 def _filled(box: Box, items: tuple[Item, ...], on: QWidget | None, spacing: int, margins: Margins) -> Box:

@@ -11,7 +11,7 @@ from calstation.errors import CalstationError
 from calstation.gui.text import error_text, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
-from calstation.gui.widgets.layout import Words, button, clear, column, label, row
+from calstation.gui.widgets.layout import Words, button, clear, column, label, row, show_text
 
 
 @dataclass(frozen=True)
@@ -55,19 +55,14 @@ class NoticeBar(QFrame):
         return bool(self._choices) and not self.isHidden()
 
     def ask(self, kind: str, title: Words, text: Words, choices: Sequence[Choice] = ()) -> None:
-        """Show a notice with its answers.
-
-        Parameters
-        ----------
-        kind : state of the notice, one of `badge.KINDS`
-        title, text : give their texts in the current language; an empty one is hidden
-        choices : answers, from left to right
-        """
+        """Show a notice of a kind of `badge.KINDS` with its answers, from left to right; an empty text is hidden."""
         self.dismiss()
         self._kind, self._title, self._text, self._choices = kind, title, text, choices
         self._icon.set_kind(kind)
         for choice in choices:
-            self._buttons.addWidget(self._make_button(choice))
+            kind = "primary" if choice.primary else ""
+            answer = button(choice.name, choice.words, lambda _, choice=choice: self._answer(choice), kind=kind)
+            self._buttons.addWidget(answer)
         self.refresh()
         self.show()
         for choice in choices:
@@ -96,11 +91,8 @@ class NoticeBar(QFrame):
 
     def refresh(self) -> None:
         """Show title, text and answers again after they have changed."""
-        title, text = self._title(), self._text()
-        self.title_label.setText(title)
-        self.title_label.setVisible(bool(title))
-        self.text_label.setText(text)
-        self.text_label.setVisible(bool(text))
+        show_text(self.title_label, self._title())
+        show_text(self.text_label, self._text())
         for choice in self._choices:
             self.button(choice.name).setText(choice.words())
 
@@ -109,10 +101,6 @@ class NoticeBar(QFrame):
         super().paintEvent(event)
         painter = QPainter(self)
         painter.fillRect(1, 1, theme.GRID, self.height() - 2, QColor(state_colour(self._kind)))
-
-    def _make_button(self, choice: Choice) -> QPushButton:
-        kind = "primary" if choice.primary else ""
-        return button(choice.name, choice.words, lambda: self._answer(choice), kind=kind)
 
     def _answer(self, choice: Choice) -> None:
         self.dismiss()

@@ -80,14 +80,7 @@ class LineLabel:
 
 
 def spread(wanted: Sequence[float], distance: float, top: float, bottom: float) -> list[float]:
-    """Move label positions apart.
-
-    Parameters
-    ----------
-    wanted : positions in ascending order, px
-    distance : least distance between two of them if they fit, px
-    top, bottom : range of positions, px
-    """
+    """Move ascending positions apart until they keep a distance, if they fit between `top` and `bottom`, all in px."""
     if len(wanted) > 1:
         distance = min(distance, (bottom - top) / (len(wanted) - 1))
     positions = []

@@ -55,36 +55,26 @@ class Colours:
     on_state: str
 
 
+#: The light and the dark colour of each role.
+_ROLES = {
+    "window": ("#eceff1", "#12171b"),
+    "panel": ("#ffffff", "#1b2228"),
+    "field": ("#ffffff", "#232c33"),
+    "text": ("#14191d", "#e7ecef"),
+    "muted": ("#55616a", "#9caab4"),
+    "line": ("#c3ccd2", "#3a4750"),
+    "accent": ("#1f5f8b", "#6cb2e2"),
+    "on_accent": ("#ffffff", "#0d1317"),
+    "good": ("#1b7a43", "#4cc38a"),
+    "bad": ("#b3261e", "#ff7a6e"),
+    "caution": ("#8a5a00", "#f0b940"),
+    "on_state": ("#ffffff", "#0d1317"),
+}
+
 #: Colours by theme name.
 COLOURS = {
-    "light": Colours(
-        window="#eceff1",
-        panel="#ffffff",
-        field="#ffffff",
-        text="#14191d",
-        muted="#55616a",
-        line="#c3ccd2",
-        accent="#1f5f8b",
-        on_accent="#ffffff",
-        good="#1b7a43",
-        bad="#b3261e",
-        caution="#8a5a00",
-        on_state="#ffffff",
-    ),
-    "dark": Colours(
-        window="#12171b",
-        panel="#1b2228",
-        field="#232c33",
-        text="#e7ecef",
-        muted="#9caab4",
-        line="#3a4750",
-        accent="#6cb2e2",
-        on_accent="#0d1317",
-        good="#4cc38a",
-        bad="#ff7a6e",
-        caution="#f0b940",
-        on_state="#0d1317",
-    ),
+    name: Colours(**{role: both[index] for role, both in _ROLES.items()})
+    for index, name in enumerate(("light", "dark"))
 }
 
 _current = "light"
