@@ -13,6 +13,7 @@ from calstation.gui.widgets import (
     column,
     label,
     ordered,
+    show_text,
     theme,
 )
 from calstation.physics import display, number
@@ -37,22 +38,20 @@ class Comparison(QWidget):
         self._in_sigma: dict[str, float] = {}
         self._failed: frozenset[tuple[str, bool]] = frozenset()
         self._lost: frozenset[str] = frozenset()
-        self.online_badge = StateBadge(name="online_badge")
-        self.offline_badge = StateBadge(name="offline_badge")
-        self.difference_badge = StateBadge(name="difference_badge")
+        names = ("online_badge", "offline_badge", "difference_badge")
+        self.online_badge, self.offline_badge, self.difference_badge = badges = [StateBadge(name=n) for n in names]
         self._difference_head = label(lambda: self.tr("Difference"), "muted")
+        heads = (
+            label(lambda: self.tr("Run"), "muted"),
+            label(lambda: self.tr("Offline"), "muted"),
+            self._difference_head,
+        )
         self.note_label = label(name="comparison_label", wrap=True)
         rows = QGridLayout()
         rows.setHorizontalSpacing(2 * theme.GRID)
         rows.setVerticalSpacing(theme.GRID // 2)
         rows.setColumnStretch(1, 1)
-        for line, (head, badge) in enumerate(
-            (
-                (label(lambda: self.tr("Run"), "muted"), self.online_badge),
-                (label(lambda: self.tr("Offline"), "muted"), self.offline_badge),
-                (self._difference_head, self.difference_badge),
-            )
-        ):
+        for line, (head, badge) in enumerate(zip(heads, badges, strict=True)):
             rows.addWidget(head, line, 0)
             rows.addWidget(badge, line, 1, Qt.AlignmentFlag.AlignLeft)
         self.model = ParameterModel(
@@ -133,8 +132,7 @@ class Comparison(QWidget):
         else:
             self.offline_badge.show_state(*self._offline_verdict(self._solved.result))
             notes = self._notes(self._solved, self._log_index)
-        self.note_label.setText("\n".join(notes))
-        self.note_label.setVisible(bool(notes))
+        show_text(self.note_label, "\n".join(notes))
         for widget in (self._difference_head, self.difference_badge):
             widget.setVisible(bool(self._in_sigma))
         if self._in_sigma:

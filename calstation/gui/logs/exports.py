@@ -27,32 +27,29 @@ class Exports(QObject):
         """Ask for the file of a log's samples from `first` to `last`."""
         whole = (first, last) == (log.facts.first_seq, log.facts.last_seq)
         ending = "export" if whole else f"{first}-{last}"
-        kinds = ["CSV (*.csv)", self.tr("Compressed CSV (*.csv.gz)")]
         self._ask(
             self.tr("Export the log") if whole else self.tr("Export the range"),
             log.path.with_name(f"{_stem(log.path)}-{ending}.csv"),
-            kinds,
-            lambda target: self._begin(target, export_log, log.path, target, first, last),
+            ["CSV (*.csv)", self.tr("Compressed CSV (*.csv.gz)")],
+            lambda target: (export_log, log.path, target, first, last),
         )
 
     def ask_result(self, log: Path, result: Result, stored: Result | None, ending: str = "offline") -> None:
-        """Ask for the file of a log's result.
-
-        Parameters
-        ----------
-        log, result : the log, and its result
-        stored : the result of the log's run, if it has one
-        ending : of the proposed file name
-        """
-        kinds = ["JSON (*.json)", self.tr("Parameters as CSV (*.csv)")]
+        """Ask for the file of a log's result; `stored` is that of its run, `ending` of the proposed file name."""
         self._ask(
             self.tr("Export the result"),
             log.with_name(f"{_stem(log)}-{ending}.json"),
-            kinds,
-            lambda target: self._begin(target, export_result, result, stored, target),
+            ["JSON (*.json)", self.tr("Parameters as CSV (*.csv)")],
+            lambda target: (export_result, result, stored, target),
         )
 
-    def _ask(self, title: str, proposed: Path, kinds: list[str], act: Callable[[Path], None]) -> None:
+    def _ask(self, title: str, proposed: Path, kinds: list[str], work: Callable[[Path], tuple[Any, ...]]) -> None:
+        """Ask for a file and submit the work on it, a function with its arguments."""
+
+        def begin(name: str) -> None:
+            self._target = Path(name)
+            self.watch.watch(self._job_queue.submit(*work(self._target)))
+
         dialog = QFileDialog(self._page, title, str(proposed.parent))
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         dialog.setFileMode(QFileDialog.FileMode.AnyFile)
@@ -60,16 +57,11 @@ class Exports(QObject):
         dialog.selectFile(proposed.name)
         dialog.filterSelected.connect(lambda kind: dialog.setDefaultSuffix(_suffix(kind)))
         dialog.setDefaultSuffix(_suffix(kinds[0]))
-        dialog.fileSelected.connect(lambda name: act(Path(name)))
+        dialog.fileSelected.connect(begin)
         dialog.finished.connect(dialog.deleteLater)
         dialog.open()
 
-    def _begin(self, target: Path, work: Callable[..., Any], *arguments: Any) -> None:
-        self._target = target
-        self.watch.watch(self._job_queue.submit(work, *arguments))
-
-    def _drop_partial(self) -> None:
-        """Remove the partial file, which a cancelled worker leaves."""
+    def _drop_partial(self) -> None:  # which a cancelled worker leaves
         self._cleanup.watch(self._job_queue.submit(drop_partial, self._target))
 
 

@@ -11,7 +11,6 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.gui.logs.log_columns import LogColumns, Wanted, split_at_gaps
 from calstation.gui.logs.marks import Backdrop, LogMarks, Strip
-from calstation.gui.logs.range_item import RangeItem
 from calstation.gui.logs.time_axis import TimeAxis
 from calstation.gui.text import term
 from calstation.gui.widgets import PlotNote, column, fit_below_note, theme
@@ -29,8 +28,49 @@ _MARGIN = 0.015
 _CLOSEST = 10
 #: Width of the view after zooming in, in terms of the width before.
 _ZOOM = 0.5
+#: Width within which an edge of the range can be dragged, px.
+_GRIP = 20
 #: Shift of the view by an arrow key, in terms of its width.
 _SHIFT = 0.2
+
+
+class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
+    """A region in seconds; a drag that could only move it out of sight pans the view instead."""
+
+    def __init__(self) -> None:
+        super().__init__(swapMode="block")
+        self.setZValue(50)
+
+    def apply_theme(self) -> None:
+        """Take the colours of the current theme."""
+        colours = {alpha: QColor(theme.colours().accent) for alpha in (18, 30, 160, 255)}
+        for alpha, colour in colours.items():
+            colour.setAlpha(alpha)
+        self.setBrush(colours[18])
+        self.setHoverBrush(colours[30])
+        for line in self.lines:
+            line.setPen(QPen(colours[255], 2))
+            line.setHoverPen(QPen(colours[160], _GRIP))
+            line.pen.setCosmetic(True)
+            line.hoverPen.setCosmetic(True)
+
+    def mouseDragEvent(self, event: Any) -> None:
+        """Move the range, unless it covers the view."""
+        if self._covers_view():
+            event.ignore()
+        else:
+            super().mouseDragEvent(event)
+
+    def hoverEvent(self, event: Any) -> None:
+        """Highlight the body if it can be dragged."""
+        if not self._covers_view():
+            super().hoverEvent(event)
+
+    def _covers_view(self) -> bool:
+        left, right = self.getViewBox().viewRange()[0]
+        start, stop = self.getRegion()
+        margin = 0.03 * (right - left)
+        return bool(start <= left + margin and stop >= right - margin)
 
 
 class LogPlot(QWidget):

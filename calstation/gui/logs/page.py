@@ -16,9 +16,8 @@ from calstation.gui.logs.log_columns import Wanted
 from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.methods import MethodBar
-from calstation.gui.logs.range_bar import RangeBar
+from calstation.gui.logs.range_bar import RangeBar, StageChoice
 from calstation.gui.logs.source_bar import ENDINGS, SourceBar
-from calstation.gui.logs.stage_choice import StageChoice
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import on_language_change, say, term

@@ -1,12 +1,14 @@
-"""The range to solve: two boxes for the first and last sequence number, kept within the log and in order."""
+"""What is solved of a log: a range of sequence numbers, kept within the log and in order, and stages."""
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
-from PySide6.QtWidgets import QAbstractSpinBox, QDoubleSpinBox, QMenu, QWidget
+from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QGridLayout, QMenu, QWidget
 
 from calstation.gui.text import duration_text, on_language_change, term
-from calstation.gui.widgets import button, column, label, row, theme
-from calstation.results.plots import LogIndex
+from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
+from calstation.results.plots import LogIndex, StageSpan
 
+#: Boxes of stages side by side.
+_COLUMNS = 4
 #: Largest number up to which a double, and so this box, holds every whole number.
 _LARGEST = 2**53
 
@@ -48,9 +50,7 @@ class RangeBar(QWidget):
             spin.editingFinished.connect(lambda spin=spin: self._finished(spin))
         self.length_label = label(kind="muted")
         self.part_button = button(
-            "range_button",
-            lambda: self.tr("Set to…"),
-            tip=lambda: self.tr("The whole log, or one of its stages"),
+            "range_button", lambda: self.tr("Set to…"), tip=lambda: self.tr("The whole log, or one of its stages")
         )
         self._menu = QMenu(self)
         self.part_button.setMenu(self._menu)
@@ -131,5 +131,58 @@ class RangeBar(QWidget):
             self._show_note(note.format(typed, facts.first_seq, facts.last_seq))
 
     def _show_note(self, text: str) -> None:
-        self.note_label.setText(text)
-        self.note_label.setVisible(bool(text))
+        show_text(self.note_label, text)
+
+
+class StageChoice(QWidget):
+    """One box per stage of the log, disabled without a sample in the range. `changed()`: another choice was made."""
+
+    changed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._grid = QGridLayout(self)
+        self._grid.setContentsMargins(0, 0, 0, 0)
+        self._grid.setHorizontalSpacing(2 * theme.GRID)
+        self._grid.setVerticalSpacing(0)
+        self._grid.setColumnStretch(_COLUMNS, 1)
+        self._spans: tuple[StageSpan, ...] = ()
+        self._boxes: dict[str, QCheckBox] = {}
+        self._range = (0, 0)
+        on_language_change(self, self._refresh)
+
+    def show_stages(self, spans: tuple[StageSpan, ...]) -> None:
+        """Offer a log's stages, all ticked."""
+        self._spans = spans
+        for box in self._boxes.values():
+            self._grid.removeWidget(box)
+            box.deleteLater()
+        self._boxes = {}
+        for stage in dict.fromkeys(span.stage for span in spans):
+            box = QCheckBox()
+            box.setObjectName(f"offline_stage_check_{stage}")
+            box.setMinimumHeight(4 * theme.GRID)
+            box.setChecked(True)
+            box.toggled.connect(self.changed)
+            self._grid.addWidget(box, *divmod(len(self._boxes), _COLUMNS))
+            self._boxes[stage] = box
+
+    def set_range(self, first: int, last: int) -> None:
+        """Disable the stages outside a range of sequence numbers."""
+        self._range = (first, last)
+        self._refresh()
+
+    @property
+    def in_range(self) -> tuple[str, ...]:
+        """Stages with a sample in the range, in the log's order."""
+        return tuple(dict.fromkeys(s.stage for s in self._spans if s.within(*self._range)))
+
+    @property
+    def chosen(self) -> tuple[str, ...]:
+        """Stages to solve, in the log's order."""
+        return tuple(stage for stage in self.in_range if self._boxes[stage].isChecked())
+
+    def _refresh(self) -> None:
+        for stage, box in self._boxes.items():
+            box.setText(term("stage", stage))
+            enable(box, "" if stage in self.in_range else self.tr("The range holds no sample of this stage"))

@@ -18,16 +18,7 @@ from calstation.results import warm_up
 
 
 class AppContext(QObject):
-    """Shared state of a window.
-
-    Attributes
-    ----------
-    settings : language, theme, recent files; nothing that changes a result
-    station_path : the station file; None for the default, the virtual bench
-    product_path : the product file chosen on the operator page
-    stages, schedule : an engineer's choice that replaces the product's stages and schedule; None for the product's
-    runs_folder : folder of logs and results
-    """
+    """Shared state of a window."""
 
     station_changed = Signal()
     product_changed = Signal()
@@ -40,13 +31,16 @@ class AppContext(QObject):
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
         super().__init__()
+        #: Language, theme, recent files; nothing that changes a result.
         self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
         self.job_queue = JobQueue(warm_up)
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.role = RoleLock(self)
+        #: None for the default, the virtual bench.
         self.station_path = station or self._last_station()
         self.product_path: Path | None = None
+        #: An engineer's choice that replaces the product's stages and schedule; None for the product's.
         self.stages: tuple[str, ...] | None = None
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))

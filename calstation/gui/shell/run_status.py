@@ -66,25 +66,15 @@ _PACE_KNOWN_AFTER = 2.0
 
 @dataclass
 class StageState:
-    """A stage as it is shown, or the transfer after the stages.
-
-    Attributes
-    ----------
-    duration : of its plan, s of device time
-    state : waiting, active, solving, good, bad, stopped, fault; kept if no register is written
-    fraction : 0..1
-    remaining : s of device time
-    took : host time from start to solution, s; None until solved, and for a stage of an earlier run
-    begun : host time of its start; None for a stage of an earlier run
-    """
+    """A stage as it is shown, or the transfer after the stages."""
 
     name: str
-    duration: float
-    state: str = "waiting"
+    duration: float  #: Of its plan, s of device time.
+    state: str = "waiting"  #: Or active, solving, good, bad, stopped, fault; kept if no register is written.
     fraction: float = 0.0
-    remaining: float = 0.0
-    took: float | None = None
-    begun: float | None = field(default=None, repr=False)
+    remaining: float = 0.0  #: s of device time.
+    took: float | None = None  #: Host time from start to solution, s; None until solved, and in an earlier run.
+    begun: float | None = field(default=None, repr=False)  #: Host time of its start; None in an earlier run.
 
     def start(self, now: float) -> None:
         """Mark it as started at host time `now`."""
@@ -101,20 +91,6 @@ class RunStatus(QObject):
     """Status after the events so far.
 
     `changed()` : shortly after events that change it, once for many; `stop_pressed()` : STOP, in any state.
-
-    Attributes
-    ----------
-    state : state of the sequencer, or ``starting`` before its first event
-    run_summary : summary of the run; None before the first one
-    register_operation : whether it is a register operation and not a run
-    serial : of its unit, "" before the first run
-    stages : in order, then the transfer if the unit has registers
-    latest : latest message or step as ("message", id, values) or ("step", kind, label);
-        a dwell has the label of the move before it
-    remarks : messages that are shown again with the verdict, each (id, values)
-    transfer : values of a register transfer interrupted before this run that needs a decision; None for none
-    verdict : of the last run
-    fault : of the last run, until `acknowledge`
     """
 
     changed = Signal()
@@ -123,15 +99,21 @@ class RunStatus(QObject):
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._link = link
+        #: State of the sequencer, or ``starting`` before its first event.
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
         self.serial = ""
+        #: In order, then the transfer if the unit has registers.
         self.stages: list[StageState] = []
+        #: Message or step, ("message", id, values) or ("step", kind, label); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
+        #: Messages shown again with the verdict, each (id, values).
         self.remarks: list[tuple[str, Mapping[str, Any]]] = []
+        #: Values of a register transfer interrupted before this run that needs a decision; None for none.
         self.transfer: Mapping[str, Any] | None = None
         self.verdict: Verdict | None = None
+        #: Of the last run, until `acknowledge`.
         self.fault: Fault | None = None
         self._begun = self._done_before = 0.0
         self._changed_timer = QTimer(self, singleShot=True, interval=0)

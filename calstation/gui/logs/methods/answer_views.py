@@ -20,6 +20,7 @@ from calstation.gui.widgets import (
     label,
     row,
     scroll_area,
+    show_text,
     stack,
     theme,
 )
@@ -116,9 +117,7 @@ class _AnswerHead(QWidget):
         answer = self._answer
         if answer is None:
             return
-        remarks = "\n".join(event_sentence(key, values) for key, values in answer.resolved.messages)
-        self._remarks.setText(remarks)
-        self._remarks.setVisible(bool(remarks))
+        show_text(self._remarks, "\n".join(event_sentence(key, values) for key, values in answer.resolved.messages))
         self._badge.show_state(*self._verdict(answer))
         result, recording = answer.resolved.result, answer.recording
         parts = [recording.serial, self.tr("{0} at {1:g} Hz").format(duration_text(recording.duration), recording.rate)]
@@ -128,7 +127,6 @@ class _AnswerHead(QWidget):
         self._about.setText("  ·  ".join(parts))
 
     def _verdict(self, answer: MethodAnswer) -> tuple[str, str]:
-        """Shape and text of the verdict."""
         result = answer.resolved.result
         failed = len(result.failed_checks)
         near = sum(check.near_miss for check in result.checks)

@@ -8,8 +8,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.connection import SECONDS, OtherUnit, apply_to_unit
 from calstation.gui.logs import ask_log
-from calstation.gui.logs.methods.figures import Figure, three_digits
-from calstation.gui.logs.methods.plots import MethodPlot
+from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
 from calstation.gui.shell import AppContext
 from calstation.gui.text import say
 from calstation.gui.widgets import (
@@ -22,6 +21,7 @@ from calstation.gui.widgets import (
     enable,
     label,
     row,
+    show_text,
     stack,
     theme,
 )
@@ -68,15 +68,9 @@ class AppliedView(QWidget):
         """Show some seconds of the unit's stream with the answer, before and after."""
         if self._answer is None or self._at_device or self._app.engine_link.running:
             return
-        job = self._app.job_queue.submit(
-            apply_to_unit,
-            self._answer.recording.path,
-            self._app.station_path,
-            self._app.product_path,
-            *self._vectors(self._answer),
-            cancellable=False,
-        )
-        self._begin(job)
+        files = self._answer.recording.path, self._app.station_path, self._app.product_path
+        vectors = self._vectors(self._answer)
+        self._begin(self._app.job_queue.submit(apply_to_unit, *files, *vectors, cancellable=False))
 
     def _begin(self, job: Job) -> None:
         self.began.emit()
@@ -129,9 +123,7 @@ class AppliedView(QWidget):
             self.tr("Before and after, over time"),
             self.tr("Take data from the unit, or choose any recording of it: rests are shown before and after."),
         )
-        caution = self._caution()
-        self.unit_label.setText(caution)
-        self.unit_label.setVisible(bool(caution))
+        show_text(self.unit_label, self._caution())
         for widget in (self.force_figure, self.rate_figure, self.name_label):
             widget.setVisible(self.applied is not None)
         if self.applied is not None:

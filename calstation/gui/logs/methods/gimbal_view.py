@@ -5,8 +5,7 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QFrame, QWidget
 
-from calstation.gui.logs.methods.figures import three_digits
-from calstation.gui.logs.methods.plots import MethodPlot
+from calstation.gui.logs.methods.plots import MethodPlot, three_digits
 from calstation.gui.widgets import ElidedLabel, StateBadge, clear, column, label, panel, row, scroll_area, theme
 from calstation.physics import ARCSECOND
 from calstation.results.plots import GimbalAxis, GimbalPlotData

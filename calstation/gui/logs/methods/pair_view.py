@@ -7,11 +7,10 @@ from typing import Any
 from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtWidgets import QComboBox, QWidget
 
-from calstation.gui.logs.methods.figures import Figure, three_digits
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
-from calstation.gui.logs.methods.plots import MethodPlot
+from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
 from calstation.gui.text import on_language_change, say, show, term
-from calstation.gui.widgets import button, column, label, panel, row, theme
+from calstation.gui.widgets import button, column, label, panel, row, show_text, theme
 from calstation.messages import Text
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G, display, number, pair_name
 from calstation.results import PairCheckResult, PairProgress, Parameter
@@ -75,8 +74,7 @@ class PairCheckView(QWidget):
         self._explanation.setVisible(progress is None)
         self.timeline.setVisible(progress is not None)
         reasons = [] if progress is None else [h.values["why"] for h in progress.events if h.kind == "given_up"]
-        self._why.setText(self.tr("Abandoned: {0}").format(show(reasons[-1])) if reasons else "")
-        self._why.setVisible(bool(reasons))
+        show_text(self._why, self.tr("Abandoned: {0}").format(show(reasons[-1])) if reasons else "")
 
     def show_checked(self, checked: PairCheckResult) -> None:
         """Show the end of the replay."""

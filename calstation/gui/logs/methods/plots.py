@@ -1,4 +1,4 @@
-"""Plots of the methods: thin axes, and a note at the top that names what is drawn."""
+"""Plots of the methods, with a note at the top that names what is drawn, and numbers before and after."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,8 +7,9 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QWidget
 
-from calstation.gui.widgets import PlotNote, ThemedPlot, fit_below_note, theme
+from calstation.gui.widgets import PlotNote, ThemedPlot, column, fit_below_note, label, theme
 from calstation.physics import FloatArray
 
 _AXIS = 8 * theme.GRID
@@ -105,3 +106,31 @@ class MethodPlot(ThemedPlot):
     def _add(self, x: FloatArray, y: FloatArray, **style: Any) -> None:
         self.addItem(pg.PlotDataItem(np.asarray(x), np.asarray(y), **style))
         self._values.append(np.asarray(y))
+
+
+class Figure(QWidget):
+    """Large enough to be read from two metres: a caption over a number, or over two with an arrow between."""
+
+    def __init__(self, size: int = 28) -> None:
+        super().__init__()
+        self._caption, self.number = label(kind="muted"), label()
+        self.number.setFont(theme.font(size, bold=True))
+        self.number.setTextFormat(Qt.TextFormat.PlainText)
+        column(self._caption, self.number, on=self, spacing=0)
+
+    def show_change(self, caption: str, before: float, after: float, unit: str) -> None:
+        """Show a number before and after, with three digits each."""
+        self.show_text(caption, f"{three_digits(before)} → {three_digits(after)} {unit}")
+
+    def show_text(self, caption: str, text: str) -> None:
+        """Show any text."""
+        self._caption.setText(caption)
+        self.number.setText(text)
+
+
+def three_digits(value: float) -> str:
+    """A number with three digits, never as a power of ten."""
+    if value == 0.0 or not abs(value) < 1e15:
+        return f"{value:g}"
+    digits = 2 - int(f"{abs(value):.2e}".partition("e")[2])
+    return f"{value:.{max(digits, 0)}f}".replace("-", "−")

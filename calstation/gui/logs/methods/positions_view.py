@@ -5,8 +5,7 @@ from PySide6.QtCore import QLineF, QPointF, QSize, Qt
 from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
-from calstation.gui.logs.methods.figures import Figure
-from calstation.gui.logs.methods.plots import MethodPlot
+from calstation.gui.logs.methods.plots import Figure, MethodPlot
 from calstation.gui.widgets import column, label, panel, row, theme
 from calstation.physics import ARCSECOND, MICRO_G, FloatArray
 from calstation.results.plots import PositionPlotData
