@@ -10,8 +10,6 @@ from calstation.gui.widgets import label, row
 
 _OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
 _DAYS = (None, 1, 7, 30, 365)
-#: Delay between the last key and the search, ms.
-_TYPING = 150
 
 
 class Filters(QWidget):
@@ -25,8 +23,7 @@ class Filters(QWidget):
         self.search_edit.setObjectName("history_search_edit")
         self.search_edit.setClearButtonEnabled(True)
         bind(self.search_edit.setPlaceholderText, lambda: self.tr("Serial number, date, product, operator"))
-        caption = label(lambda: self.tr("Search"))
-        caption.setBuddy(self.search_edit)
+        caption = label(lambda: self.tr("Search"), buddy=self.search_edit)
         self._outcome.setObjectName("history_outcome_combo")
         self._time.setObjectName("history_time_combo")
         for outcome in _OUTCOMES:
@@ -37,7 +34,7 @@ class Filters(QWidget):
         bind(self._time.setAccessibleName, lambda: self.tr("Time"))
         self._count = label(kind="muted")
         row(caption, (self.search_edit, 1), self._outcome, self._time, self._count, on=self)
-        self._timer = QTimer(self, singleShot=True, interval=_TYPING)
+        self._timer = QTimer(self, singleShot=True, interval=150)
         self._timer.timeout.connect(self.changed)
         self.search_edit.textChanged.connect(lambda _: self._timer.start())
         for combo in (self._outcome, self._time):

@@ -1,7 +1,7 @@
 """The result of solving offline beside the run's own, parameter by parameter, with differences in sigma."""
 
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QGridLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import KINDS, bind, event_sentence, on_language_change, show, term
 from calstation.gui.widgets import (
@@ -11,6 +11,7 @@ from calstation.gui.widgets import (
     StateBadge,
     align_columns,
     column,
+    grid,
     label,
     ordered,
     show_text,
@@ -47,10 +48,7 @@ class Comparison(QWidget):
             self._difference_head,
         )
         self.note_label = label(name="comparison_label", wrap=True)
-        rows = QGridLayout()
-        rows.setHorizontalSpacing(2 * theme.GRID)
-        rows.setVerticalSpacing(theme.GRID // 2)
-        rows.setColumnStretch(1, 1)
+        rows = grid(across=2 * theme.GRID, down=theme.GRID // 2, stretch=1)
         for line, (head, badge) in enumerate(zip(heads, badges, strict=True)):
             rows.addWidget(head, line, 0)
             rows.addWidget(badge, line, 1, Qt.AlignmentFlag.AlignLeft)

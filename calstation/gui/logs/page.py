@@ -164,10 +164,12 @@ class OfflinePage(Page):
         self.app.open_log.connect(self.open)
         self.source.chosen.connect(self._open_chosen)
         self.methods.chosen.connect(self._show_method)
-        self.plot.range_moved.connect(self._dragged)
+        self.plot.range_moved.connect(self.range.set_range)
+        self.range.changed.connect(self.plot.set_range)
+        for signal in (self.plot.range_moved, self.range.changed):
+            signal.connect(self._choose_range)
         self.plot.samples_wanted.connect(self._fetch_samples)
         self.plot.pointed.connect(self._show_pointed)
-        self.range.changed.connect(self._entered)
         self.stages.changed.connect(self._update)
         self.head.zoomed.connect(self.plot.zoom)
         self.head.whole.connect(self.plot.whole)
@@ -267,13 +269,7 @@ class OfflinePage(Page):
 
     # ---- range, samples and pointer
 
-    def _dragged(self, first: int, last: int) -> None:
-        self.range.set_range(first, last)
-        self.stages.set_range(first, last)
-        self._update()
-
-    def _entered(self, first: int, last: int) -> None:
-        self.plot.set_range(first, last)
+    def _choose_range(self, first: int, last: int) -> None:
         self.stages.set_range(first, last)
         self._update()
 

@@ -1,10 +1,10 @@
 """What is solved of a log: a range of sequence numbers, kept within the log and in order, and stages."""
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
-from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QGridLayout, QMenu, QWidget
+from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QMenu, QWidget
 
 from calstation.gui.text import duration_text, on_language_change, term
-from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
+from calstation.gui.widgets import button, column, enable, grid, label, row, show_text, theme
 from calstation.results.plots import LogIndex, StageSpan
 
 #: Boxes of stages side by side.
@@ -141,11 +141,7 @@ class StageChoice(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self._grid = QGridLayout(self)
-        self._grid.setContentsMargins(0, 0, 0, 0)
-        self._grid.setHorizontalSpacing(2 * theme.GRID)
-        self._grid.setVerticalSpacing(0)
-        self._grid.setColumnStretch(_COLUMNS, 1)
+        self._grid = grid(self, across=2 * theme.GRID, down=0, stretch=_COLUMNS)
         self._spans: tuple[StageSpan, ...] = ()
         self._boxes: dict[str, QCheckBox] = {}
         self._range = (0, 0)

@@ -13,8 +13,6 @@ from calstation.gui.widgets import button, enable, label, row
 #: Number of recent logs.
 _RECENT = 8
 _KEY = "offline/recent"
-#: A path that has not changed for this long and leads to a file is opened, for example one that was pasted.
-_UNCHANGED_MS = 400
 #: File name endings of logs.
 ENDINGS = (".h5", ".csv", ".csv.gz")
 
@@ -43,15 +41,15 @@ class SourceBar(QWidget):
         self.log_edit.setObjectName("log_edit")
         self.log_edit.setAcceptDrops(False)  # a file dropped here belongs to the page
         self.log_edit.returnPressed.connect(self._open_typed)
-        self._unchanged = QTimer(self, singleShot=True, interval=_UNCHANGED_MS)
+        #: A path unchanged for so long that leads to a file is opened, for example one that was pasted.
+        self._unchanged = QTimer(self, singleShot=True, interval=400)
         self._unchanged.timeout.connect(self._open_pasted)
         self.log_edit.textChanged.connect(self._unchanged.start)
         bind(
             self.log_edit.setPlaceholderText,
             lambda: self.tr("Path of a raw log (.h5) or of a CSV with its TOML beside it"),
         )
-        caption = label(lambda: self.tr("Log"))
-        caption.setBuddy(self.log_edit)
+        caption = label(lambda: self.tr("Log"), buddy=self.log_edit)
         self.open_button = button("log_open_button", lambda: self.tr("Open…"), self.browse)
         self.recent_button = button("log_recent_button", lambda: self.tr("Recent"))
         self._menu = QMenu(self)

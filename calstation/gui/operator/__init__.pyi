@@ -1,3 +1,3 @@
 from . import advice as advice
-from .figures import FiguresTable as FiguresTable
 from .page import OperatorPage as OperatorPage
+from .verdict import FiguresTable as FiguresTable

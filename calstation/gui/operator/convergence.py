@@ -17,12 +17,6 @@ from calstation.physics import DISPLAY
 #: Points kept per line; beyond that every other one is dropped.
 _KEPT = 2000
 
-#: Least span of the time axis, min.
-_SHORTEST = 0.1
-
-#: Host time between two drawings, s.
-_DRAW_EVERY = 0.25
-
 
 @dataclass
 class Line:
@@ -94,7 +88,7 @@ class Convergence(QFrame):
             line = self.lines.get(group)
             if line is not None and value > 0.0:
                 line.add(self._now, value / line.target)
-        if time.monotonic() - self._drawn >= _DRAW_EVERY:
+        if time.monotonic() - self._drawn >= 0.25:
             self.draw()
 
     def draw(self) -> None:
@@ -110,7 +104,7 @@ class Convergence(QFrame):
         decades = range(int(np.ceil(low)), int(np.floor(high)) + 1)
         self._plot.getAxis("left").setTicks([[(d, f"{10.0**d:g}") for d in decades], []])
         self._plot.setYRange(low, high, padding=0.0)
-        self._plot.setXRange(0.0, max(_SHORTEST, self._now / 60.0), padding=0.0)
+        self._plot.setXRange(0.0, max(0.1, self._now / 60.0), padding=0.0)
         self._label_lines()
 
     def _refresh(self) -> None:

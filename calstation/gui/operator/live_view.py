@@ -1,7 +1,7 @@
 """A run in progress: preparation steps, table, traces and convergence, or the guide of a manual rig."""
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
@@ -10,7 +10,7 @@ from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
 from calstation.gui.shell import RunStatus
 from calstation.gui.text import on_language_change
-from calstation.gui.widgets import PANEL, StateIcon, column, label, row, stack, theme
+from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
 from calstation.messages import Text
 from calstation.physics import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer import Event, PositionGuided, StageEnded, StageProgress, StageSolved, TableMoved, Trace
@@ -18,9 +18,6 @@ from calstation.sequencer import Event, PositionGuided, StageEnded, StageProgres
 #: Steps by the message that starts each; the first starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
 _MANUAL_STEPS = ("starting_manual", "waiting_ready", "warming_up", "checking_gravity")
-
-#: Message that ends the preparation of a register operation; the first stage ends that of a run.
-_DONE = "registers_writing"
 
 
 class Preparation(QFrame):
@@ -32,15 +29,13 @@ class Preparation(QFrame):
         self._run = run
         self._current = 0
         self._rows = [(StateIcon(20), QLabel(), label(kind="muted", wrap=True)) for _ in _STEPS]
-        grid = QGridLayout()
-        grid.setSpacing(2 * theme.GRID)
+        steps = grid(across=2 * theme.GRID, down=2 * theme.GRID, stretch=2)
         for number, widgets in enumerate(self._rows):
             for at, widget in enumerate(widgets):
-                grid.addWidget(widget, number, at, Qt.AlignmentFlag.AlignVCenter)
-        grid.setColumnStretch(2, 1)
+                steps.addWidget(widget, number, at, Qt.AlignmentFlag.AlignVCenter)
         column(
             label(lambda: self.tr("Preparing"), "section"),
-            grid,
+            steps,
             None,
             on=self,
             spacing=2 * theme.GRID,
@@ -56,7 +51,7 @@ class Preparation(QFrame):
             self._current = 0
         elif message in steps:
             self._current = steps.index(message)
-        elif message == _DONE:
+        elif message == "registers_writing":  # in a register operation; the first stage ends that of a run
             self._current = len(steps)
         for number, widgets in enumerate(self._rows):
             for widget in widgets:

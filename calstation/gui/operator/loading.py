@@ -2,14 +2,14 @@
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
 from calstation.gui.operator.questions import rendered
 from calstation.gui.operator.table_panel import TablePicture
 from calstation.gui.text import on_language_change
-from calstation.gui.widgets import column, label, row, theme
+from calstation.gui.widgets import column, grid, label, row, theme
 from calstation.messages import Text
 
 _STEPS = 4
@@ -28,19 +28,16 @@ class Loading(QFrame):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
         self._titles = [label(wrap=True) for _ in range(_STEPS)]
         self._texts = [label(kind="muted", wrap=True) for _ in range(_STEPS)]
-        grid = QGridLayout()
-        grid.setHorizontalSpacing(2 * theme.GRID)
-        grid.setVerticalSpacing(0)
+        steps = grid(across=2 * theme.GRID, down=0, stretch=1)
         for step, (title, text) in enumerate(zip(self._titles, self._texts, strict=True)):
             number = QLabel(str(step + 1))
             number.setFont(theme.font(theme.SECTION, bold=True))
             title.setFont(theme.font(theme.SECTION))
             text.setContentsMargins(0, 0, 0, 2 * theme.GRID)
-            grid.addWidget(number, 2 * step, 0, Qt.AlignmentFlag.AlignTop)
-            grid.addWidget(title, 2 * step, 1)
-            grid.addWidget(text, 2 * step + 1, 1)
-        grid.setColumnStretch(1, 1)
-        drawings = row((column(None, grid, None), 3), (self.picture, 2), (self.rails, 2), spacing=4 * theme.GRID)
+            steps.addWidget(number, 2 * step, 0, Qt.AlignmentFlag.AlignTop)
+            steps.addWidget(title, 2 * step, 1)
+            steps.addWidget(text, 2 * step + 1, 1)
+        drawings = row((column(None, steps, None), 3), (self.picture, 2), (self.rails, 2), spacing=4 * theme.GRID)
         column(
             label(lambda: self.tr("Load the unit"), "section"),
             (drawings, 1),

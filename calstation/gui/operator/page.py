@@ -42,9 +42,6 @@ from calstation.gui.widgets import (
 from calstation.messages import Text
 from calstation.sequencer import Command
 
-#: Most compatible products that get a button; all are named.
-_MOST_PRODUCTS = 2
-
 
 class OperatorPage(Page):
     """All that an operator needs, and nothing that an operator must not change.
@@ -189,7 +186,7 @@ class OperatorPage(Page):
             products = Text.of("window.compatible_products" if found else "window.no_compatible_product", names=names)
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             choices = []
-            for name, path in found[:_MOST_PRODUCTS]:
+            for name, path in found[:2]:  # all are named
                 words = partial(say, "window.choose_product", name=name)
                 choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
             return None, choices

@@ -17,9 +17,6 @@ from calstation.messages import Text
 from calstation.results import History
 from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup
 
-#: Serial numbers that are tried for the virtual bench.
-_SERIALS_TRIED = 1000
-
 
 class RunStarter(QObject):
     """Everything between the scanner's Enter, or the offer of an interrupted run, and the start of the engine.
@@ -35,7 +32,9 @@ class RunStarter(QObject):
         self._serial: str | None = None
         self._search, self._closing, self._recovery = JobWatch(self), JobWatch(self), JobWatch(self)
         self._search.done.connect(self._found)
-        self._closing.failed.connect(self._not_closed)
+        self._closing.failed.connect(
+            lambda error: ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
+        )
         app.resume_run.connect(lambda log: self.offer(log=log))
         header.serial_entered.connect(self.check)
         header.serial_edited.connect(self._edited)
@@ -187,9 +186,6 @@ class RunStarter(QObject):
         self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.operator))
         self._offer(others)
 
-    def _not_closed(self, error: CalstationError) -> None:
-        ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
-
     # ---- helpers
 
     def _history(self) -> History | None:
@@ -223,7 +219,7 @@ def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> 
     own = run_summary.bench.get("serial")
     if own is not None:
         return str(own)
-    for number in range(1, _SERIALS_TRIED):
+    for number in range(1, 1000):
         serial = f"SN-{number:06d}"
         if not re.fullmatch(run_summary.serial_pattern, serial):
             return ""

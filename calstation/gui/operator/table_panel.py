@@ -2,19 +2,15 @@
 
 import numpy as np
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QGridLayout, QLabel, QWidget
+from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QLabel, QWidget
 
 from calstation.gui.operator.drawing import VIEWER, Drawing, basis, depth, screen
 from calstation.gui.text import on_language_change
-from calstation.gui.widgets import PANEL, StateBadge, column, label, theme
+from calstation.gui.widgets import PANEL, StateBadge, column, grid, label, theme
 from calstation.physics import axis_rotation
 from calstation.sequencer import TableMoved
 
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
-#: Height of the floor that the stand stands on.
-_FLOOR = -0.95
-#: Opacity of a table whose angles are unknown.
-_PALE = 0.5
 #: Corners of the unit's box on the disc, along two directions of the disc and its normal.
 _CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
 
@@ -30,7 +26,7 @@ class TablePicture(Drawing):
         self._inner_axis: Axis = (0.0, 0.0, 1.0)
         self._angles = (0.0, 0.0)
         self._pale = QGraphicsOpacityEffect(self)
-        self._pale.setOpacity(_PALE)
+        self._pale.setOpacity(0.5)
         self.setGraphicsEffect(self._pale)
 
     def set_axes(self, outer: Axis, inner: Axis) -> None:
@@ -72,7 +68,7 @@ class TablePicture(Drawing):
         for axis in (np.array(self._outer_axis), -np.array(self._outer_axis)):
             if (depth(axis) > 0.0) is behind:
                 end = screen(1.14 * axis)
-                foot = screen(np.array([1.14 * axis[0], 1.14 * axis[1], _FLOOR]))
+                foot = screen(np.array([1.14 * axis[0], 1.14 * axis[1], -0.95]))  # on the floor
                 self.line(foot, end, c.line, 0.10)
                 self.line(end, screen(_RING * axis), c.muted, 0.07)
 
@@ -88,18 +84,15 @@ class TablePanel(QFrame):
         names = (label(lambda: self.tr("outer")), label(lambda: self.tr("inner")))
         self.angle_labels = [QLabel(), QLabel()]
         self._rates = [label(kind="muted"), label(kind="muted")]
-        grid = QGridLayout()
-        grid.setHorizontalSpacing(theme.GRID)
-        grid.setVerticalSpacing(0)
+        figures = grid(down=0, stretch=1)
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         for row, (name, angle, rate) in enumerate(zip(names, self.angle_labels, self._rates, strict=True)):
             angle.setFont(theme.font(theme.SECTION, bold=True))
-            grid.addWidget(name, row, 0)
-            grid.addWidget(angle, row, 1, right)
-            grid.addWidget(rate, row, 2, right)
-        grid.setColumnStretch(1, 1)
-        grid.setColumnMinimumWidth(2, 9 * theme.GRID)
-        column(self.badge, (self.picture, 1), grid, on=self, spacing=theme.GRID // 2, margins=PANEL)
+            figures.addWidget(name, row, 0)
+            figures.addWidget(angle, row, 1, right)
+            figures.addWidget(rate, row, 2, right)
+        figures.setColumnMinimumWidth(2, 9 * theme.GRID)
+        column(self.badge, (self.picture, 1), figures, on=self, spacing=theme.GRID // 2, margins=PANEL)
         on_language_change(self, self._show_state)
 
     def take(self, moved: TableMoved) -> None:

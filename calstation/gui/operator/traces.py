@@ -14,15 +14,8 @@ from calstation.sequencer import Trace
 #: Rows kept, a quarter of an hour of device time.
 _KEPT = 16_384
 
-#: Interval between two drawings, ms.
-_DRAW_INTERVAL = 33
-
-#: Points drawn per line.
-_POINTS = 2000
-
-#: Spans that can be chosen, s, and the first one.
+#: Spans that can be chosen, s; the second one at first.
 _SPANS = (10.0, 60.0, 600.0)
-_FIRST_SPAN = 1
 
 
 class _Plot(QWidget):
@@ -51,7 +44,7 @@ class _Plot(QWidget):
         self.plot.setXRange(-span, 0.0, padding=0.0)
         values = rows[:, 1:][:, self._columns] * self._factor
         times = rows[:, 0] - rows[-1:, 0]
-        step = max(1, len(rows) // _POINTS)
+        step = max(1, len(rows) // 2000)  # about so many points are drawn
         for curve, line in zip(self._curves, values.T, strict=True):
             curve.setData(times[::step], line[::step])
         labels = []
@@ -89,7 +82,7 @@ class Traces(QFrame):
         for number, name in enumerate(names):
             span_button = button("", name)
             span_button.setCheckable(True)
-            span_button.setChecked(number == _FIRST_SPAN)
+            span_button.setChecked(number == 1)
             self._spans.addButton(span_button, number)
         self._spans.idClicked.connect(lambda _: self._choose_span())
         plots = column(
@@ -101,7 +94,7 @@ class Traces(QFrame):
         )
         buttons = column(*self._spans.buttons(), None, self.hold_button)
         row((plots, 1), buttons, on=self, margins=(theme.GRID,) * 4)
-        self._timer = QTimer(self, interval=_DRAW_INTERVAL)
+        self._timer = QTimer(self, interval=33)
         self._timer.timeout.connect(self._draw)
         on_language_change(self, lambda: self._accel.plot.setLabel("bottom", self.tr("device time before now, s")))
         self._show_rows()

@@ -4,15 +4,27 @@ from pathlib import Path
 
 from PySide6.QtCore import QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QWidget
+from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
 from calstation.gui.operator import advice
-from calstation.gui.operator.figures import FiguresTable
 from calstation.gui.shell import AppContext, ResetBar
 from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, term
-from calstation.gui.widgets import button, column, draw_state, label, row, show_text, state_colour, theme
+from calstation.gui.widgets import (
+    StateIcon,
+    button,
+    clear,
+    column,
+    draw_state,
+    grid,
+    label,
+    row,
+    show_text,
+    state_colour,
+    theme,
+)
+from calstation.physics import aligned
 from calstation.results import Result
 from calstation.sequencer import Fault, Verdict
 
@@ -54,6 +66,48 @@ class _Head(QWidget):
         side = _SHAPE * self.height()
         margin = (self.height() - side) / 2.0
         draw_state(painter, self._kind, QRectF(margin, margin, side, side), QColor(theme.colours().on_state))
+
+
+class FiguresTable(QWidget):
+    """One row per parameter group and per check of the product, with the deciding number in bold."""
+
+    def __init__(self, size: int = theme.BODY) -> None:
+        super().__init__()
+        self._size = size
+        self._grid = grid(self, across=2 * theme.GRID, down=theme.GRID // 4)
+
+    def show_result(self, result: Result | None) -> None:
+        """Show the figures of a result; none without one."""
+        clear(self._grid)
+        figures = [] if result is None else advice.figures(result)
+        if not figures:
+            return
+        headings = (
+            self.tr("nearest to its limit"),
+            self.tr("value"),
+            self.tr("sigma"),
+            self.tr("limit"),
+            self.tr("unit"),
+        )
+        for at, text in enumerate(headings, start=1):
+            heading = label(kind="muted")
+            heading.setText(text)
+            self._place(heading, 0, at)
+        values, sigmas = aligned([figure.value for figure in figures]), aligned([figure.sigma for figure in figures])
+        for number, (figure, value, sigma) in enumerate(zip(figures, values, sigmas, strict=True), start=1):
+            icon = StateIcon(self._size)
+            icon.set_kind("bad" if not figure.passed else "caution" if figure.near else "good")
+            self._grid.addWidget(icon, number, 0)
+            deciding = 3 if figure.by_sigma else 2
+            for at, text in enumerate((figure.name, value, sigma, figure.limit, figure.unit), start=1):
+                cell = QLabel(text)
+                cell.setFont(theme.font(self._size, bold=at == deciding))
+                self._place(cell, number, at)
+        self.setMaximumHeight(4 * theme.GRID * (len(figures) + 1))
+
+    def _place(self, cell: QLabel, row: int, column: int) -> None:
+        side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
+        self._grid.addWidget(cell, row, column, side | Qt.AlignmentFlag.AlignVCenter)
 
 
 class VerdictPanel(QFrame):

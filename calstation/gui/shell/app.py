@@ -13,9 +13,6 @@ from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 
-#: Interval at which Python gets to run its signal handlers, ms.
-_SIGNAL_INTERVAL = 200
-
 
 def create_window(station: Path | None = None) -> QMainWindow:
     """Create the main window for a station file, by default the last station or the virtual bench.
@@ -40,7 +37,7 @@ def main(station: Path | None = None) -> int:
     window = create_window(station)
     assert isinstance(window, MainWindow)
     signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
-    signal_timer = QTimer(window, interval=_SIGNAL_INTERVAL)
+    signal_timer = QTimer(window, interval=200)  # Python runs its signal handlers between events
     signal_timer.timeout.connect(lambda: None)
     signal_timer.start()
     window.show()

@@ -7,9 +7,6 @@ from calstation.runs import Engine
 from calstation.sequencer import Command
 from calstation.simulation import BenchHooks
 
-#: Interval between two polls of the engine, ms.
-_EVERY = 30
-
 
 class EngineLink(QObject):
     """Starts runs and register operations and emits their events.
@@ -27,7 +24,7 @@ class EngineLink(QObject):
         self._engine: Engine | None = None
         self.request: RunRequest | None = None
         self.operation: RegisterOperation | None = None
-        self._timer = QTimer(self, interval=_EVERY)
+        self._timer = QTimer(self, interval=30)
         self._timer.timeout.connect(self._poll)
 
     @property

@@ -6,10 +6,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidg
 from calstation.config import access
 from calstation.errors import ConfigurationError
 from calstation.gui.text import bind, error_text, on_language_change
-from calstation.gui.widgets import button, column, label, row, show_text, theme
-
-#: Interval at which the time to wait is updated, ms.
-_TICK = 250
+from calstation.gui.widgets import button, column, grid, label, row, show_text, theme
 
 
 class RoleLock(QObject):
@@ -34,11 +31,6 @@ class RoleLock(QObject):
     def new(self) -> bool:
         """Whether no PIN has been set yet: the first user sets it."""
         return not access.has_pin()
-
-    @property
-    def wait(self) -> float:
-        """Seconds until a PIN may be tried again."""
-        return access.wait()
 
     def ask(self) -> None:
         """Let the user enter the PIN."""
@@ -94,7 +86,7 @@ class RolePanel(QFrame):
             margins=(2 * theme.GRID,) * 4,
         )
         self.setFixedWidth(42 * theme.GRID)
-        self._timer = QTimer(self, interval=_TICK)
+        self._timer = QTimer(self, interval=250)
         self._timer.timeout.connect(self._show_wait)
         role.wanted.connect(self.open)
         bind(self._again_edit.setPlaceholderText, lambda: self.tr("the same again"))
@@ -126,15 +118,14 @@ class RolePanel(QFrame):
         self.adjustSize()
 
     def _keys(self) -> QGridLayout:
-        grid = QGridLayout()
-        grid.setSpacing(theme.GRID)
+        keys = grid()
         for index, text in enumerate(("1", "2", "3", "4", "5", "6", "7", "8", "9", "", "0", "⌫")):
             if text:
                 key = QPushButton(text)
                 key.setFocusPolicy(Qt.FocusPolicy.NoFocus)
                 key.clicked.connect(lambda _, text=text: self._type(text))
-                grid.addWidget(key, index // 3, index % 3)
-        return grid
+                keys.addWidget(key, index // 3, index % 3)
+        return keys
 
     def _type(self, text: str) -> None:
         """Type a key into the field that has the focus, by default the first."""
@@ -167,7 +158,7 @@ class RolePanel(QFrame):
 
     def _show_wait(self) -> None:
         """Show the error; disable Unlock while the next try has to wait after wrong PINs."""
-        wait = 0.0 if self._role.new else self._role.wait
+        wait = 0.0 if self._role.new else access.wait()
         waiting = self.tr("Wait {seconds:.0f} s.").format(seconds=max(1.0, wait)) if wait > 0.0 else ""
         text = f"{self._wrong} {waiting}".strip()
         self._unlock.setEnabled(not waiting)

@@ -30,12 +30,9 @@ class _Binding(QObject):
 
 
 def bind(target: QLabel | QAbstractButton | QGroupBox | Callable[[str], Any], text: Callable[[], str]) -> None:
-    """Show a text on a widget in the current language, and again after each change of language.
+    """Show a text in the current language, ``lambda: self.tr("Load the unit")``, and again after each change of it.
 
-    Parameters
-    ----------
-    target : a label, button or group box, or a bound setter of any Qt object such as ``button.setToolTip``
-    text : gives the text in the current language, ``lambda: self.tr("Load the unit")``
+    `target` is a label, button or group box, or a bound setter of any Qt object such as ``button.setToolTip``.
     """
     if isinstance(target, QGroupBox):
         target = target.setTitle

@@ -22,6 +22,7 @@ from .layout import button as button
 from .layout import clear as clear
 from .layout import column as column
 from .layout import enable as enable
+from .layout import grid as grid
 from .layout import label as label
 from .layout import panel as panel
 from .layout import progress_bar as progress_bar

@@ -8,8 +8,6 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import STEPS, Words, button, label, progress_bar, row
 from calstation.jobs import Job
 
-#: Interval between two polls of a job, ms.
-_INTERVAL = 50
 #: Fraction from which the time left is shown.
 _RELIABLE = 0.05
 
@@ -30,7 +28,7 @@ class JobWatch(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.job: Job | None = None
-        self._timer = QTimer(self, interval=_INTERVAL)
+        self._timer = QTimer(self, interval=50)
         self._timer.timeout.connect(self._poll)
 
     @property

@@ -8,6 +8,7 @@ from PySide6.QtGui import QPainter, QPaintEvent
 from PySide6.QtWidgets import (
     QBoxLayout,
     QFrame,
+    QGridLayout,
     QHBoxLayout,
     QLabel,
     QLayout,
@@ -54,6 +55,21 @@ def row(
 ) -> QHBoxLayout:
     """Lay out items side by side, as `column` does."""
     return _filled(QHBoxLayout(), items, on, spacing, margins)
+
+
+def grid(
+    on: QWidget | None = None, *, across: int = theme.GRID, down: int = theme.GRID, stretch: int | None = None
+) -> QGridLayout:
+    """Make a grid, `on` a widget if given, with distances in px; column `stretch` takes what is left of the width."""
+    made = QGridLayout()
+    made.setContentsMargins(0, 0, 0, 0)
+    made.setHorizontalSpacing(across)
+    made.setVerticalSpacing(down)
+    if stretch is not None:
+        made.setColumnStretch(stretch, 1)
+    if on is not None:
+        on.setLayout(made)
+    return made
 
 
 def panel(*items: Item) -> QFrame:
@@ -105,10 +121,10 @@ def label(
     made.setWordWrap(wrap)
     if kind:
         made.setProperty("kind", kind)
-    if words is not None:
-        bind(made, words)
     if buddy is not None:
         made.setBuddy(buddy)
+    if words is not None:
+        bind(made, words)
     return made
 
 

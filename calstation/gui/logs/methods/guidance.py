@@ -6,11 +6,11 @@ from pathlib import Path
 from PySide6.QtCore import QByteArray, QPointF, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QPainter, QPaintEvent, QPen
 from PySide6.QtSvg import QSvgRenderer
-from PySide6.QtWidgets import QGridLayout, QScrollArea, QSizePolicy, QWidget
+from PySide6.QtWidgets import QScrollArea, QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
 from calstation.gui.text import on_language_change, term
-from calstation.gui.widgets import column, label, row, scroll_area, spread, theme
+from calstation.gui.widgets import column, grid, label, row, scroll_area, spread, theme
 
 _STEPS = 4
 _FOLDER = Path(__file__).parent / "images"
@@ -30,7 +30,8 @@ _NAMES_SHARE = 0.3
 
 def guidance(stage: str) -> QScrollArea:
     """Make the view that explains a method."""
-    steps, foot = QGridLayout(), QGridLayout()
+    wide = 2 * theme.GRID
+    steps, foot = (grid(across=wide, down=wide, stretch=1) for _ in range(2))
     for number in range(1, _STEPS + 1):
         step = label(partial(term, "method", f"{stage}_step_{number}"), wrap=True)
         step.setFont(theme.font(theme.BODY + 1))
@@ -39,12 +40,9 @@ def guidance(stage: str) -> QScrollArea:
     for line, key in enumerate(("needs", "finds")):
         foot.addWidget(label(partial(term, "method", key), "muted"), line, 0, Qt.AlignmentFlag.AlignTop)
         foot.addWidget(label(partial(term, "method", f"{stage}_{key}"), wrap=True), line, 1)
-    for grid in (steps, foot):
-        grid.setSpacing(2 * theme.GRID)
-        grid.setColumnStretch(1, 1)
     body = QWidget()
     left = column(steps, foot, None, spacing=3 * theme.GRID)
-    margins = (theme.GRID, 2 * theme.GRID, theme.GRID, theme.GRID)
+    margins = (theme.GRID, wide, theme.GRID, theme.GRID)
     row((left, 11), (MethodPicture(stage), 9), on=body, spacing=4 * theme.GRID, margins=margins)
     return scroll_area(body)
 

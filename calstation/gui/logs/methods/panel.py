@@ -174,10 +174,6 @@ class MethodPanel(QWidget):
         )
 
 
-_GRADES = ("mems", "tactical", "nav")
-_LARGEST_SEED = 9999
-
-
 class BenchBox(QWidget):
     """`wanted(grade, seed)`: a recording is to be made."""
 
@@ -188,10 +184,10 @@ class BenchBox(QWidget):
         self.grade_combo, self.seed_spin = QComboBox(), QSpinBox()
         self.grade_combo.setObjectName(f"bench_grade_{stage}")
         self.grade_combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        for grade in _GRADES:
+        for grade in ("mems", "tactical", "nav"):
             self.grade_combo.addItem("", grade)
         self.seed_spin.setObjectName(f"bench_seed_{stage}")
-        self.seed_spin.setRange(1, _LARGEST_SEED)
+        self.seed_spin.setRange(1, 9999)
         bind(self.seed_spin.setToolTip, lambda: self.tr("Another number draws another unit and other motions"))
         self.make_button = button(
             f"bench_make_{stage}",
@@ -199,9 +195,8 @@ class BenchBox(QWidget):
             lambda: self.wanted.emit(self.grade_combo.currentData(), self.seed_spin.value()),
             tip=lambda: self.tr("Makes a recording without hardware, together with its truth"),
         )
-        caption, seed_caption = label(lambda: self.tr("Virtual bench")), label(lambda: self.tr("unit"))
-        caption.setBuddy(self.grade_combo)
-        seed_caption.setBuddy(self.seed_spin)
+        caption = label(lambda: self.tr("Virtual bench"), buddy=self.grade_combo)
+        seed_caption = label(lambda: self.tr("unit"), buddy=self.seed_spin)
         row(caption, self.grade_combo, seed_caption, self.seed_spin, self.make_button, on=self)
         on_language_change(self, self._show_grades)
 
