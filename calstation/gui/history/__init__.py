@@ -1,7 +1,4 @@
-"""The History page: stored runs, their details and trends.
-
-Searching and reading runs belongs to `results`.
-"""
+"""The History page: stored runs, their details and trends; `results` searches and reads them."""
 
 import lazy_loader as lazy
 

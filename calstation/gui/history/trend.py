@@ -16,8 +16,6 @@ from calstation.records import IndexedRun
 
 #: Most runs shown, the latest.
 _MOST = 30
-#: Dates on the time axis.
-_DATES = 4
 
 
 class Trend(QWidget):
@@ -94,7 +92,7 @@ class Trend(QWidget):
         plot.setYRange(low - pad, high + pad, padding=0)
         edge = 0.5 + 0.06 * len(runs)  # space for the first and last date
         plot.setXRange(-edge, max(len(runs), 2) - 1 + edge, padding=0)
-        step = max(1, -(-len(runs) // _DATES))
+        step = max(1, -(-len(runs) // 4))  # at most four dates
         dates = [(i, local_time(runs[i].record.started_utc)[2:10]) for i in range(0, len(runs), step)]
         plot.getAxis("bottom").setTicks([dates])
         plot.setLabel("left", display(name, 0.0)[1])

@@ -1,7 +1,4 @@
-"""The Offline page: one log, drawn and solved again by its stages or by a method.
-
-Reading and solving belong to `results` and run as jobs.
-"""
+"""The Offline page: one log, drawn and solved again by its stages or by a method; the work is done in `results`."""
 
 import lazy_loader as lazy
 

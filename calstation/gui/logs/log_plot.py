@@ -18,20 +18,12 @@ from calstation.results.plots import Columns, LogIndex
 
 #: Channels of each plot: gyro, accelerometer, angles.
 _PLOTS = ((0, 3), (3, 6), (6, 8))
-#: Width of the axes at the left, px.
-_AXIS = 9 * theme.GRID
 #: Height of the row of stage names, px.
 _STRIP = 34
 #: Margin beyond the log's ends, in terms of its length: an edge of the range there can still be dragged.
 _MARGIN = 0.015
-#: Samples in the closest view.
-_CLOSEST = 10
 #: Width of the view after zooming in, in terms of the width before.
 _ZOOM = 0.5
-#: Width within which an edge of the range can be dragged, px.
-_GRIP = 20
-#: Shift of the view by an arrow key, in terms of its width.
-_SHIFT = 0.2
 
 
 class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
@@ -43,14 +35,12 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
 
     def apply_theme(self) -> None:
         """Take the colours of the current theme."""
-        colours = {alpha: QColor(theme.colours().accent) for alpha in (18, 30, 160, 255)}
-        for alpha, colour in colours.items():
-            colour.setAlpha(alpha)
-        self.setBrush(colours[18])
-        self.setHoverBrush(colours[30])
+        accent = theme.colours().accent
+        self.setBrush(theme.faint(accent, 18))
+        self.setHoverBrush(theme.faint(accent, 30))
         for line in self.lines:
-            line.setPen(QPen(colours[255], 2))
-            line.setHoverPen(QPen(colours[160], _GRIP))
+            line.setPen(QPen(QColor(accent), 2))
+            line.setHoverPen(QPen(theme.faint(accent, 160), 20))  # an edge can be dragged within this width
             line.pen.setCosmetic(True)
             line.hoverPen.setCosmetic(True)
 
@@ -121,7 +111,7 @@ class LogPlot(QWidget):
         facts = log_index.facts
         self._length = (facts.last_seq + 1 - facts.first_seq) / log_index.rate
         pad = _MARGIN * self._length
-        closest = min(_CLOSEST / log_index.rate, self._length)
+        closest = min(10 / log_index.rate, self._length)
         for plot in (self._strip, *self._plots):
             plot.setLimits(xMin=-pad, xMax=self._length + pad, minXRange=closest, maxXRange=self._length + 2 * pad)
         self._show_marks(LogMarks(log_index))
@@ -193,7 +183,7 @@ class LogPlot(QWidget):
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Plus and minus zoom, arrows move, Home shows all."""
         left, right = self.view
-        shift = _SHIFT * (right - left)
+        shift = 0.2 * (right - left)
         match event.key():
             case Qt.Key.Key_Plus | Qt.Key.Key_Equal:
                 self.zoom(True)
@@ -232,7 +222,7 @@ class LogPlot(QWidget):
         plot.hideButtons()
         plot.setMouseEnabled(x=True, y=False)
         plot.getViewBox().setDefaultPadding(0.0)
-        plot.getAxis("left").setWidth(_AXIS)
+        plot.getAxis("left").setWidth(9 * theme.GRID)
         plot.getAxis("left").enableAutoSIPrefix(False)
         plot.getAxis("left").setStyle(hideOverlappingLabels=True)
         for side in ("left", "bottom"):

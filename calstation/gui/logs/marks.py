@@ -87,11 +87,11 @@ class Backdrop(_Layer):
 
         for _, start, stop in self._marks.stages[::2]:
             left, right = to_pixels(np.array([start, stop]))
-            fill(left, right, QBrush(_faint(c.muted, 22)))
+            fill(left, right, QBrush(theme.faint(c.muted, 22)))
         steps = to_pixels(self._marks.steps)
         steps = np.unique(np.rint(steps[(steps >= box.left()) & (steps <= box.right())]))
         if len(steps) <= box.width() / _MOVES_APART:
-            painter.setPen(QPen(_faint(c.muted, 70), 1, Qt.PenStyle.DotLine))
+            painter.setPen(QPen(theme.faint(c.muted, 70), 1, Qt.PenStyle.DotLine))
             for x in steps.tolist():
                 painter.drawLine(QPointF(x, box.top()), QPointF(x, box.bottom()))
         for times, colour, style in (
@@ -120,7 +120,7 @@ class Strip(_Layer):
             if right - left < 2:
                 continue
             cell = QRectF(QPointF(left + 1, box.top()), QPointF(right - 1, bottom - 2))
-            painter.fillRect(cell, _faint(c.accent, 36))
+            painter.fillRect(cell, theme.faint(c.accent, 36))
             name = metrics.elidedText(self._stage_name(stage), Qt.TextElideMode.ElideRight, cell.width() - 8)
             if len(name) > 1:
                 painter.setPen(QColor(c.text))
@@ -141,12 +141,6 @@ def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
     else:
         painter.setBrush(QColor(c.bad))
         painter.drawRect(box.adjusted(1, 1, -1, -1))
-
-
-def _faint(colour: str, alpha: int) -> QColor:
-    faint = QColor(colour)
-    faint.setAlpha(alpha)
-    return faint
 
 
 def _stretches(stretches: FloatArray, box: QRectF) -> FloatArray:

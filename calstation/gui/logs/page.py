@@ -6,7 +6,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QMimeData, Qt, Signal
+from PySide6.QtCore import QMimeData, Qt
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import QSplitter, QWidget
 
@@ -42,14 +42,9 @@ from calstation.results.plots import Columns, LogIndex, log_index, samples
 if TYPE_CHECKING:
     from calstation.gui.logs.methods import MethodPanel
 
-#: Number of latest runs that are offered.
-_LATEST = 8
-
 
 class OfflinePage(Page):
-    """A log, its range, and the solution; `live_wanted()`: the operator page shall guide a manual run."""
-
-    live_wanted = Signal()
+    """A log, its range, and the solution."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -203,7 +198,7 @@ class OfflinePage(Page):
         folder = self.app.runs_folder
         if not folder.is_dir():
             return []
-        return [run.log.absolute() for run in History(folder).runs(limit=_LATEST) if run.log.is_file()]
+        return [run.log.absolute() for run in History(folder).runs(limit=8) if run.log.is_file()]
 
     def _open_chosen(self, path: Path) -> None:
         if self.panel is None:
@@ -220,9 +215,8 @@ class OfflinePage(Page):
             self._update()
             return
         if method not in self._panels:
-            panel = self._panels[method] = MethodPanel(self.app, method, self.source)
-            panel.live_wanted.connect(self.live_wanted)
-            self._body.addWidget(panel)
+            self._panels[method] = MethodPanel(self.app, method, self.source)
+            self._body.addWidget(self._panels[method])
         panel = self._panels[method]
         if panel.path is None and self.log is not None:
             panel.take(self.log.path)
@@ -231,7 +225,6 @@ class OfflinePage(Page):
 
     @property
     def _index_folder(self) -> Path:
-        """Folder of the index of the open log."""
         return self._indexes / str(self._opened)
 
     def _close(self, *_: object) -> None:

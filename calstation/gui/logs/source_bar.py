@@ -10,8 +10,6 @@ from PySide6.QtWidgets import QFileDialog, QLineEdit, QMenu, QWidget
 from calstation.gui.text import bind, on_language_change
 from calstation.gui.widgets import button, enable, label, row
 
-#: Number of recent logs.
-_RECENT = 8
 _KEY = "offline/recent"
 #: File name endings of logs.
 ENDINGS = (".h5", ".csv", ".csv.gz")
@@ -65,7 +63,7 @@ class SourceBar(QWidget):
 
     def remember(self, path: Path) -> None:
         """Put a log first among the recent ones."""
-        recent = [path, *(p for p in self.recent() if p != path)][:_RECENT]
+        recent = [path, *(p for p in self.recent() if p != path)][:8]
         self._settings.setValue(_KEY, [str(p) for p in recent])
         self._fill()
 

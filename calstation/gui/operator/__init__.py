@@ -1,7 +1,4 @@
-"""The Operator page: load, scan, START, live view, verdict.
-
-The state of the run belongs to `gui.shell`.
-"""
+"""The Operator page: load, scan, START, live view, verdict; the state of the run is in `gui.shell`."""
 
 import lazy_loader as lazy
 

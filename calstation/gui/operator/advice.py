@@ -14,10 +14,7 @@ _MOST_ROWS = 10
 
 @dataclass(frozen=True)
 class Figure:
-    """The value of a parameter group, or of a check of the product, that is nearest to its limit or most over it.
-
-    `by_sigma` : its sigma is what is nearest, and `limit` belongs to sigma.
-    """
+    """The value of a parameter group, or of a check of the product, that is nearest to its limit or most over it."""
 
     name: str
     value: str
@@ -26,7 +23,7 @@ class Figure:
     unit: str
     passed: bool
     near: bool = False
-    by_sigma: bool = False
+    by_sigma: bool = False  #: Its sigma is what is nearest, and `limit` belongs to sigma.
 
 
 def reason(outcome: str, result: Result | None) -> str:

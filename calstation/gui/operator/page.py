@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Signal
 from PySide6.QtGui import QShowEvent
 
 from calstation.config import (
@@ -44,12 +43,7 @@ from calstation.sequencer import Command
 
 
 class OperatorPage(Page):
-    """All that an operator needs, and nothing that an operator must not change.
-
-    `station_wanted()` : open the station page.
-    """
-
-    station_wanted = Signal()
+    """All that an operator needs, and nothing that an operator must not change."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -101,8 +95,6 @@ class OperatorPage(Page):
         header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
         self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.ENOUGH))
         self._verdict.acknowledged.connect(self._acknowledge)
-        self._verdict.details_wanted.connect(app.open_run)
-        self._verdict.station_wanted.connect(self.station_wanted)
         app.engine_link.event.connect(self._live.take)
         app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._refresh)
@@ -162,7 +154,8 @@ class OperatorPage(Page):
         self._stages.plan(planned)
         self._loading.plan(planned)
         if self._problem is not None:
-            ask(self.notice, "caution", self._problem, {"station": self.station_wanted.emit}, others=choices)
+            open_station = partial(app.page_wanted.emit, "station_page")
+            ask(self.notice, "caution", self._problem, {"station": open_station}, others=choices)
         else:
             self.notice.dismiss()
             self._starting.suggest()

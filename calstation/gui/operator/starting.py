@@ -19,14 +19,12 @@ from calstation.runs import Resumable, close_incomplete_job, find_resumable, rec
 
 
 class RunStarter(QObject):
-    """Everything between the scanner's Enter, or the offer of an interrupted run, and the start of the engine.
-
-    `run_summary` : of the next run; None while station and product cannot run.
-    """
+    """Everything between the scanner's Enter, or the offer of an interrupted run, and the start of the engine."""
 
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
         self._app, self._header, self._notice = app, header, notice
+        #: Of the next run; None while station and product cannot run.
         self.run_summary: RunSummary | None = None
         self._wanted: Path | None = None
         self._serial: str | None = None
@@ -234,7 +232,6 @@ def _minute_text(utc: str) -> str:
 
 
 def _product_file(name: str | None) -> Path | None:
-    """The file of a product by the name in it."""
     for stem in library.names("products"):
         path = library.find("products", stem)
         try:

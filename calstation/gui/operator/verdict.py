@@ -111,15 +111,9 @@ class FiguresTable(QWidget):
 
 
 class VerdictPanel(QFrame):
-    """Replaces the plots when a run has ended.
+    """Replaces the plots when a run has ended; `acknowledged()` : clears a fault."""
 
-    `details_wanted(path)` : with the result file; `acknowledged()` : clears a fault; `station_wanted()` : open the
-    station page.
-    """
-
-    details_wanted = Signal(object)
     acknowledged = Signal()
-    station_wanted = Signal()
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -140,7 +134,9 @@ class VerdictPanel(QFrame):
             "acknowledge_button", lambda: self.tr("Understood"), self.acknowledged, kind="primary"
         )
         self._station_button = button(
-            "verdict_station_button", lambda: self.tr("Open the station page"), self.station_wanted
+            "verdict_station_button",
+            lambda: self.tr("Open the station page"),
+            lambda: app.page_wanted.emit("station_page"),
         )
         left = column(
             *(self._source, self.reason_label, self.action_label, self.reset, self._facts, self._notes),
@@ -210,4 +206,4 @@ class VerdictPanel(QFrame):
 
     def _show_details(self) -> None:
         if self._verdict is not None:
-            self.details_wanted.emit(Path(self._verdict.result_file))
+            self._app.open_run.emit(Path(self._verdict.result_file))

@@ -1,7 +1,4 @@
-"""The main window and what all pages share: application context, engine link, run status and role.
-
-Nothing here belongs to one page only.
-"""
+"""The main window and what all pages share: application context, engine link, run status and role."""
 
 import lazy_loader as lazy
 

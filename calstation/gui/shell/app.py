@@ -15,10 +15,7 @@ from calstation.gui.widgets import theme
 
 
 def create_window(station: Path | None = None) -> QMainWindow:
-    """Create the main window for a station file, by default the last station or the virtual bench.
-
-    Creates the QApplication if there is none.
-    """
+    """Create the main window for a station file, by default the last one, and the QApplication if there is none."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("calstation")

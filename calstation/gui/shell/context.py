@@ -26,6 +26,7 @@ class AppContext(QObject):
     open_log = Signal(object)
     open_run = Signal(object)
     resume_run = Signal(object)
+    page_wanted = Signal(str)  #: Object name of a page.
     theme_changed = Signal()
     runs_folder_changed = Signal()
 

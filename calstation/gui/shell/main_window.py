@@ -22,7 +22,6 @@ from calstation.gui.widgets import PANEL, button, label, padlock_icon, row, them
 
 #: Height of the strip with STOP at the top of every page, px.
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
-_SMALLEST = QSize(1280, 720)
 _ICON = QSize(24, 24)
 
 
@@ -74,7 +73,7 @@ class MainWindow(QMainWindow):
         self._connect()
         for show in (self._show_titles, self._show_role, self._show_station):
             on_language_change(self, show)
-        self.setMinimumSize(_SMALLEST)
+        self.setMinimumSize(1280, 720)
         self.resize(1366, 768)
         geometry = app.settings.value("geometry")
         if isinstance(geometry, QByteArray):
@@ -90,9 +89,8 @@ class MainWindow(QMainWindow):
         app.role.wanted.connect(self._move_role_panel)
         app.theme_changed.connect(self._set_icons)
         app.engine_link.running_changed.connect(self._running_changed)
+        app.page_wanted.connect(self.show_page)
         for signal, page in (
-            (self.operator_page.station_wanted, "station_page"),
-            (self.offline_page.live_wanted, "operator_page"),
             (app.open_log, "offline_page"),
             (app.open_run, "engineer_page"),
             (app.resume_run, "operator_page"),

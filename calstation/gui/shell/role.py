@@ -10,13 +10,10 @@ from calstation.gui.widgets import button, column, grid, label, row, show_text, 
 
 
 class RoleLock(QObject):
-    """The current role, at first the operator.
-
-    `changed(role)` : the role has changed; `wanted()` : the user wants to enter the engineer's PIN.
-    """
+    """The current role, at first the operator."""
 
     changed = Signal(str)
-    wanted = Signal()
+    wanted = Signal()  #: The user wants to enter the engineer's PIN.
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)

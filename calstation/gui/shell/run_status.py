@@ -60,9 +60,6 @@ _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back"
 #: Verification moves before and after the restart of the unit, a measure of progress.
 _TURNS = 17
 
-#: Host time after which the pace of a virtual bench is known well enough to estimate the time left, s.
-_PACE_KNOWN_AFTER = 2.0
-
 
 @dataclass
 class StageState:
@@ -88,13 +85,10 @@ class StageState:
 
 
 class RunStatus(QObject):
-    """Status after the events so far.
+    """Status after the events so far."""
 
-    `changed()` : shortly after events that change it, once for many; `stop_pressed()` : STOP, in any state.
-    """
-
-    changed = Signal()
-    stop_pressed = Signal()
+    changed = Signal()  #: Shortly after events that change it, once for many.
+    stop_pressed = Signal()  #: In any state.
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -163,7 +157,7 @@ class RunStatus(QObject):
         if self.run_summary is not None and not self.run_summary.virtual:
             return 1.0
         elapsed, done = time.monotonic() - self._begun, self.done - self._done_before
-        return done / elapsed if self._begun and elapsed > _PACE_KNOWN_AFTER and done > 0.0 else None
+        return done / elapsed if self._begun and elapsed > 2.0 and done > 0.0 else None  # known well enough after 2 s
 
     @property
     def remaining(self) -> float | None:

@@ -1,7 +1,4 @@
-"""Texts in the language of the window: catalogue sentences, checks, bindings to the language.
-
-No widgets.
-"""
+"""Texts in the language of the window: catalogue sentences, checks, bindings to the language; no widgets."""
 
 import lazy_loader as lazy
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import QCoreApplication, QLibraryInfo, QLocale, QTranslator
-from PySide6.QtWidgets import QComboBox, QWidget
+from PySide6.QtWidgets import QComboBox
 
 from calstation.gui.text.binding import languages
 from calstation.messages import Language
@@ -39,26 +39,18 @@ def use(code: str) -> None:
         app.removeTranslator(translator)
     _installed.clear()
     QLocale.setDefault(QLocale(QLocale.Language.C))
-    if _current != "en":
-        _install(_current)
-    languages.changed.emit()
-
-
-def _install(code: str) -> None:
-    app = QCoreApplication.instance()
-    assert app is not None
-    own = sorted(_FOLDER.glob(f"*_{code}.qm"))
-    theirs = Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)) / f"qtbase_{code}.qm"
-    for file in (theirs, *own):
+    theirs = Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)) / f"qtbase_{chosen}.qm"
+    for file in (theirs, *sorted(_FOLDER.glob(f"*_{chosen}.qm"))) if chosen != "en" else ():
         translator = QTranslator(app)
         if file.exists() and translator.load(str(file)):
             app.installTranslator(translator)
             _installed.append(translator)
+    languages.changed.emit()
 
 
-def language_combo(parent: QWidget | None = None) -> QComboBox:
+def language_combo() -> QComboBox:
     """A box with the languages under their own names; the data of its entries are the codes."""
-    combo = QComboBox(parent)
+    combo = QComboBox()
     combo.setObjectName("language_combo")
     for code, name in LANGUAGES:
         combo.addItem(name, code)

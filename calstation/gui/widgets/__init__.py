@@ -1,7 +1,4 @@
-"""Widgets that several pages share, and the theme.
-
-Nothing here knows a run, a station or a device.
-"""
+"""Widgets that several pages share, and the theme; nothing here knows a run, a station or a device."""
 
 import lazy_loader as lazy
 

@@ -118,6 +118,13 @@ def on_appearance_change(owner: QObject, show: Callable[[], object]) -> None:
     on_language_change(owner, show)
 
 
+def faint(colour: str, alpha: int) -> QColor:
+    """A colour with an opacity of 0..255."""
+    made = QColor(colour)
+    made.setAlpha(alpha)
+    return made
+
+
 def palette(c: Colours) -> QPalette:
     """The Qt palette of a theme."""
     made = QPalette()

@@ -1,7 +1,4 @@
-"""Methods that need no rate table, as panels of the Offline page.
-
-The methods themselves are in `procedures`.
-"""
+"""Methods that need no rate table, as panels of the Offline page; they themselves are in `procedures`."""
 
 import lazy_loader as lazy
 

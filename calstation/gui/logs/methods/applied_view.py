@@ -31,11 +31,9 @@ from calstation.results.plots import Applied, MethodAnswer, apply_to_recording
 
 
 class AppliedView(QWidget):
-    """Applies an answer to its own recording first; the user may choose another, or the connected unit.
+    """Applies an answer to its own recording first; the user may choose another, or the connected unit."""
 
-    `began()`: earlier notices are out of date; `watch` follows the computation.
-    """
-
+    #: Earlier notices are out of date.
     began = Signal()
 
     def __init__(self, app: AppContext) -> None:

@@ -73,7 +73,6 @@ class GimbalView(QWidget):
         return panel(badge, text, _GainBar(axis), gains)
 
 
-_HEIGHT = 30
 _BAR_TOP, _BAR = 10.0, 14.0
 #: Length of the bar in terms of the largest stable gain, or of the gain if that is larger.
 _EXTENT = 1.35
@@ -85,7 +84,7 @@ class _GainBar(QWidget):
     def __init__(self, axis: GimbalAxis) -> None:
         super().__init__()
         self._axis = axis
-        self.setFixedHeight(_HEIGHT)
+        self.setFixedHeight(30)
         self.setMinimumWidth(30 * theme.GRID)
 
     def paintEvent(self, event: QPaintEvent) -> None:
@@ -99,9 +98,7 @@ class _GainBar(QWidget):
         painter.setPen(QPen(QColor(c.line), 1))
         painter.setBrush(QColor(c.window))
         painter.drawRect(QRectF(1, _BAR_TOP, width, _BAR))
-        stable = QColor(c.good)
-        stable.setAlpha(110)
-        painter.fillRect(QRectF(1, _BAR_TOP, largest - 1, _BAR), stable)
+        painter.fillRect(QRectF(1, _BAR_TOP, largest - 1, _BAR), theme.faint(c.good, 110))
         painter.setPen(QPen(QColor(c.text), 2))
         for x in (best, largest):
             painter.drawLine(QPointF(x, _BAR_TOP - 2), QPointF(x, _BAR_TOP + _BAR + 4))

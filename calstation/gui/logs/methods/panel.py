@@ -12,15 +12,13 @@ from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, Words, button, column, enable, label, row
-from calstation.results import PairCheckResult, check_pair, progress_from_note
+from calstation.results import check_pair, progress_from_note
 from calstation.results.plots import MethodAnswer, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
 
 
 class MethodPanel(QWidget):
-    """`live_wanted()`: the operator page shall guide a manual run now."""
-
-    live_wanted = Signal()
+    """A recording, the work on it, and its answer."""
 
     def __init__(self, app: AppContext, stage: str, source: SourceBar) -> None:
         super().__init__()
@@ -95,7 +93,7 @@ class MethodPanel(QWidget):
         product = manual_product()
         if product is not None and uses_manual_rig(self.app.station_path):
             self.app.set_product(product)
-            self.live_wanted.emit()
+            self.app.page_wanted.emit("operator_page")
 
     def _export(self) -> None:
         if self.answer is not None:
@@ -121,7 +119,7 @@ class MethodPanel(QWidget):
             self.answers.check.check_wanted.connect(self._check)
             self.checker.progress.connect(self._show_progress)
             self.checker.cancelled.connect(lambda: self._show_progress())
-            self.checker.done.connect(self._checked)
+            self.checker.done.connect(self.answers.check.show_checked)
         self.app.station_changed.connect(self._update)
         self.app.engine_link.running_changed.connect(self._update)
 
@@ -143,10 +141,6 @@ class MethodPanel(QWidget):
         if self.answers.check is not None:
             job = self.checker.job
             self.answers.check.show_progress(None if job is None else progress_from_note(job.note))
-
-    def _checked(self, checked: PairCheckResult) -> None:
-        if self.answers.check is not None:
-            self.answers.check.show_checked(checked)
 
     def _update(self) -> None:
         """Allow what is possible now; tooltips say why the rest is not."""

@@ -12,9 +12,6 @@ from PySide6.QtWidgets import QWidget
 from calstation.gui.widgets import PlotNote, ThemedPlot, column, fit_below_note, label, theme
 from calstation.physics import FloatArray
 
-_AXIS = 8 * theme.GRID
-#: Opacity of a faint line, of 255.
-_FAINT = 110
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -46,7 +43,7 @@ class MethodPlot(ThemedPlot):
         if log:
             self.getPlotItem().setAxisItems({"left": _PlainLog("left")})
             self.setLogMode(y=True)
-        self.getAxis("left").setWidth(_AXIS)
+        self.getAxis("left").setWidth(8 * theme.GRID)
         self.getAxis("left").setStyle(tickFont=theme.font(), hideOverlappingLabels=True)
         self.getAxis("left").enableAutoSIPrefix(False)
         self.setMouseEnabled(x=True, y=False)
@@ -69,8 +66,7 @@ class MethodPlot(ThemedPlot):
 
     def line(self, x: FloatArray, y: FloatArray, colour: str, *, faint: bool = False, bold: bool = False) -> None:
         """Draw a line, interrupted at NaN."""
-        shade = QColor(colour)
-        shade.setAlpha(_FAINT if faint else 255)
+        shade = theme.faint(colour, 110 if faint else 255)
         self._add(x, y, pen=pg.mkPen(shade, width=2.5 if bold else 1), connect="finite")
 
     def dots(self, x: FloatArray, y: FloatArray, colour: str, *, hollow: bool = False) -> None:
@@ -89,8 +85,7 @@ class MethodPlot(ThemedPlot):
 
     def shade(self, begin: float, end: float) -> None:
         """Shade a stretch of time behind everything."""
-        colour = QColor(theme.colours().accent)
-        colour.setAlpha(26)
+        colour = theme.faint(theme.colours().accent, 26)
         region = pg.LinearRegionItem((begin, end), movable=False, brush=colour, pen=pg.mkPen(None))
         region.setZValue(-20)
         self.addItem(region, ignoreBounds=True)
