@@ -40,12 +40,11 @@ class Filters(QWidget):
         self.search_edit.setClearButtonEnabled(True)
         bind(self.search_edit.setPlaceholderText, lambda: self.tr("Serial number, date, product, operator"))
         caption = label(lambda: self.tr("Search"), buddy=self.search_edit)
-        self._outcome.setObjectName("history_outcome_combo")
-        self._time.setObjectName("history_time_combo")
-        for outcome in _OUTCOMES:
-            self._outcome.addItem("", outcome)
-        for days in _DAYS:
-            self._time.addItem("", days)
+        for combo, name, entries in ((self._outcome, "outcome", _OUTCOMES), (self._time, "time", _DAYS)):
+            combo.setObjectName(f"history_{name}_combo")
+            for entry in entries:
+                combo.addItem("", entry)
+            combo.currentIndexChanged.connect(lambda _: self.changed.emit())
         bind(self._outcome.setAccessibleName, lambda: self.tr("Outcome"))
         bind(self._time.setAccessibleName, lambda: self.tr("Time"))
         self._count = label(kind="muted")
@@ -53,8 +52,6 @@ class Filters(QWidget):
         self._timer = QTimer(self, singleShot=True, interval=150)
         self._timer.timeout.connect(self.changed)
         self.search_edit.textChanged.connect(lambda _: self._timer.start())
-        for combo in (self._outcome, self._time):
-            combo.currentIndexChanged.connect(lambda _: self.changed.emit())
         on_language_change(self, self._name_entries)
 
     @property

@@ -11,8 +11,6 @@ from calstation.gui.text import KINDS, duration_text, on_language_change, term
 from calstation.gui.widgets import state_colour, state_icon, theme
 from calstation.records import RunRecord
 
-#: Width that the stages need, px.
-_STAGES_WIDTH = 30 * theme.GRID
 #: Columns hidden first if the width is short: attempt, operator, product, which the details show as well.
 _HIDDEN_FIRST = (4, 5, 3)
 _OUTCOME, _STARTED, _STAGES = 0, 2, 7
@@ -122,7 +120,7 @@ class RunTable(QTableWidget):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
         left = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
         for column in _HIDDEN_FIRST:
-            if left >= _STAGES_WIDTH:
+            if left >= 30 * theme.GRID:  # the stages need so much
                 break
             left += self.columnWidth(column)
             self.setColumnHidden(column, True)

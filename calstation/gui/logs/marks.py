@@ -12,8 +12,6 @@ from calstation.gui.widgets import theme
 from calstation.physics import FloatArray
 from calstation.results.plots import LogIndex
 
-#: Moves are not drawn if they are closer together than this on average, px.
-_MOVES_APART = 5
 #: Least width of a gap or invalid stretch, px.
 _LEAST = 3.0
 #: Size of a sign, px.
@@ -90,7 +88,7 @@ class Backdrop(_Layer):
             fill(left, right, QBrush(theme.faint(c.muted, 22)))
         steps = to_pixels(self._marks.steps)
         steps = np.unique(np.rint(steps[(steps >= box.left()) & (steps <= box.right())]))
-        if len(steps) <= box.width() / _MOVES_APART:
+        if len(steps) <= box.width() / 5:  # not if they are closer together on average, px
             painter.setPen(QPen(theme.faint(c.muted, 70), 1, Qt.PenStyle.DotLine))
             for x in steps.tolist():
                 painter.drawLine(QPointF(x, box.top()), QPointF(x, box.bottom()))

@@ -11,8 +11,6 @@ _SPACINGS = (
     *(60.0 * minutes for minutes in (1, 2, 5, 10, 15, 30)),
     *(3600.0 * hours for hours in (1, 2, 3, 6, 12, 24, 48, 96, 240, 480, 960)),
 )
-#: Least distance between ticks, px.
-_DISTANCE = 110
 
 
 class TimeAxis(pg.AxisItem):  # type: ignore[misc]
@@ -23,7 +21,7 @@ class TimeAxis(pg.AxisItem):  # type: ignore[misc]
 
     def tickSpacing(self, low: float, high: float, size: float) -> list[tuple[float, float]]:
         """The smallest spacing without overlapping labels."""
-        least = (high - low) * _DISTANCE / max(size, 1.0)
+        least = (high - low) * 110 / max(size, 1.0)  # 110 px between ticks
         return [(next((s for s in _SPACINGS if s >= least), _SPACINGS[-1]), 0.0)]
 
     def tickStrings(self, values: Sequence[float], _: float, spacing: float) -> list[str]:

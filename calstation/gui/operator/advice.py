@@ -8,9 +8,6 @@ from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
 from calstation.results import Parameter, Result
 
-#: Rows that fit beside the verdict on a small screen.
-_MOST_ROWS = 10
-
 
 @dataclass(frozen=True)
 class Figure:
@@ -68,9 +65,13 @@ def figures(result: Result) -> list[Figure]:
         if (within or below) and share >= found.get(group, (-1.0, None))[0]:
             found[group] = (share, _figure(name, row, within, below))
     parameters = [found[group][1] for group in GROUPS if group in found]
-    rows = [*parameters, *(_check_figure(check) for check in result.checks if of_product(check))]
+    rows = list(parameters)
+    for check in filter(of_product, result.checks):
+        shown = check_text(check)
+        figure = Figure(check_name(check), shown.value, "", shown.limit, shown.unit, check.passed, check.near_miss)
+        rows.append(figure)
     order = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= len(parameters)))
-    return [rows[k] for k in sorted(order[:_MOST_ROWS])]
+    return [rows[k] for k in sorted(order[:10])]  # so many fit beside the verdict on a small screen
 
 
 def failed_check_text(check: Check, result: Result) -> str:
@@ -85,11 +86,6 @@ def failed_check_text(check: Check, result: Result) -> str:
         return say("advice.violated", name=row.sentence, value=row.value, unit=row.unit, limit=row.limit)
     code = "advice.outside" if check.kind == "within" else "advice.uncertain"
     return say(code, parameter=name, value=row.value, unit=row.unit, limit=row.limit)
-
-
-def _check_figure(check: Check) -> Figure:
-    row = check_text(check)
-    return Figure(check_name(check), row.value, "", row.limit, row.unit, check.passed, check.near_miss)
 
 
 def _share(check: Check | None) -> float:

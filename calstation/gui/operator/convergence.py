@@ -14,9 +14,6 @@ from calstation.gui.text import term
 from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, column, label, row, theme
 from calstation.physics import DISPLAY
 
-#: Points kept per line; beyond that every other one is dropped.
-_KEPT = 2000
-
 
 @dataclass
 class Line:
@@ -34,7 +31,7 @@ class Line:
             return
         self.times.append(at)
         self.ratios.append(ratio)
-        if len(self.times) > _KEPT:
+        if len(self.times) > 2000:  # every other one is dropped
             del self.times[1:-1:2], self.ratios[1:-1:2]
 
     @property

@@ -158,7 +158,6 @@ class RunHeader(QWidget):
 
 
 def _field(widget: QLineEdit | QComboBox, name: str, caption: QLabel) -> QVBoxLayout:
-    """A field below its caption."""
     widget.setObjectName(name)
     widget.setProperty("kind", "tall")
     caption.setBuddy(widget)

@@ -15,7 +15,6 @@ from calstation.sequencer import PositionGuided
 
 #: Text sizes, px, legible from two metres; a third larger on a wide panel.
 _STATE_SIZE, _TASK_SIZE = theme.VERDICT // 2, theme.VERDICT // 3
-_WIDE = 170 * theme.GRID
 _KINDS = {"waiting": "waiting", "moving": "active", "still": "paused", "enough": "good", "repeat": "caution"}
 #: Least turn of a rail that is asked for, rad.
 _LEAST_TURN = np.deg2rad(1.0)
@@ -72,7 +71,7 @@ class PositionPanel(QFrame):
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Use larger text on a wide panel."""
-        self._enlarge(4.0 / 3.0 if event.size().width() >= _WIDE else 1.0)
+        self._enlarge(4.0 / 3.0 if event.size().width() >= 170 * theme.GRID else 1.0)
         super().resizeEvent(event)
 
     def _enlarge(self, times: float) -> None:

@@ -184,8 +184,6 @@ class RunStarter(QObject):
         self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.operator))
         self._offer(others)
 
-    # ---- helpers
-
     def _history(self) -> History | None:
         """The history of earlier runs; None if there are none."""
         folder = self._app.runs_folder

@@ -11,9 +11,6 @@ from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, button, co
 from calstation.physics import DEGREE, FloatArray
 from calstation.sequencer import Trace
 
-#: Rows kept, a quarter of an hour of device time.
-_KEPT = 16_384
-
 #: Spans that can be chosen, s; the second one at first.
 _SPANS = (10.0, 60.0, 600.0)
 
@@ -103,7 +100,7 @@ class Traces(QFrame):
         """Store a trace; the timer draws it."""
         times = np.array(trace.time)
         rows = np.column_stack((times, np.array(trace.output).reshape(len(times), 6)))
-        self.rows = np.concatenate((self.rows, rows))[-_KEPT:]
+        self.rows = np.concatenate((self.rows, rows))[-16_384:]  # a quarter of an hour
         self._new_rows = True
 
     def start(self) -> None:

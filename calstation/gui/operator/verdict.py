@@ -28,9 +28,6 @@ from calstation.physics import aligned
 from calstation.results import Result
 from calstation.sequencer import Fault, Verdict
 
-#: Height of the shape in the head, as a fraction of the head.
-_SHAPE = 0.6
-
 
 class _Head(QWidget):
     """The word and its shape on the colour of the state."""
@@ -63,7 +60,7 @@ class _Head(QWidget):
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(state_colour(self._kind))
         painter.drawRoundedRect(QRectF(self.rect()), 4.0, 4.0)
-        side = _SHAPE * self.height()
+        side = 0.6 * self.height()
         margin = (self.height() - side) / 2.0
         draw_state(painter, self._kind, QRectF(margin, margin, side, side), QColor(theme.colours().on_state))
 

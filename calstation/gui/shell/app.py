@@ -6,7 +6,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QApplication, QMainWindow
+from PySide6.QtWidgets import QApplication
 
 from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.main_window import MainWindow
@@ -14,7 +14,7 @@ from calstation.gui.text import language
 from calstation.gui.widgets import theme
 
 
-def create_window(station: Path | None = None) -> QMainWindow:
+def create_window(station: Path | None = None) -> MainWindow:
     """Create the main window for a station file, by default the last one, and the QApplication if there is none."""
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
@@ -32,7 +32,6 @@ def create_window(station: Path | None = None) -> QMainWindow:
 def main(station: Path | None = None) -> int:
     """Open the window and return when it is closed. Ctrl-C in its terminal stops a run safely, then closes it."""
     window = create_window(station)
-    assert isinstance(window, MainWindow)
     signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
     signal_timer = QTimer(window, interval=200)  # Python runs its signal handlers between events
     signal_timer.timeout.connect(lambda: None)

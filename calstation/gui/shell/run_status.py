@@ -57,9 +57,6 @@ _TRANSFER = "transfer"
 _TRANSFER_STARTS = ("reference", "registers_transfer", "registers_writing")
 _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
 
-#: Verification moves before and after the restart of the unit, a measure of progress.
-_TURNS = 17
-
 
 @dataclass
 class StageState:
@@ -264,7 +261,7 @@ class RunStatus(QObject):
         self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
         row = self._row(_TRANSFER)
         if event.label[:1] == ("verify",) and row.state == "active":
-            row.fraction = min(1.0, row.fraction + 1.0 / (_TURNS + 1))  # turns may be repeated
+            row.fraction = min(1.0, row.fraction + 1.0 / 18.0)  # 17 moves verify; they may be repeated
             row.remaining = row.duration * (1.0 - row.fraction)
 
     def _take_message(self, message: str, values: Mapping[str, Any]) -> None:

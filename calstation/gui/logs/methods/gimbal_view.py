@@ -10,9 +10,6 @@ from calstation.gui.widgets import ElidedLabel, StateBadge, clear, column, label
 from calstation.physics import ARCSECOND
 from calstation.results.plots import GimbalAxis, GimbalPlotData
 
-#: A prediction below this share of the smallest measured drift is not drawn: it is below the noise.
-_NOISE_SHARE = 0.2
-
 
 class GimbalView(QWidget):
     """Dots are the drift measured in each turn; the thin line is predicted; the threshold is dashed."""
@@ -47,7 +44,8 @@ class GimbalView(QWidget):
             self._panels.addWidget(self._axis_panel(axis))
             colour = theme.AXIS_COLOURS[axis.axis]
             turn = np.arange(1.0, len(axis.drift) + 1.0)
-            predicted = np.where(axis.predicted > _NOISE_SHARE * axis.drift.min(), axis.predicted, np.nan)
+            above_noise = axis.predicted > 0.2 * axis.drift.min()
+            predicted = np.where(above_noise, axis.predicted, np.nan)
             self.plot.line(turn, predicted / ARCSECOND, colour)
             self.plot.dots(turn, axis.drift / ARCSECOND, colour)
             note.append(("● " + axis.axis, colour))

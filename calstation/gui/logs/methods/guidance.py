@@ -12,7 +12,6 @@ from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_P
 from calstation.gui.text import on_language_change, term
 from calstation.gui.widgets import column, grid, label, row, scroll_area, spread, theme
 
-_STEPS = 4
 _FOLDER = Path(__file__).parent / "images"
 #: Colours of the files by the theme's names for them.
 _DRAWN = {"text": "#14191d", "muted": "#55616a", "line": "#c3ccd2", "field": "#ffffff", "accent": "#1f5f8b"}
@@ -32,7 +31,7 @@ def guidance(stage: str) -> QScrollArea:
     """Make the view that explains a method."""
     wide = 2 * theme.GRID
     steps, foot = (grid(across=wide, down=wide, stretch=1) for _ in range(2))
-    for number in range(1, _STEPS + 1):
+    for number in (1, 2, 3, 4):
         step = label(partial(term, "method", f"{stage}_step_{number}"), wrap=True)
         step.setFont(theme.font(theme.BODY + 1))
         steps.addWidget(label(partial(str, number), "number"), number, 0, Qt.AlignmentFlag.AlignTop)
