@@ -1,102 +1,24 @@
 """The history page: finished and incomplete runs, found by serial number, outcome and time."""
 
-from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QTimer, QUrl, Signal, SignalInstance
+from PySide6.QtCore import Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
-from PySide6.QtWidgets import QComboBox, QLineEdit, QSplitter, QWidget
 
 from calstation.errors import CalstationError, InputError
 from calstation.gui.history.details import Actions, RunDetails
-from calstation.gui.history.run_table import RunTable
+from calstation.gui.history.run_table import Filters, RunTable
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import bind, on_language_change, term
-from calstation.gui.widgets import Choice, EmptyState, JobWatch, NoticeBar, button, column, label, row, stack, theme
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import Choice, EmptyState, JobWatch, NoticeBar, button, column, split, stack, theme
 from calstation.records import RunRecord
 from calstation.results import History, Result, load_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Verdict
 
-#: Outcomes and last days that can be listed; None for all.
-_OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
-_DAYS = (None, 1, 7, 30, 365)
 #: Most runs listed.
 _MOST = 300
-#: Widths of table and details, parts of their sum.
-_TABLE_SHARE, _DETAILS_SHARE = 15, 8
-
-
-class Filters(QWidget):
-    """Emits `changed` when other runs are wanted."""
-
-    changed = Signal()
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.search_edit, self._outcome, self._time = QLineEdit(), QComboBox(), QComboBox()
-        self.search_edit.setObjectName("history_search_edit")
-        self.search_edit.setClearButtonEnabled(True)
-        bind(self.search_edit.setPlaceholderText, lambda: self.tr("Serial number, date, product, operator"))
-        caption = label(lambda: self.tr("Search"), buddy=self.search_edit)
-        for combo, name, entries in ((self._outcome, "outcome", _OUTCOMES), (self._time, "time", _DAYS)):
-            combo.setObjectName(f"history_{name}_combo")
-            for entry in entries:
-                combo.addItem("", entry)
-            combo.currentIndexChanged.connect(lambda _: self.changed.emit())
-        bind(self._outcome.setAccessibleName, lambda: self.tr("Outcome"))
-        bind(self._time.setAccessibleName, lambda: self.tr("Time"))
-        self._count = label(kind="muted")
-        row(caption, (self.search_edit, 1), self._outcome, self._time, self._count, on=self)
-        self._timer = QTimer(self, singleShot=True, interval=150)
-        self._timer.timeout.connect(self.changed)
-        self.search_edit.textChanged.connect(lambda _: self._timer.start())
-        on_language_change(self, self._name_entries)
-
-    @property
-    def search(self) -> str:
-        """The text searched for."""
-        return self.search_edit.text().strip()
-
-    @property
-    def outcome(self) -> str | None:
-        """The outcome wanted, None for all."""
-        return _OUTCOMES[self._outcome.currentIndex()]
-
-    @property
-    def since(self) -> str:
-        """The earliest start wanted, ISO 8601 in UTC, "" for any."""
-        days = _DAYS[self._time.currentIndex()]
-        if days is None:
-            return ""
-        midnight = datetime.now().astimezone().replace(hour=0, minute=0, second=0, microsecond=0)
-        return (midnight - timedelta(days=days - 1)).astimezone(UTC).isoformat()
-
-    @property
-    def active(self) -> bool:
-        """Whether runs may be left out."""
-        return bool(self.search or self.outcome or self.since)
-
-    def clear(self) -> None:
-        """List all runs."""
-        self.search_edit.clear()
-        self._outcome.setCurrentIndex(0)
-        self._time.setCurrentIndex(0)
-
-    def show_count(self, count: int, most: int) -> None:
-        """Show the number of runs listed; from `most` on there may be more."""
-        text = self.tr("the latest {0} runs") if count >= most else self.tr("runs: {0}")
-        self._count.setText(text.format(count))
-
-    def _name_entries(self) -> None:
-        for index, outcome in enumerate(_OUTCOMES):
-            self._outcome.setItemText(index, term("badge", outcome) if outcome else self.tr("Every outcome"))
-        for index, days in enumerate(_DAYS):
-            text = self.tr("Last {0} days").format(days)
-            if days is None or days == 1:
-                text = self.tr("Any time") if days is None else self.tr("Today")
-            self._time.setItemText(index, text)
 
 
 class HistoryPage(Page):
@@ -113,13 +35,7 @@ class HistoryPage(Page):
         self.notice = NoticeBar("history_notice")
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear)
         self._nothing = EmptyState(self._clear_button)
-        self._split = QSplitter(Qt.Orientation.Horizontal)
-        self._split.setChildrenCollapsible(False)
-        self._split.setHandleWidth(2 * theme.GRID)
-        for index, (widget, share) in enumerate(((self.table, _TABLE_SHARE), (self.details, _DETAILS_SHARE))):
-            self._split.addWidget(widget)
-            self._split.setStretchFactor(index, share)
-        self._split.setSizes([_TABLE_SHARE * 100, _DETAILS_SHARE * 100])
+        self._split = split((self.table, 15), (self.details, 8), handle=2 * theme.GRID)
         self._stack = stack(self._nothing, self._split)
         wide = 2 * theme.GRID
         column(self._filters, self.notice, (self._stack, 1), on=self, margins=(wide, theme.GRID, wide, wide))

@@ -1,21 +1,103 @@
-"""Runs as rows: outcome, unit, time, operator, duration and stages."""
+"""Which runs are listed, and runs as rows: outcome, unit, time, operator, duration and stages."""
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 
-from PySide6.QtCore import QCoreApplication, QModelIndex, Qt, Signal
+from PySide6.QtCore import QCoreApplication, QModelIndex, Qt, QTimer, Signal
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
+from PySide6.QtWidgets import (
+    QAbstractItemView,
+    QComboBox,
+    QHeaderView,
+    QLineEdit,
+    QTableWidget,
+    QTableWidgetItem,
+    QWidget,
+)
 
-from calstation.gui.text import KINDS, duration_text, on_language_change, term
-from calstation.gui.widgets import state_colour, state_icon, theme
+from calstation.gui.text import KINDS, bind, duration_text, on_language_change, term
+from calstation.gui.widgets import label, row, state_colour, state_icon, theme
 from calstation.records import RunRecord
 
+#: Outcomes and last days that can be listed; None for all.
+_OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
+_DAYS = (None, 1, 7, 30, 365)
 #: Columns hidden first if the width is short: attempt, operator, product, which the details show as well.
 _HIDDEN_FIRST = (4, 5, 3)
 _OUTCOME, _STARTED, _STAGES = 0, 2, 7
 #: Columns of numbers, aligned at the right: attempt, duration.
 _NUMBERS = (4, 6)
+
+
+class Filters(QWidget):
+    """Emits `changed` when other runs are wanted."""
+
+    changed = Signal()
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.search_edit, self._outcome, self._time = QLineEdit(), QComboBox(), QComboBox()
+        self.search_edit.setObjectName("history_search_edit")
+        self.search_edit.setClearButtonEnabled(True)
+        bind(self.search_edit.setPlaceholderText, lambda: self.tr("Serial number, date, product, operator"))
+        caption = label(lambda: self.tr("Search"), buddy=self.search_edit)
+        for combo, name, entries in ((self._outcome, "outcome", _OUTCOMES), (self._time, "time", _DAYS)):
+            combo.setObjectName(f"history_{name}_combo")
+            for entry in entries:
+                combo.addItem("", entry)
+            combo.currentIndexChanged.connect(lambda _: self.changed.emit())
+        bind(self._outcome.setAccessibleName, lambda: self.tr("Outcome"))
+        bind(self._time.setAccessibleName, lambda: self.tr("Time"))
+        self._count = label(kind="muted")
+        row(caption, (self.search_edit, 1), self._outcome, self._time, self._count, on=self)
+        self._timer = QTimer(self, singleShot=True, interval=150)
+        self._timer.timeout.connect(self.changed)
+        self.search_edit.textChanged.connect(lambda _: self._timer.start())
+        on_language_change(self, self._name_entries)
+
+    @property
+    def search(self) -> str:
+        """The text searched for."""
+        return self.search_edit.text().strip()
+
+    @property
+    def outcome(self) -> str | None:
+        """The outcome wanted, None for all."""
+        return _OUTCOMES[self._outcome.currentIndex()]
+
+    @property
+    def since(self) -> str:
+        """The earliest start wanted, ISO 8601 in UTC, "" for any."""
+        days = _DAYS[self._time.currentIndex()]
+        if days is None:
+            return ""
+        midnight = datetime.now().astimezone().replace(hour=0, minute=0, second=0, microsecond=0)
+        return (midnight - timedelta(days=days - 1)).astimezone(UTC).isoformat()
+
+    @property
+    def active(self) -> bool:
+        """Whether runs may be left out."""
+        return bool(self.search or self.outcome or self.since)
+
+    def clear(self) -> None:
+        """List all runs."""
+        self.search_edit.clear()
+        self._outcome.setCurrentIndex(0)
+        self._time.setCurrentIndex(0)
+
+    def show_count(self, count: int, most: int) -> None:
+        """Show the number of runs listed; from `most` on there may be more."""
+        text = self.tr("the latest {0} runs") if count >= most else self.tr("runs: {0}")
+        self._count.setText(text.format(count))
+
+    def _name_entries(self) -> None:
+        for index, outcome in enumerate(_OUTCOMES):
+            self._outcome.setItemText(index, term("badge", outcome) if outcome else self.tr("Every outcome"))
+        for index, days in enumerate(_DAYS):
+            text = self.tr("Last {0} days").format(days)
+            if days is None or days == 1:
+                text = self.tr("Any time") if days is None else self.tr("Today")
+            self._time.setItemText(index, text)
 
 
 class RunTable(QTableWidget):
@@ -72,11 +154,10 @@ class RunTable(QTableWidget):
             self._share_width()
 
     def _fill_rows(self) -> None:
-        for row, run in enumerate(self.runs):
-            self._fill(row, run)
+        for number, run in enumerate(self.runs):
+            self._fill(number, run)
 
     def _refresh(self) -> None:
-        """Show headings and cells in the current language."""
         headings = (
             self.tr("Outcome"),
             self.tr("Serial number"),
@@ -92,7 +173,7 @@ class RunTable(QTableWidget):
         if self.runs:
             self.show_runs(self.runs)
 
-    def _fill(self, row: int, run: RunRecord) -> None:
+    def _fill(self, number: int, run: RunRecord) -> None:
         texts = (
             term("badge", run.outcome),
             run.serial,
@@ -109,7 +190,7 @@ class RunTable(QTableWidget):
         cells[_OUTCOME].setForeground(state_colour(kind))
         for column, cell in enumerate(cells):
             cell.setToolTip(utc_text(run.started_utc) if column == _STARTED else cell.text())
-            self.setItem(row, column, cell)
+            self.setItem(number, column, cell)
 
     def _share_width(self) -> None:
         """Fit columns to their contents; the stages take the rest, and some columns are hidden for them."""

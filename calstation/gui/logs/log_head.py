@@ -2,10 +2,12 @@
 
 from functools import partial
 
-from PySide6.QtCore import QRectF, Signal
+from PySide6.QtCore import QRectF
 from PySide6.QtWidgets import QLabel, QPushButton, QWidget
 
+from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.marks import draw_sign
+from calstation.gui.logs.range_bar import RangeBar
 from calstation.gui.text import bind, duration_text
 from calstation.gui.widgets import ElidedLabel, Words, button, label, painted_pixmap, row, theme
 from calstation.results.plots import LogIndex
@@ -14,13 +16,9 @@ _SIGN = 12
 
 
 class LogHead(QWidget):
-    """`zoomed(closer)`, `whole()`, `to_range()`: requests of the buttons to the plot."""
+    """Zooms a plot, also to the range chosen in a bar."""
 
-    zoomed = Signal(bool)
-    whole = Signal()
-    to_range = Signal()
-
-    def __init__(self) -> None:
+    def __init__(self, plot: LogPlot, chosen: RangeBar) -> None:
         super().__init__()
         self._log_index: LogIndex | None = None
         self._facts = ElidedLabel()
@@ -32,10 +30,10 @@ class LogHead(QWidget):
             lambda: self.tr("Bring the whole log into view (Home)"),
         )
         buttons: tuple[QPushButton, ...] = (
-            button("zoom_in_button", lambda: "+", lambda: self.zoomed.emit(True)),
-            button("zoom_out_button", lambda: "−", lambda: self.zoomed.emit(False)),
-            button("zoom_range_button", lambda: self.tr("Range"), self.to_range),
-            button("zoom_all_button", lambda: self.tr("All"), self.whole),
+            button("zoom_in_button", lambda: "+", lambda: plot.zoom(True)),
+            button("zoom_out_button", lambda: "−", lambda: plot.zoom(False)),
+            button("zoom_range_button", lambda: self.tr("Range"), lambda: plot.show_part(*chosen.range)),
+            button("zoom_all_button", lambda: self.tr("All"), plot.whole),
         )
         for made, tip in zip(buttons, tips, strict=True):
             bind(made.setToolTip, tip)

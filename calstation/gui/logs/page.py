@@ -33,6 +33,7 @@ from calstation.gui.widgets import (
     enable,
     label,
     row,
+    split,
     stack,
     theme,
 )
@@ -113,8 +114,6 @@ class OfflinePage(Page):
             event.acceptProposedAction()
             self._open_chosen(path)
 
-    # ---- construction
-
     def _build(self) -> None:
         open_button = button("", lambda: self.tr("Open a log…"), self.source.browse, kind="primary")
         self._empty = EmptyState(open_button)
@@ -130,7 +129,8 @@ class OfflinePage(Page):
         column(self.methods, self.source, (self._body, 1), on=self, margins=margins)
 
     def _build_open(self) -> QSplitter:
-        self.head, self.plot, self.range = LogHead(), LogPlot(), RangeBar()
+        self.plot, self.range = LogPlot(), RangeBar()
+        self.head = LogHead(self.plot, self.range)
         self._pointer = label(kind="muted")
         self._pointer.setFixedHeight(2 * theme.GRID + 4)
         self.stages, self.comparison = StageChoice(), Comparison()
@@ -146,14 +146,7 @@ class OfflinePage(Page):
         column(self.head, (self.plot, 1), self._pointer, self.range, on=left, margins=(0, 0, theme.GRID, 0))
         exports = row(self.result_button, self.log_button, None)
         column(self.stages, jobs, (self.comparison, 1), exports, on=right, margins=(theme.GRID, 0, 0, 0))
-        split = QSplitter(Qt.Orientation.Horizontal)
-        split.setChildrenCollapsible(False)
-        split.setHandleWidth(theme.GRID)
-        for side, widget in enumerate((left, right)):
-            split.addWidget(widget)
-            split.setStretchFactor(side, 1)
-        split.setSizes([1000, 1000])
-        return split
+        return split((left, 10), (right, 10))
 
     def _connect(self) -> None:
         self.app.open_log.connect(self.open)
@@ -166,9 +159,6 @@ class OfflinePage(Page):
         self.plot.samples_wanted.connect(self._fetch_samples)
         self.plot.pointed.connect(self._show_pointed)
         self.stages.changed.connect(self._update)
-        self.head.zoomed.connect(self.plot.zoom)
-        self.head.whole.connect(self.plot.whole)
-        self.head.to_range.connect(lambda: self.plot.show_part(*self.range.range))
         for watch in (self.reader, self.solver, self.exports.watch):
             watch.busy_changed.connect(self._update)
         self.reader.done.connect(self._show_log)

@@ -12,8 +12,6 @@ from calstation.gui.text import on_language_change
 from calstation.gui.widgets import column, grid, label, row, theme
 from calstation.messages import Text
 
-_STEPS = 4
-
 
 class Loading(QFrame):
     """Shown while nothing runs and there is no verdict."""
@@ -26,8 +24,8 @@ class Loading(QFrame):
         self.rails.setVisible(False)
         for picture in (self.picture, self.rails):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
-        self._titles = [label(wrap=True) for _ in range(_STEPS)]
-        self._texts = [label(kind="muted", wrap=True) for _ in range(_STEPS)]
+        self._titles = [label(wrap=True) for _ in range(4)]
+        self._texts = [label(kind="muted", wrap=True) for _ in range(4)]
         steps = grid(across=2 * theme.GRID, down=0, stretch=1)
         for step, (title, text) in enumerate(zip(self._titles, self._texts, strict=True)):
             number = QLabel(str(step + 1))

@@ -16,8 +16,6 @@ from calstation.sequencer import PositionGuided
 #: Text sizes, px, legible from two metres; a third larger on a wide panel.
 _STATE_SIZE, _TASK_SIZE = theme.VERDICT // 2, theme.VERDICT // 3
 _KINDS = {"waiting": "waiting", "moving": "active", "still": "paused", "enough": "good", "repeat": "caution"}
-#: Least turn of a rail that is asked for, rad.
-_LEAST_TURN = np.deg2rad(1.0)
 
 
 class PositionPanel(QFrame):
@@ -115,8 +113,9 @@ class PositionPanel(QFrame):
 
 def _turn_text(now: PositionGuided) -> str:
     """Which rails to turn, and where to."""
-    outer = abs(now.outer - now.outer_before) > _LEAST_TURN
-    inner = abs(now.inner - now.inner_before) > _LEAST_TURN
+    least = np.deg2rad(1.0)
+    outer = abs(now.outer - now.outer_before) > least
+    inner = abs(now.inner - now.inner_before) > least
     turn = "both" if outer and inner else "outer" if outer else "inner" if inner else "none"
     angles = {name: f"{np.rad2deg(angle):.0f}°" for name, angle in (("outer", now.outer), ("inner", now.inner))}
     return say(f"position.turn_{turn}", **angles).replace("-", "−")

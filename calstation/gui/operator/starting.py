@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import QObject
 
@@ -81,15 +82,7 @@ class RunStarter(QObject):
             ask(self._notice, "caution", Text.of("question.device_busy"), {})
             return
         app, serial, history = self._app, self._header.serial, self._history()
-        request = RunRequest(
-            serial,
-            app.station_path,
-            app.product_path,
-            app.stages,
-            app.runs_folder,
-            self._header.operator,
-            schedule=app.schedule,
-        )
+        request = self._request(serial, app.product_path, app.stages, schedule=app.schedule)
         allowed = self.run_summary.attempts_allowed
         if history is not None and allowed is not None and (failures := history.failures(serial)) >= allowed:
             self._ask_attempt(failures, request)
@@ -165,24 +158,17 @@ class RunStarter(QObject):
         ask(self._notice, "paused", question, answers, primary="resume")
 
     def _resume(self, run: Resumable) -> None:
-        app = self._app
-        product = _product_file(run.product) or app.product_path
+        product = _product_file(run.product) or self._app.product_path
         self._header.set_serial(run.serial)
-        self.run(
-            RunRequest(
-                run.serial,
-                app.station_path,
-                product,
-                run.stages,
-                app.runs_folder,
-                self._header.operator,
-                resume=run.log,
-            )
-        )
+        self.run(self._request(run.serial, product, run.stages, resume=run.log))
 
     def _close(self, run: Resumable, others: list[Resumable]) -> None:
         self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.operator))
         self._offer(others)
+
+    def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
+        app = self._app
+        return RunRequest(serial, app.station_path, product, stages, app.runs_folder, self._header.operator, **more)
 
     def _history(self) -> History | None:
         """The history of earlier runs; None if there are none."""

@@ -29,6 +29,7 @@ from .layout import progress_bar as progress_bar
 from .layout import row as row
 from .layout import scroll_area as scroll_area
 from .layout import show_text as show_text
+from .layout import split as split
 from .layout import stack as stack
 from .notice import Choice as Choice
 from .notice import NoticeBar as NoticeBar

@@ -113,8 +113,6 @@ def theme_icon() -> QIcon:
 
 
 def _text_icon(draw: Callable[[QPainter], None]) -> QIcon:
-    """An icon in the colour of text."""
-
     def draw_lines(painter: QPainter) -> None:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setPen(QPen(QColor(theme.colours().text), 1.8))

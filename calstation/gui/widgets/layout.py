@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QPushButton,
     QScrollArea,
     QSizePolicy,
+    QSplitter,
     QStackedWidget,
     QTabBar,
     QVBoxLayout,
@@ -96,6 +97,18 @@ def stack(*pages: QWidget) -> QStackedWidget:
     for page in pages:
         stacked.addWidget(page)
     return stacked
+
+
+def split(*parts: tuple[QWidget, int], handle: int = theme.GRID) -> QSplitter:
+    """Lay out widgets side by side, each with a share of the width that the user can change."""
+    made = QSplitter(Qt.Orientation.Horizontal)
+    made.setChildrenCollapsible(False)
+    made.setHandleWidth(handle)
+    for index, (widget, share) in enumerate(parts):
+        made.addWidget(widget)
+        made.setStretchFactor(index, share)
+    made.setSizes([100 * share for _, share in parts])
+    return made
 
 
 class ViewTabs(QTabBar):

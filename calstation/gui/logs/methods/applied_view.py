@@ -44,7 +44,24 @@ class AppliedView(QWidget):
         self._other: OtherUnit | None = None
         self._received = ""
         self.watch = JobWatch(self)
-        self._build()
+        self.force_figure, self.rate_figure = Figure(), Figure()
+        self.choose_button = button("apply_button", lambda: self.tr("Apply to a recording…"), self._choose)
+        self.unit_button = button("apply_unit_button", lambda: self.tr("From the unit now"), self._apply_to_unit)
+        self.name_label = ElidedLabel("muted")
+        self.unit_label = label(kind="caution", name="applied_unit_label", wrap=True)
+        self.force_plot, self.rate_plot = MethodPlot(), MethodPlot(log=True)
+        self.rate_plot.setXLink(self.force_plot)
+        shown = QWidget()
+        column((self.force_plot, 1), (self.rate_plot, 1), on=shown)
+        progress = JobRow(self.watch, "apply_cancel_button")
+        progress.setFixedWidth(60 * theme.GRID)
+        self._nothing, self._working = EmptyState(), EmptyState(progress)
+        self._stack = stack(self._nothing, self._working, shown)
+        top = Qt.AlignmentFlag.AlignTop
+        buttons = row((self.unit_button, 0, top), (self.choose_button, 0, top), spacing=4 * theme.GRID)
+        figures = row(self.force_figure, self.rate_figure, None, buttons, spacing=4 * theme.GRID)
+        parts = figures, self.name_label, self.unit_label, (self._stack, 1)
+        column(*parts, on=self, margins=(0, theme.GRID, 0, 0))
         self.watch.busy_changed.connect(self._update)
         self.watch.done.connect(self._done)
         app.engine_link.running_changed.connect(self._update)
@@ -86,26 +103,6 @@ class AppliedView(QWidget):
         before = {name: answer.before[name][0] for name in NAMES}
         found = {name: row.value for name, row in answer.parameters.items() if name in before}
         return np.array(list(before.values())), np.array(list((before | found).values()))
-
-    def _build(self) -> None:
-        self.force_figure, self.rate_figure = Figure(), Figure()
-        self.choose_button = button("apply_button", lambda: self.tr("Apply to a recording…"), self._choose)
-        self.unit_button = button("apply_unit_button", lambda: self.tr("From the unit now"), self._apply_to_unit)
-        self.name_label = ElidedLabel("muted")
-        self.unit_label = label(kind="caution", name="applied_unit_label", wrap=True)
-        self.force_plot, self.rate_plot = MethodPlot(), MethodPlot(log=True)
-        self.rate_plot.setXLink(self.force_plot)
-        shown = QWidget()
-        column((self.force_plot, 1), (self.rate_plot, 1), on=shown)
-        progress = JobRow(self.watch, "apply_cancel_button")
-        progress.setFixedWidth(60 * theme.GRID)
-        self._nothing, self._working = EmptyState(), EmptyState(progress)
-        self._stack = stack(self._nothing, self._working, shown)
-        top = Qt.AlignmentFlag.AlignTop
-        buttons = row((self.unit_button, 0, top), (self.choose_button, 0, top), spacing=4 * theme.GRID)
-        figures = row(self.force_figure, self.rate_figure, None, buttons, spacing=4 * theme.GRID)
-        parts = figures, self.name_label, self.unit_label, (self._stack, 1)
-        column(*parts, on=self, margins=(0, theme.GRID, 0, 0))
 
     def _choose(self) -> None:
         if self._answer is not None:

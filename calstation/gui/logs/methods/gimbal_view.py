@@ -57,7 +57,6 @@ class GimbalView(QWidget):
         self.plot.finish([*note, (self.tr("— predicted"), c.muted)])
 
     def _axis_panel(self, axis: GimbalAxis) -> QFrame:
-        """One axis in words, and its gain."""
         badge, text, gains = StateBadge(), ElidedLabel("muted"), label()
         verdict = self.tr("Axis {0}: below the threshold") if axis.done else self.tr("Axis {0}: above the threshold")
         badge.show_state("good" if axis.done else "caution", verdict.format(axis.axis))

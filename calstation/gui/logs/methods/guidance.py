@@ -93,7 +93,6 @@ class MethodPicture(QWidget):
 
 @cache
 def _renderer(stage: str, theme_name: str) -> QSvgRenderer:
-    """The picture in the colours of a theme."""
     text, colours = (_FOLDER / f"{stage}.svg").read_text(encoding="utf-8"), theme.colours()
     for name, drawn in _DRAWN.items():
         dark_field = name == "field" and theme_name != "light"

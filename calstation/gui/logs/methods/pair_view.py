@@ -133,7 +133,6 @@ def _shown(sensor: str, value: float) -> str:
 
 
 def _schedule_text(schedule: Mapping[str, Any]) -> str:
-    """The schedule of checks and calibrations as sentences."""
     fitted = [Text(f"pair.model_{schedule['model']}")]
     if schedule["lever"] and schedule["model"] == "full":
         fitted.append(Text("pair.lever"))
