@@ -45,13 +45,10 @@ class _RunFilter(logging.Filter):
 
 
 def configure(process: str, folder: Path | None = None, level: Level | None = None) -> None:
-    """Begin to log in this process; nothing is written without a folder, or if the environment names an empty one.
+    """Begin to log in a process of a kind, such as ``engine``.
 
-    Parameters
-    ----------
-    process : kind of process, such as ``engine``
-    folder : of the log files, unless the environment names one
-    level : inherited, or ``info``, if not given
+    The environment's folder has precedence; nothing is written without a folder, or if the environment names an empty
+    one. Without a level, the environment's or ``info`` applies.
     """
     if folder is not None:
         os.environ.setdefault(FOLDER, str(folder))

@@ -85,14 +85,7 @@ def read_toml(path: Path, error: type[CalstationError] = ConfigurationError) -> 
 def validate(
     model: type[Model], data: Any, source: str | Path, error: type[CalstationError] = ConfigurationError
 ) -> Model:
-    """Check `data` against a model.
-
-    Parameters
-    ----------
-    model : pydantic model
-    data : parsed TOML or JSON
-    source : name of the file in the message
-    error : class of the exception
+    """Check parsed TOML or JSON against a model; `source` names the file in messages.
 
     Raises CalstationError of class `error`, with the first wrong entry and its remedy.
     """

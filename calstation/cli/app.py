@@ -50,12 +50,10 @@ def _given(kind: str) -> Callable[[Path | None], Path | None]:
 
 
 StationOption = Annotated[
-    Path | None,
-    typer.Option(help="Station file or its name; default: the virtual bench.", callback=_given("stations")),
+    Path | None, typer.Option(help="Station file or its name; default: the virtual bench.", callback=_given("stations"))
 ]
 ProductOption = Annotated[
-    Path | None,
-    typer.Option(help="Product file or its name; default: nav_a.", callback=_given("products")),
+    Path | None, typer.Option(help="Product file or its name; default: nav_a.", callback=_given("products"))
 ]
 
 
@@ -196,12 +194,10 @@ def study(
     ] = None,
 ) -> None:
     """Monte Carlo of the whole method against truth and the Cramer-Rao bound."""
+    from calstation.cli.studies import method_study_command, study_command
+
     if method is not None:
-        from calstation.cli.studies import method_study_command
-
         raise typer.Exit(method_study_command(method, grade, seeds, json))
-    from calstation.cli.studies import study_command
-
     raise typer.Exit(study_command(grade, seeds, json))
 
 
@@ -307,8 +303,7 @@ def restore(
     context: typer.Context,
     serial: SerialArgument,
     transfer: Annotated[
-        str | None,
-        typer.Option(help="As before this transfer of the list; default: the latest.", metavar="ID"),
+        str | None, typer.Option(help="As before this transfer of the list; default: the latest.", metavar="ID")
     ] = None,
     station: StationOption = None,
     product: ProductOption = None,
@@ -342,11 +337,7 @@ app.add_typer(table, name="table")
 
 
 @table.command()
-def status(
-    station: StationOption = None,
-    product: ProductOption = None,
-    json: JsonOption = None,
-) -> None:
+def status(station: StationOption = None, product: ProductOption = None, json: JsonOption = None) -> None:
     """Show the table's state and what is latched; exit code 3 while a fault is latched."""
     from calstation.cli.devices import status_command
 
@@ -354,11 +345,7 @@ def status(
 
 
 @table.command()
-def reset(
-    station: StationOption = None,
-    product: ProductOption = None,
-    json: JsonOption = None,
-) -> None:
+def reset(station: StationOption = None, product: ProductOption = None, json: JsonOption = None) -> None:
     """Reset a latched fault once its cause is removed; exit code 3 if it persists. No axis is switched on."""
     from calstation.cli.devices import reset_command
 
@@ -373,7 +360,7 @@ def run_app(arguments: list[str]) -> int:
         if isinstance(stream, io.TextIOWrapper):  # a redirected Windows console cannot show ≤ or °
             stream.reconfigure(errors="replace")
     try:
-        code = _run(arguments, debug)
+        return _run(arguments, debug)
     except (CalstationError, typer.TyperException) as error:
         logger.error("%s: %s", type(error).__name__, error)
         if debug:
@@ -395,7 +382,6 @@ def run_app(arguments: list[str]) -> int:
             traceback.print_exc()
         sys.stderr.write(f"calstation: internal error: {type(error).__name__}: {error} (--debug shows where)\n")
         return 2 if isinstance(error, OSError) else 3
-    return code
 
 
 def _run(arguments: list[str], debug: bool) -> int:
@@ -416,20 +402,16 @@ def _window(*, debug: bool) -> int:
     return main()
 
 
-#: What a window needs first. If a library or the screen is missing, Qt ends its process without an error.
-_PROBE = "from PySide6.QtWidgets import QApplication; QApplication([])"
-
-_PROBED_WITHIN = 60.0
-
-
 def has_screen() -> bool:
     """Whether a window can be opened here."""
     if sys.platform in ("win32", "darwin"):
         return True
     if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
         return False
+    # If a library or the screen is missing, Qt ends its process without an error.
+    probed = "from PySide6.QtWidgets import QApplication; QApplication([])"
     try:
-        probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, timeout=_PROBED_WITHIN, check=False)
+        probe = subprocess.run([sys.executable, "-c", probed], capture_output=True, timeout=60.0, check=False)
     except subprocess.TimeoutExpired:
         return False
     return probe.returncode == 0

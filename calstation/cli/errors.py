@@ -12,11 +12,7 @@ from pydantic import ValidationError
 
 from calstation.errors import CalstationError, ConfigurationError
 
-_USAGE = {
-    "int_parsing": "cli.not_whole",
-    "float_parsing": "cli.not_a_number",
-    "greater_than_equal": "cli.too_small",
-}
+_USAGE = {"int_parsing": "cli.not_whole", "float_parsing": "cli.not_a_number", "greater_than_equal": "cli.too_small"}
 
 
 def complain(text: str) -> None:
@@ -26,17 +22,16 @@ def complain(text: str) -> None:
 
 def usage_error(error: typer.TyperException, arguments: list[str]) -> CalstationError:
     """Convert an error of the parser; `arguments` name the command if the parser does not."""
-    context, parameter = getattr(error, "ctx", None), getattr(error, "param", None)
+    context, parameter, cause = getattr(error, "ctx", None), getattr(error, "param", None), error.__cause__
     program, command = "calstation", ""
     if context is not None:
         program = context.command_path
         command = program.removeprefix("calstation").strip()
     elif arguments and not arguments[0].startswith("-"):
         program = f"calstation {arguments[0]}"
-    cause = error.__cause__
     if parameter is not None and not isinstance(cause, ValidationError):
         return ConfigurationError("cli.needs", command=command, name=_needed(parameter), program=program)
-    detail = cause.errors()[0] if parameter is not None and isinstance(cause, ValidationError) else None
+    detail = cause.errors()[0] if isinstance(cause, ValidationError) else None
     if parameter is None or detail is None or detail["type"] not in _USAGE:
         return ConfigurationError("cli.usage", message=error.format_message(), program=program)
     values = {"option": parameter.opts[0], "value": detail["input"], "least": detail.get("ctx", {}).get("ge", 0)}

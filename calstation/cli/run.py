@@ -31,11 +31,6 @@ from calstation.sequencer import (
 )
 from calstation.simulation import BenchHooks
 
-#: Serial number of the virtual bench's unit if none is given.
-DEFAULT_SERIAL = "SN-000001"
-
-_EXIT_CODES = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
-
 
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration; returns the exit code. Raises ConfigurationError for a wrong request."""
@@ -54,7 +49,8 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
         _show_verdict(verdict, json, request)
     if fault is not None:
         return complain_fault(fault, request, debug=debug)
-    return _EXIT_CODES[verdict.outcome] if verdict is not None else 3
+    exit_codes = {"passed": 0, "failed": 1, "stopped": StoppedError.exit_code}
+    return 3 if verdict is None else exit_codes[verdict.outcome]
 
 
 def complete_request(request: RunRequest) -> RunRequest:
@@ -71,7 +67,7 @@ def complete_request(request: RunRequest) -> RunRequest:
     if not serial:
         if station.bench is None:
             raise ConfigurationError("cli.serial_missing", path=path)
-        serial = str(station.bench.get("serial", DEFAULT_SERIAL))
+        serial = station.virtual_serial
     return replace(request, serial=serial, operator=computer_user())
 
 
@@ -123,10 +119,9 @@ def _outcome(outcome: str, result: Result) -> Text:
     if outcome == "passed" and result.registers is not None and result.registers.proved_on == "read_back":
         return Text("outcome.read_back")
     if outcome == "stopped":
-        reason = result.stop_reason or "operator"
-        if reason == "operator":
+        if result.stop_reason in (None, "", "operator"):
             return Text("outcome.stopped_by_operator")
-        return Text.of("outcome.stopped_because", reason=reason)
+        return Text.of("outcome.stopped_because", reason=result.stop_reason)
     return Text(f"outcome.{outcome}")
 
 

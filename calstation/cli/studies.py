@@ -17,12 +17,6 @@ from calstation.errors import ConfigurationError, StoppedError
 from calstation.physics import DISPLAY
 from calstation.simulation import SEEDS, GradeName, Soak, run_method_study, run_study, soak
 
-#: Runs of a method's study if none are given.
-METHOD_SEEDS = 30
-
-#: Runs of a soak if none are given.
-RUNS = 20
-
 _TOTALS = (
     ("runs", "runs"),
     ("faults injected", "faults_injected"),
@@ -66,7 +60,7 @@ def method_study_command(method: str, grade: str | None, seeds: int | None, json
     check_json(json)
     with _units_bar() as bar:
         rows = [
-            run_method_study(method, cast(GradeName, each), seeds or METHOD_SEEDS, _follow(bar, each))
+            run_method_study(method, cast(GradeName, each), seeds or 30, _follow(bar, each))
             for each in (grades if grade is None else (grade,))
         ]
     passed = all(row["passed"] for row in rows)
@@ -84,7 +78,7 @@ def soak_command(runs: int | None, seed: int, json: str | None, *, full: bool, k
     Returns 0 if nothing was wrong, lost, unsafe or hung, else 1; 4 if Ctrl-C ended it early.
     """
     check_json(json)
-    runs = RUNS if runs is None else runs
+    runs = 20 if runs is None else runs
     interrupted: list[bool] = []
 
     def stop() -> None:

@@ -1,7 +1,4 @@
-"""Stations, products, profile library and the resolved configuration of a run; editing, versions and access rights.
-
-Nothing here opens a device or a log.
-"""
+"""Stations, products, profile library, resolved configuration of a run, editing, versions and access rights."""
 
 import lazy_loader as lazy
 

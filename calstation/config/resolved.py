@@ -124,14 +124,9 @@ class ResolvedConfiguration:
     ) -> LogMeta:
         """Build the configuration that the log keeps: all that solving needs.
 
-        If the stream precedes the registers, they are the mean of the prior unless they are implausible. If it follows
-        them, they are stored to compose the answer with, and the prior mean is zero.
-
-        Parameters
-        ----------
-        started : begin of the run; now if not given
-        attempt : number of the unit's run, from 1
-        registers : the unit's registers by parameter, SI; none if they are not known
+        If the stream precedes the unit's `registers` (by parameter, SI), they are the mean of the prior unless they are
+        implausible. If it follows them, they are stored to compose the answer with, and the prior mean is zero. A run
+        begins now unless `started` is given; `attempt` is its number among the unit's runs, from 1.
         """
         held = dict(registers or {})
         started = (started or datetime.now(UTC)).astimezone(UTC)
@@ -293,17 +288,9 @@ Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
 
 
 def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
-    """Read and check the files that a request names, whatever its serial number.
+    """Read and check the files that a request names, whatever its serial number; `adjust` changes them before checks.
 
-    Parameters
-    ----------
-    request : what to run
-    adjust : changes the configuration before it is checked
-
-    Raises
-    ------
-    ConfigurationError
-        With file, entry and remedy.
+    Raises ConfigurationError with file, entry and remedy.
     """
     station_path, station = load_station(request.station)
     product_path, product = load_product(request.product)
@@ -345,10 +332,7 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
 
 
 def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
-    """Read and check everything that a run needs, the serial number and the site included.
-
-    Parameters and exceptions are those of `resolve_configuration`.
-    """
+    """As `resolve_configuration`, but check everything that a run needs, serial number and site included."""
     resolved = resolve_configuration(request, adjust)
     pattern, path = resolved.product.serial_pattern, resolved.sources["product"].path
     if not re.fullmatch(pattern, request.serial):

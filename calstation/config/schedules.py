@@ -22,9 +22,6 @@ from calstation.schema import EntryError
 from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
-#: Serial number of a virtual unit whose bench gives none.
-_VIRTUAL = "SN-000001"
-
 #: A float, an integer, a boolean, one of several words, sigmas by parameter or group, anything else.
 Kind = Literal["number", "count", "flag", "choice", "targets", "other"]
 
@@ -110,7 +107,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         rate=float(np.rad2deg(min(limits.rate))),
         acceleration=float(np.rad2deg(min(limits.acceleration))),
         serial_pattern=setup.product.serial_pattern,
-        serial="" if setup.station.bench is None else str(setup.station.bench.get("serial", _VIRTUAL)),
+        serial=setup.station.virtual_serial,
     )
 
 
@@ -170,21 +167,9 @@ def save_schedule(
 ) -> tuple[Path, Version]:
     """Job: save parameters of schedules in a product file, or in the site's copy of a shipped one.
 
-    Parameters
-    ----------
-    report : progress of the job
-    product : the file
-    changes : values by stage and field; None removes a value, so that the method's default applies
-    author : who saves it
-
-    Returns
-    -------
-    The site's file and its new version.
-
-    Raises
-    ------
-    ConfigurationError
-        If the product would be invalid, cannot hold a value, or cannot be written; it is unchanged then.
+    `changes` are values by stage and field; None removes a value, so that the method's default applies. Returns the
+    site's file and its new version. Raises ConfigurationError if the product would be invalid, cannot hold a value, or
+    cannot be written; it is unchanged then.
     """
     text = edit_toml(
         read_text(product),

@@ -97,16 +97,10 @@ def normal_gravity_at(latitude_deg: Number, height_m: Number) -> float | None:
 def site_advice(
     latitude_deg: Number, longitude_deg: Number, height_m: Number, azimuth_deg: Number, gravity_mps2: Number
 ) -> tuple[Finding, ...]:
-    """Warn of values of a site that are probably mistakes; values that are not numbers are ignored.
+    """Warn of values of a station file that are probably mistakes; values that are not numbers are ignored.
 
-    Parameters
-    ----------
-    latitude_deg, longitude_deg, height_m, azimuth_deg, gravity_mps2 : as in the station file
-
-    Returns
-    -------
-    ``gravity_off`` with the resulting error `ppm` of the accelerometer scale factors and `normal` gravity in m/s²,
-    ``null_island`` for a latitude and longitude of zero, ``azimuth_hopeless`` for an azimuth to be found near a pole.
+    ``gravity_off`` has the resulting error `ppm` of the accelerometer scale factors and `normal` gravity in m/s²,
+    ``null_island`` is a latitude and longitude of zero, ``azimuth_hopeless`` an azimuth to be found near a pole.
     """
     found: list[Finding] = []
     expected = normal_gravity_at(latitude_deg, height_m)

@@ -84,6 +84,11 @@ class StationConfig(StrictModel):
     #: By default results go to a folder `handover` beside the folder of the runs.
     handover: HandoverSection | None = None
 
+    @property
+    def virtual_serial(self) -> str:
+        """Serial number of the virtual bench's unit; empty on hardware."""
+        return "" if self.bench is None else str(self.bench.get("serial", "SN-000001"))
+
     @model_validator(mode="after")
     def _ports(self) -> "StationConfig":
         for device, section in (("table", self.table), ("imu", self.imu)):

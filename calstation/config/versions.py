@@ -64,16 +64,7 @@ def sha256(content: str) -> str:
 def save(kind: str, name: str, content: str, author: str) -> Version:
     """Check a text and make it the site's file of a name; a text equal to the present version is not saved again.
 
-    Parameters
-    ----------
-    kind, name : as in `library.find`
-    content : the new text
-    author : who saves it
-
-    Raises
-    ------
-    ConfigurationError
-        With the first problem of the text, or if the site's folder cannot be written.
+    Raises ConfigurationError with the first problem of the text, or if the site's folder cannot be written.
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)

@@ -1,7 +1,4 @@
-"""Background work for the window, with progress, in a process that can be killed.
-
-What a job computes belongs elsewhere; runs have an engine of their own.
-"""
+"""Background work for the window, with progress, in a process that can be killed; runs have an engine of their own."""
 
 import lazy_loader as lazy
 

@@ -84,12 +84,7 @@ class Rendered:
 def render(code: str, values: Mapping[str, Value], language: Language = "en", *, window: bool = False) -> Rendered:
     """The sentences of a message; raises KeyError for an unknown code or a missing value.
 
-    Parameters
-    ----------
-    code : a catalogue code
-    values : values in the braces of its text and remedy
-    language : ``en`` or ``zh_CN``
-    window : remedies may name what only the window has, such as its buttons; in Chinese they always may
+    With `window`, remedies may name what only the window has, such as its buttons; in Chinese they always may.
     """
     found = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}

@@ -1,7 +1,4 @@
-"""The solver chain, solving logs again, the result model, history and hand-over.
-
-Nothing here talks to a device; estimators belong to `estimation`.
-"""
+"""The solver chain, solving logs again, the result model, history and hand-over; no devices, no estimators."""
 
 import lazy_loader as lazy
 

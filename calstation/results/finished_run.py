@@ -22,18 +22,9 @@ class FinishedRun:
 
 
 def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
-    """Job: read a result file or a log; a log without a result is solved.
+    """Job: read a result file, or a log that is solved if it has no result; `runs` is the folder of the unit's history.
 
-    Parameters
-    ----------
-    report : progress of the job
-    path : result file or log
-    runs : folder with the unit's history
-
-    Raises
-    ------
-    InputError, ConfigurationError
-        If the file cannot be used.
+    Raises InputError or ConfigurationError if the file cannot be used.
     """
     solved_now = False
     if path.suffix == ".json":

@@ -67,13 +67,10 @@ class History:
         return count
 
     def runs(self, search: str = "", outcome: str | None = None, limit: int = 200) -> list[RunRecord]:
-        """Runs, the latest first.
+        """Runs, the latest first, at most `limit`.
 
-        Parameters
-        ----------
-        search : part of a serial number, date (``2026-11-21``), product, station, operator or file name
-        outcome : passed, failed, stopped, fault or incomplete; None for all
-        limit : largest number of runs
+        `search` is part of a serial number, date (``2026-11-21``), product, station, operator or file name; `outcome`
+        is passed, failed, stopped, fault or incomplete, None for all.
         """
         return self._ask(lambda: self._index.find(search, outcome, limit))
 

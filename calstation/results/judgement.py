@@ -88,16 +88,7 @@ class Ending:
 def build_result(
     meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...], judgement: Judgement, ending: Ending
 ) -> Result:
-    """Build the result of a run.
-
-    Parameters
-    ----------
-    meta : configuration of the log
-    prior : before the first stage
-    solutions : of the stages, in order
-    judgement : of the solutions
-    ending : how the run ended
-    """
+    """Build the result of a run from the solutions of its stages, in order, and the belief before the first one."""
     run, facts, error = meta.run, ending.facts, ending.error
     first, last = ending.first_seq, ending.last_seq
     optional = {

@@ -65,13 +65,9 @@ def better_previous_values(
 ) -> tuple[PreviousValue, ...]:
     """Find the estimated parameters that an earlier run estimated much better.
 
-    Parameters
-    ----------
-    held : the unit's present registers, by parameter, SI; one that has been changed since is ignored
-    belief : posterior of this run
-    estimated : names of the estimated parameters
-    previous : registers as earlier runs wrote and verified them
-    after_registers : the stream follows the registers, so that this run estimates the remaining error
+    `held` are the unit's present registers by parameter, SI; one that has been changed since it was verified is
+    ignored. `belief` is the posterior of this run, `previous` the registers as earlier runs wrote and verified them. If
+    the stream follows the registers (`after_registers`), this run estimates the remaining error.
     """
     better = []
     for name in estimated:
@@ -91,13 +87,7 @@ def better_previous_values(
 def condition_on(
     belief: Belief, kept: Iterable[PreviousValue], held: Mapping[str, float], *, after_registers: bool
 ) -> Belief:
-    """Condition the posterior on the kept registers.
-
-    Parameters
-    ----------
-    belief, held, after_registers : as for `better_previous_values`
-    kept : the previous values to keep
-    """
+    """Condition the posterior on the previous values to keep; other parameters as for `better_previous_values`."""
     chosen = tuple(kept)
     if not chosen:
         return belief

@@ -27,13 +27,9 @@ def offline_solve(
     last_seq: int,
     spans: Sequence[StageSpan],
 ) -> Resolved:
-    """Job: solve a log between two sequence numbers; the note of its progress is the stage.
+    """Job: solve a log between two sequence numbers, see `resolve`; the note of its progress is the stage.
 
-    Parameters
-    ----------
-    report : progress of the job
-    path, stages, first_seq, last_seq : as for `resolve`
-    spans : the log's stages, from its index
+    `spans` are the log's stages, from its index.
     """
     chosen = [s for s in spans if stages is None or s.stage in stages]
     shares: dict[str, float] = {}
@@ -56,14 +52,7 @@ def offline_solve(
 
 
 def export_log(report: ProgressCallback, source: Path, target: Path, first_seq: int, last_seq: int) -> Path:
-    """Job: export samples of a log as CSV and TOML, see `export_csv`; a failure leaves no file.
-
-    Parameters
-    ----------
-    report : progress of the job
-    source, target : log and CSV
-    first_seq, last_seq : range of samples, both included
-    """
+    """Job: export samples between two sequence numbers as CSV and TOML, see `export_csv`; a failure leaves no file."""
     count = max(last_seq - first_seq + 1, 1)
     export_csv(source, target, lambda done: report(min(done / count, 0.99)), first_seq, last_seq)
     return target
@@ -76,19 +65,9 @@ def drop_partial(report: ProgressCallback, target: Path) -> None:
 
 
 def export_result(report: ProgressCallback, result: Result, stored: Result | None, target: Path) -> Path:
-    """Job: write a result as JSON, or its parameters beside those of the run as CSV, depending on the target's suffix.
+    """Job: write a result as JSON, or for a ``.csv`` its parameters beside those that the run stored, if it did.
 
-    Parameters
-    ----------
-    report : progress of the job
-    result : the solution
-    stored : result of the run, if the log has one
-    target : file to write
-
-    Raises
-    ------
-    ConfigurationError
-        If the file cannot be written.
+    Raises ConfigurationError if the file cannot be written.
     """
     if target.suffix == ".csv":
         try:

@@ -39,20 +39,11 @@ def watch_log(
     on_event: Callable[[WatchEvent], None] = lambda event: None,
     on_second: Callable[[float, PairWatch], None] = lambda time, watch: None,
 ) -> PairWatchResult:
-    """Replay a log from start to end.
+    """Replay a log from start to end; raises InputError or ConfigurationError if it cannot be used.
 
-    Parameters
-    ----------
-    path : the log
-    folder : of the stored pairs; a pair without a file starts with the values in the log
-    command : check at the first rest, whatever triggers the log's schedule has
-    on_event : called with every event
-    on_second : called every second of the log with its time, s, and the watch
-
-    Raises
-    ------
-    InputError, ConfigurationError
-        If the log cannot be used.
+    A pair without a file in `folder` starts with the values in the log. With `command` it is checked at the first rest,
+    whatever triggers the log's schedule has. `on_event` is called with every event, `on_second` every second of the log
+    with its time, s, and the watch.
     """
     log = open_log(path)
     context = context_from_meta(log.meta)

@@ -36,22 +36,12 @@ def resolve(
     last_seq: int | None = None,
     progress: SolveProgress | None = None,
 ) -> Resolved:
-    """Solve a log's stages between two sequence numbers (both included, unwrapped).
+    """Solve a log, or CSV beside its TOML, between two sequence numbers (both included, unwrapped).
 
     Without `stages`, stages of the log that lack data are skipped, and the result can fail but not pass. Damaged rows
-    are treated as gaps and reported by the message ``log_damaged``.
+    are treated as gaps and reported by the message ``log_damaged``. `progress` is called from time to time.
 
-    Parameters
-    ----------
-    path : log, or CSV beside its TOML
-    stages : to solve; by default those of the log
-    first_seq, last_seq : range of samples, both included
-    progress : called from time to time
-
-    Raises
-    ------
-    InputError, ConfigurationError
-        If the log cannot be used or solved.
+    Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)

@@ -114,22 +114,10 @@ def solve(
     source: str | Path = "log",
     progress: SolveProgress | None = None,
 ) -> StageChain:
-    """Solve the stages of a log.
+    """Solve the chosen stages of a log in order, by default all in its order; `source` names the log in messages.
 
-    Parameters
-    ----------
-    blocks : starts reading the samples
-    meta : configuration of the log
-    stages : to solve, in order; by default those of the log, in its order
-    source : name of the log in messages
-    progress : called from time to time
-
-    Raises
-    ------
-    InsufficientDataError
-        If a chosen stage lacks data, or every stage of the log.
-    InputError
-        If the log cannot be solved otherwise.
+    Raises InsufficientDataError if a chosen stage lacks data, or every stage of the log; InputError if the log cannot
+    be solved otherwise.
     """
     replay = _Replay(blocks, StageChain(meta), source, progress)
     with one_blas_thread():

@@ -1,7 +1,4 @@
-"""Data that plots are drawn from, computed by jobs.
-
-No drawing.
-"""
+"""Data that plots are drawn from, computed by jobs; no drawing."""
 
 import lazy_loader as lazy
 

@@ -39,18 +39,9 @@ class Applied:
 
 
 def apply_to_recording(report: ProgressCallback, path: Path, before: FloatArray, found: FloatArray) -> Applied:
-    """Job: apply parameters to all valid samples of a recording.
+    """Job: apply previous and new parameters (SI, shape (30,)) to all valid samples of a recording.
 
-    Parameters
-    ----------
-    report : progress of the job
-    path : the recording
-    before, found : previous and new parameters, SI, shape (30,)
-
-    Raises
-    ------
-    InputError
-        If the recording cannot be read, or if the unit never rests.
+    Raises InputError if the recording cannot be read, or if the unit never rests.
     """
     report(0.0)
     log = open_log(path)
@@ -66,18 +57,9 @@ def applied(
     found: FloatArray,
     path: Path | None = None,
 ) -> Applied:
-    """Apply parameters to all valid samples.
+    """Apply previous and new parameters (SI, shape (30,)) to all valid samples; `path` names the recording in messages.
 
-    Parameters
-    ----------
-    blocks, context : samples and their model
-    before, found : previous and new parameters, SI, shape (30,)
-    path : of the recording, for messages
-
-    Raises
-    ------
-    InsufficientDataError
-        If the unit never rests.
+    Raises InsufficientDataError if the unit never rests.
     """
     data = stage_data(blocks, context.imu)
     whole = joined(blocks)

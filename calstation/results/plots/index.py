@@ -70,20 +70,9 @@ class LogIndex:
 
 
 def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
-    """Job: read a log once and write its min-max pyramid.
+    """Job: read a log once and write its min-max pyramid to a new folder.
 
-    Parameters
-    ----------
-    report : progress of the job
-    path : the log
-    folder : to create for the pyramid
-
-    Raises
-    ------
-    InputError
-        If the log cannot be used.
-    ConfigurationError
-        If the pyramid cannot be written.
+    Raises InputError if the log cannot be used, ConfigurationError if the pyramid cannot be written.
     """
     log = open_log(path)
     total, scale = estimated_rows(path), _scale(log.meta)
@@ -111,15 +100,7 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
 def samples(
     report: ProgressCallback, path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
 ) -> Columns:
-    """Job: read columns of single samples, with angles held from poll to poll.
-
-    Parameters
-    ----------
-    report : progress of the job
-    path, folder, scale : of the log index
-    start, stop : range of rows
-    count : largest number of columns
-    """
+    """Job: read rows `start` to `stop` of a log as at most `count` columns, with angles held from poll to poll."""
     before = max(0, start - _LOOK_BACK)
     if path.suffix == SUFFIX:
         rows = raw_rows(path, before, stop, np.load(folder / _HOLES))

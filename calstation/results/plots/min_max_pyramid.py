@@ -38,14 +38,7 @@ class Columns:
 
 
 def joined(seq: IntArray, low: Values, high: Values, group: int, samples: int) -> Columns:
-    """Merge bins into columns.
-
-    Parameters
-    ----------
-    seq, low, high : of the bins, as in `Columns`
-    group : bins in a column
-    samples : in a bin
-    """
+    """Merge `group` bins of `samples` samples each into a column; `seq`, `low` and `high` are those of the bins."""
     if group == 1 or len(seq) == 0:
         return Columns(seq, low, high, samples)
     whole = len(seq) // group * group

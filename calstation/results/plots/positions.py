@@ -34,14 +34,7 @@ def position_plot_data(
     found: FloatArray,
     product: ProductSection | None,
 ) -> PositionPlotData:
-    """Compute the plot data.
-
-    Parameters
-    ----------
-    data, context : of the stage
-    before, found : parameters before and after the calibration, SI, shape (30,)
-    product : whose checks give the limits
-    """
+    """Compute the plot data from the parameters before and after (SI, shape (30,)), with the limits of the product."""
     site = context.site
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
     evidence = gather("multi_position", data, context, before, found)
