@@ -1,13 +1,14 @@
 from .compensation import Applied as Applied
 from .compensation import applied as applied
 from .compensation import apply_to_recording as apply_to_recording
-from .gimbal import GimbalAxis as GimbalAxis
-from .gimbal import GimbalPlotData as GimbalPlotData
 from .index import LogIndex as LogIndex
 from .index import StageSpan as StageSpan
 from .index import log_index as log_index
 from .index import samples as samples
+from .method_answer import GimbalAxis as GimbalAxis
+from .method_answer import GimbalPlotData as GimbalPlotData
 from .method_answer import MethodAnswer as MethodAnswer
+from .method_answer import PositionPlotData as PositionPlotData
 from .method_answer import solve_method as solve_method
 from .min_max_pyramid import BINS as BINS
 from .min_max_pyramid import CHANNELS as CHANNELS
@@ -21,4 +22,3 @@ from .pairs import PairResiduals as PairResiduals
 from .pairs import SecondaryPlotData as SecondaryPlotData
 from .pairs import StoredPairFile as StoredPairFile
 from .pairs import stored_pairs as stored_pairs
-from .positions import PositionPlotData as PositionPlotData

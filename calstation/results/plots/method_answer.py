@@ -5,20 +5,70 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from calstation.errors import InputError
-from calstation.estimation.common import stage_data
+from calstation.estimation.common import SolveContext, StageData, stage_data
+from calstation.estimation.gimbal import AXES, contraction
+from calstation.estimation.positions import gather, gravity_misses
 from calstation.jobs import ProgressCallback
-from calstation.physics import INDEX, NAMES
-from calstation.records import Log, LogMeta, context_from_meta, estimated_rows, open_log, prior_from_meta, read_truth
+from calstation.physics import INDEX, NAMES, FloatArray, normal_gravity
+from calstation.records import (
+    Log,
+    LogMeta,
+    ProductSection,
+    context_from_meta,
+    estimated_rows,
+    open_log,
+    prior_from_meta,
+    read_truth,
+)
 from calstation.results import Parameter, Resolved, Result, resolve
-from calstation.results.plots.gimbal import GimbalPlotData, gimbal_plot_data
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
-from calstation.results.plots.positions import PositionPlotData, position_plot_data
 from calstation.schema import validate
 from procedures import method
 
 #: Fractions of the work after reading and after solving.
 _READ, _SOLVED = 0.3, 0.8
+
+
+@dataclass(frozen=True)
+class PositionPlotData:
+    """Rests and motions of a recording, with the parameters before and after the calibration."""
+
+    gravity: float
+    up: FloatArray  #: Direction of gravity's reaction in b at each rest, unit vectors, shape (n, 3).
+    force_before: FloatArray  #: Magnitude of the force at each rest minus gravity, m/s², shape (n,).
+    force_after: FloatArray  #: Magnitude of the force at each rest minus gravity, m/s², shape (n,).
+    angle_before: FloatArray  #: Between gravity after each motion and its propagation by the gyros, rad, shape (m,).
+    angle_after: FloatArray  #: Between gravity after each motion and its propagation by the gyros, rad, shape (m,).
+    force_limit: float | None  #: Of the product's checks, m/s².
+    angle_limit: float | None  #: Of the product's checks, rad.
+
+
+@dataclass(frozen=True)
+class GimbalAxis:
+    """Turns of one axis."""
+
+    axis: str
+    angle: float
+    drift: FloatArray  #: Larger drift of the other two joints in each turn, rad, shape (turns,).
+    predicted: FloatArray  #: Drift predicted from the first one and the gain, rad, shape (turns,).
+    gain: float  #: Used, rad/rad.
+    largest: float  #: Largest convergent gain, rad/rad.
+    best: float  #: Fastest convergent gain, rad/rad; 0 without one.
+    contraction: float  #: Remaining share of the error per turn at `gain`.
+    done: bool  #: The last drift is below the threshold.
+
+
+@dataclass(frozen=True)
+class GimbalPlotData:
+    """All axes in the order of their turns."""
+
+    axes: tuple[GimbalAxis, ...]
+    threshold: float  #: Of the drift, rad.
+    #: Value and sigma of each misalignment from all samples at once, rad.
+    least_squares: Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -83,7 +133,7 @@ def _plot_data(
 ) -> PositionPlotData | GimbalPlotData | PairPlotData:
     details = result.details.get(stage, {})
     if stage == "gimbal":
-        return gimbal_plot_data(details, schedule)
+        return _gimbal_plot_data(details, schedule)
     context, prior = context_from_meta(log.meta), prior_from_meta(log.meta)
     blocks = list(log.blocks())
     named = [block for block in blocks if block.stage == stage]
@@ -94,7 +144,7 @@ def _plot_data(
     for name, row in result.parameters.items():
         if name in INDEX:
             found[INDEX[name]] = row.value
-    return position_plot_data(data, context, prior.mean, found, log.meta.product)
+    return _position_plot_data(data, context, prior.mean, found, log.meta.product)
 
 
 def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
@@ -102,3 +152,61 @@ def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
         return {name: (value, None) for name, value in stored_values(context_from_meta(meta)).items()}
     prior = prior_from_meta(meta)
     return {name: (float(prior.mean[k]), float(prior.sigma[k])) for k, name in enumerate(NAMES)}
+
+
+def _position_plot_data(
+    data: StageData, context: SolveContext, before: FloatArray, found: FloatArray, product: ProductSection | None
+) -> PositionPlotData:
+    """Compute the plot data from the parameters before and after (SI, shape (30,)), with the limits of the product."""
+    site = context.site
+    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    evidence = gather("multi_position", data, context, before, found)
+    rests, motions = evidence.rests, evidence.motions
+    lengths = [[float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in rests] for p in (before, found)]
+    angles = np.array([gravity_misses(evidence, motion, found) for motion in motions]).reshape(-1, 2)
+    force = np.array([rest.compensated(found)[1] for rest in rests]).reshape(-1, 3)
+    checks = product.checks if product is not None else None
+    force_check, angle_check = (checks.gravity_at_rest, checks.motion_angle) if checks is not None else (None, None)
+    return PositionPlotData(
+        gravity=gravity,
+        up=force / np.linalg.norm(force, axis=1, keepdims=True),
+        force_before=np.array(lengths[0]),
+        force_after=np.array(lengths[1]),
+        angle_before=angles[:, 0],
+        angle_after=angles[:, 1],
+        force_limit=None if force_check is None else force_check.within,
+        angle_limit=None if angle_check is None else angle_check.within,
+    )
+
+
+def _gimbal_plot_data(details: Mapping[str, Any], schedule: Mapping[str, Any]) -> GimbalPlotData:
+    """Compute the plot data from the stage's details and schedule."""
+    threshold = float(np.deg2rad(schedule["threshold_arcsec"] / 3600.0))
+    return GimbalPlotData(
+        tuple(_axis(row, str(schedule["order"]), threshold) for row in details["axes"]),
+        threshold,
+        {name: (row["value"], row["sigma"]) for name, row in details["least_squares"].items()},
+    )
+
+
+def _axis(row: Mapping[str, Any], order: str, threshold: float) -> GimbalAxis:
+    axis, angle = AXES.index(row["axis"]), float(np.mean(np.abs(row["angles"])))
+    drift = np.abs(np.array(row["drifts"])).max(axis=1)
+    largest, remaining = float(row["largest_gain"]), float(row["contraction"])
+    best = 0.0
+    if largest > 0.0:
+        from scipy.optimize import minimize_scalar  # slow to import and rarely needed
+
+        bounds = (0.0, largest)
+        best = float(minimize_scalar(lambda g: contraction(order, axis, angle, g), bounds=bounds, method="bounded").x)
+    return GimbalAxis(
+        axis=row["axis"],
+        angle=angle,
+        drift=drift,
+        predicted=drift[0] * remaining ** np.arange(len(drift)),
+        gain=float(row["gain"]),
+        largest=largest,
+        best=best,
+        contraction=remaining,
+        done=bool(drift[-1] < threshold),
+    )
