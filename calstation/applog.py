@@ -35,13 +35,10 @@ _FORMAT = "%(asctime)s.%(msecs)03dZ %(levelname)-7s [%(run)s] %(name)s: %(messag
 _run: ContextVar[str] = ContextVar("run", default="-")
 
 
-class _RunFilter(logging.Filter):
-    """Adds the run's id to every record."""
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        """Keep every record."""
-        record.run = _run.get()
-        return True
+def _add_run(record: logging.LogRecord) -> bool:
+    """Add the run's id to a record, and keep it."""
+    record.run = _run.get()
+    return True
 
 
 def configure(process: str, folder: Path | None = None, level: Level | None = None) -> None:
@@ -86,7 +83,7 @@ def _handler(process: str, folder: str | None) -> logging.Handler:
     formatter = logging.Formatter(_FORMAT, "%Y-%m-%dT%H:%M:%S")
     formatter.converter = time.gmtime
     handler.setFormatter(formatter)
-    handler.addFilter(_RunFilter())
+    handler.addFilter(_add_run)
     return handler
 
 

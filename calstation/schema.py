@@ -56,6 +56,12 @@ Model = TypeVar("Model", bound=BaseModel)
 
 #: Keys of pydantic's bounds by kind of error.
 _BOUNDS = {"greater_than": "gt", "greater_than_equal": "ge", "less_than": "lt", "less_than_equal": "le"}
+#: Codes whose sentences need the wrong value and pydantic's context only, by its kind of error.
+_CODES = {
+    "missing": "entry.missing",
+    "literal_error": "entry.not_one_of",
+    "string_pattern_mismatch": "entry.misspelt",
+}
 #: Codes of the wanted kind of value by pydantic's kind of error.
 _TYPES = {
     "float_type": "entry.a_number",
@@ -173,24 +179,20 @@ def _problem(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> Problem
 
 def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -> tuple[str, dict[str, Any]]:
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
-    if kind == "missing":
-        return "entry.missing", {}
+    if kind in _CODES:
+        return _CODES[kind], {}
     if kind == "extra_forbidden":
         known = _siblings(data, detail["loc"], model)
         return "entry.unknown", {"remedy": near_miss(str(detail["loc"][-1]), known)}
     if kind in _BOUNDS:
-        return f"entry.{kind}", {"value": value, "bound": context[_BOUNDS[kind]]}
-    if kind == "literal_error":
-        return "entry.not_one_of", {"value": value, "expected": context["expected"]}
+        return f"entry.{kind}", {"bound": context[_BOUNDS[kind]]}
     if kind in _TYPES:
-        return "entry.wrong_type", {"value": value, "wanted": Text(_TYPES[kind])}
+        return "entry.wrong_type", {"wanted": Text(_TYPES[kind])}
     if kind in ("string_too_short", "too_short") and not value:
         return "entry.empty", {}
     if kind in ("too_short", "too_long"):
         needed = context["min_length" if kind == "too_short" else "max_length"]
-        return "entry.wrong_length", {"value": value, "count": len(value), "needed": needed}
-    if kind == "string_pattern_mismatch":
-        return "entry.misspelt", {"value": value, "pattern": context["pattern"]}
+        return "entry.wrong_length", {"count": len(value), "needed": needed}
     if kind == "value_error":
         return "entry.other", {"words": str(context["error"])}
     return "entry.other", {"words": f"{value!r}: {detail['msg']}"}

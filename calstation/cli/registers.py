@@ -100,7 +100,11 @@ def operate_command(operation: RegisterOperation, json: str | None, *, yes: bool
         return complain_fault(fault, operation.request, debug=debug)
     if settled is None or settled.closing == "stopped":
         raise StoppedError("cli.stopped")
-    _show(settled, json)
+    proof = settled.proof or None
+    registers = UnitRegisters.of(settled.unit).values
+    row = {"serial": settled.serial, "closing": settled.closing, "proof": proof, "registers": registers}
+    verified = f", {term('proof', proof)}" if proof else ""
+    report(row, json, [f"{settled.serial}: {_CLOSED[settled.closing]}{verified}"])
     return 0
 
 
@@ -115,14 +119,6 @@ def _confirm(operation: RegisterOperation, yes: bool) -> None:
     question = say("cli.confirm_moves" if moves else "cli.confirm_at_rest", **values)
     if station.bench is None and not yes and not typer.confirm(question, err=True):
         raise StoppedError("cli.not_confirmed_nor_written")
-
-
-def _show(settled: Settled, json: str | None) -> None:
-    proof = settled.proof or None
-    registers = UnitRegisters.of(settled.unit).values
-    row = {"serial": settled.serial, "closing": settled.closing, "proof": proof, "registers": registers}
-    verified = f", {term('proof', proof)}" if proof else ""
-    report(row, json, [f"{settled.serial}: {_CLOSED[settled.closing]}{verified}"])
 
 
 def _lines(unit: _UnitTransfers) -> Iterator[str]:

@@ -117,10 +117,7 @@ class ResolvedConfiguration:
         return None if name is None else self.sources["station"].path.parent / str(name)
 
     def log_meta(
-        self,
-        started: datetime | None = None,
-        attempt: int = 1,
-        registers: Mapping[str, float] | None = None,
+        self, started: datetime | None = None, attempt: int = 1, registers: Mapping[str, float] | None = None
     ) -> LogMeta:
         """Build the configuration that the log keeps: all that solving needs.
 

@@ -125,7 +125,9 @@ def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOp
         for detail in error.errors(include_url=False, include_context=True):
             name = str(detail["loc"][0])
             subject = str(detail["loc"][1]) if len(detail["loc"]) > 1 else ""
-            found.setdefault(name, _problem(detail["type"], detail.get("ctx", {}), subject))
+            kind = "whole" if detail["type"].startswith("int_") else _SHORT.get(detail["type"], "number")
+            bounds = [value for key, value in detail.get("ctx", {}).items() if key in ("ge", "gt", "le", "lt")]
+            found.setdefault(name, ScheduleProblem(kind, float(bounds[0]) if bounds else 0.0, subject))
     targets = values.get("targets")
     for name in targets if isinstance(targets, Mapping) else ():
         if not named(str(name)):
@@ -135,11 +137,6 @@ def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOp
         if name not in found and isinstance(value, int | float) and value > most * (1.0 + 1e-9):
             found[name] = ScheduleProblem("table", most)
     return found
-
-
-def _problem(kind: str, context: Mapping[str, Any], subject: str) -> ScheduleProblem:
-    bound = float(next((context[key] for key in ("ge", "gt", "le", "lt") if key in context), 0.0))
-    return ScheduleProblem("whole" if kind.startswith("int_") else _SHORT.get(kind, "number"), bound, subject)
 
 
 def _field(name: str, info: FieldInfo) -> ScheduleField:

@@ -1,9 +1,7 @@
 """Checks of a station's site: latitude and gravity decide the accelerometer scale factors.
 
-If the gyros can resolve earth rate, the rests of a run reveal the latitude; a run that contradicts the file ends before
-anything is written. Otherwise no measurement reveals it: gravity must then be surveyed and agree with the latitude,
-so that an error in either is found before anything moves. A station file copied to another location is consistent in
-itself; therefore it lists the computers on which a person confirmed it.
+Rests reveal the latitude if the gyros resolve earth rate; otherwise gravity must be surveyed and agree with it. A
+station file copied elsewhere is consistent in itself: it lists the computers on which a person confirmed it.
 """
 
 import platform

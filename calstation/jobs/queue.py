@@ -36,9 +36,6 @@ _END_WITHIN = 2.0
 #: Fraction from which the time left is estimated if the work does not report it.
 _ESTIMATE_FROM = 0.02
 
-_READY = ("ready",)
-
-
 logger = logging.getLogger(__name__)
 
 
@@ -147,8 +144,7 @@ class JobQueue:
     @property
     def at_device(self) -> bool:
         """Whether a job that uses a device, and is therefore not to be cancelled, runs or waits."""
-        jobs = [*self._waiting, *([] if self._running is None else [self._running])]
-        return any(not job.cancellable for job in jobs)
+        return any(job is not None and not job.cancellable for job in (self._running, *self._waiting))
 
     def poll(self) -> None:
         """Process the messages of the worker and send it the next job. Never waits."""
@@ -156,7 +152,7 @@ class JobQueue:
             return
         self._dying = [process for process in self._dying if process.is_alive()]
         self._take()
-        if self._ready and self._running is None and not self._alive():
+        if self._ready and self._running is None and self._process is not None and not self._process.is_alive():
             self._lost()
         if self._waiting and self._process is None:
             self._start()
@@ -206,17 +202,16 @@ class JobQueue:
                 return
             except Exception as error:  # noqa: BLE001 - a result that cannot be unpickled here
                 message = ("failed", _internal(error))
-            self._handle(message)
+            self._handle(*message)
 
-    def _handle(self, message: tuple[Any, ...]) -> None:
-        if message == _READY:
+    def _handle(self, kind: str, *values: Any) -> None:
+        job = self._running
+        if kind == "ready":
             self._ready = True
-        elif self._running is not None:
-            kind, *values = message
-            if kind == "progress":
-                self._running._progress(*values)
-                return
-            job, self._running = self._running, None
+        elif job is not None and kind == "progress":
+            job._progress(*values)
+        elif job is not None:
+            self._running = None
             if kind == "done":
                 job._end("done", result=values[0])
             else:
@@ -232,9 +227,6 @@ class JobQueue:
             return
         self._running = job
         job._begin()
-
-    def _alive(self) -> bool:
-        return self._process is not None and self._process.is_alive()
 
     def _lost(self) -> None:
         """Fail the running job of a process that died, or the first waiting one if it never got ready."""
@@ -282,7 +274,7 @@ def _serve(connection: "Connection[Any, Any]", warm_up: Callable[[], None] | Non
         warm.daemon = True
         warm.start()
     with suppress(_QueueClosedError, EOFError, OSError):
-        connection.send(_READY)
+        connection.send(("ready",))
         while True:
             _do(connection, connection.recv_bytes())
 

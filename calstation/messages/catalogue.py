@@ -10,9 +10,6 @@ from typing import Literal
 
 Severity = Literal["info", "warning", "error"]
 
-#: Keys that a catalogue entry may have.
-_KEYS = {"text", "remedy", "window", "zh", "zh_remedy", "severity", "source", "resettable"}
-
 
 @dataclass(frozen=True)
 class Entry:
@@ -39,7 +36,7 @@ def families() -> tuple[str, ...]:
 
 @cache
 def family(name: str) -> dict[str, Entry]:
-    """All entries of a family by their codes; empty for an unknown family.
+    """All entries of a family by their codes; empty for an unknown family. Raises TypeError for an unknown key.
 
     A table ``[defaults]`` at the top of the file gives `severity` and `source` for all of its entries. A term may be
     written in one line: ``rate = ["Rate", "速率"]``.
@@ -53,9 +50,6 @@ def family(name: str) -> dict[str, Entry]:
     for key, value in tables.items():
         code = f"{name}.{key}"
         given = {"text": value[0], "zh": value[1]} if isinstance(value, list) else value
-        unknown = set(given) - _KEYS
-        if unknown:
-            raise ValueError(f"{code}: unknown keys {sorted(unknown)}")
         entries[code] = Entry(code=code, **{**defaults, **given})
     return entries
 

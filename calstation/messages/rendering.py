@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from calstation.messages.catalogue import Entry, entry, known
+from calstation.messages.catalogue import entry, known
 
 Language = Literal["en", "zh_CN"]
 
@@ -90,7 +90,10 @@ def render(code: str, values: Mapping[str, Value], language: Language = "en", *,
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
     form = _Formatter(language, window, options)
     source = term("source", found.source.format(**values), language) if found.source else ""
-    text, remedy = _templates(found, language, window)
+    if language == "zh_CN" and found.zh:
+        text, remedy = found.zh, found.zh_remedy
+    else:
+        text, remedy = found.text, found.window if window and found.window else found.remedy
     return Rendered(source, form.vformat(text, (), values), form.vformat(remedy, (), values))
 
 
@@ -147,12 +150,6 @@ class _Formatter(string.Formatter):
         if value is None:
             return "–"
         return str(super().format_field(value, format_spec))
-
-
-def _templates(found: Entry, language: Language, window: bool) -> tuple[str, str]:
-    if language == "zh_CN" and found.zh:
-        return found.zh, found.zh_remedy
-    return found.text, found.window if window and found.window else found.remedy
 
 
 def _to_json(value: Value) -> Any:

@@ -1,8 +1,6 @@
 from .diagnostics import Diagnostics as Diagnostics
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose
-from .finished_run import FinishedRun as FinishedRun
-from .finished_run import load_finished_run as load_finished_run
 from .handover import Delivery as Delivery
 from .handover import HandOver as HandOver
 from .handover import deliver_pending as deliver_pending
@@ -29,7 +27,9 @@ from .pairs import watch_log as watch_log
 from .preview import Preview as Preview
 from .preview import Violation as Violation
 from .preview import compute_preview as compute_preview
+from .resolving import FinishedRun as FinishedRun
 from .resolving import Resolved as Resolved
+from .resolving import load_finished_run as load_finished_run
 from .resolving import resolve as resolve
 from .resolving import warm_up as warm_up
 from .result import Parameter as Parameter

@@ -1,8 +1,6 @@
 """Delivers every run's result to the factory's system, exactly once: a JSON file and a CSV line.
 
-A run is registered as pending when it starts, so that its result is delivered whatever ends it. A result that cannot
-be delivered stays pending beside the runs and is delivered with the next one. The columns and files are documented in
-the manual of the hand-over.
+A run is pending from its start, whatever ends it, until its result is delivered, perhaps with a later run's.
 """
 
 import csv

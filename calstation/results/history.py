@@ -129,21 +129,16 @@ def _files(folder: Path) -> dict[str, str]:
     """Stamp of each run's files by stem, without logs that are still being written."""
     if not folder.is_dir():
         return {}
-    results: dict[str, str] = {}
-    logs: dict[str, str] = {}
+    stamps: dict[str, dict[str, str]] = {SUFFIX: {}, ".json": {}}
     with os.scandir(folder) as entries:
         for entry in entries:
             stem, suffix = os.path.splitext(entry.name)  # noqa: PTH122 - a Path is slow for thousands of files
-            if suffix not in (SUFFIX, ".json") or stem.startswith("."):
-                continue
-            status = entry.stat()
-            stamp = f"{status.st_mtime_ns} {status.st_size}"
-            if suffix == ".json":
-                results[stem] = stamp
-            else:
-                logs[stem] = f"log {stamp}"
-    alone = {stem: stamp for stem, stamp in logs.items() if stem not in results and not _is_running(folder, stem)}
-    return {**alone, **results}
+            if suffix in stamps and not stem.startswith("."):
+                status = entry.stat()
+                stamps[suffix][stem] = f"{status.st_mtime_ns} {status.st_size}"
+    logs, results = stamps[SUFFIX], stamps[".json"]
+    alone = [stem for stem in logs if stem not in results and not _is_running(folder, stem)]
+    return {**{stem: f"log {logs[stem]}" for stem in alone}, **results}
 
 
 def _is_running(folder: Path, stem: str) -> bool:

@@ -1,8 +1,6 @@
-"""Merges the result of a partial run with registers that an earlier run estimated much better.
+"""Keeps registers that an earlier run estimated much better than a partial run, if they do not contradict it.
 
-A partial run may estimate a parameter with a larger sigma than the full calibration before it. If that value is still
-in the unit and the new one does not contradict it, it is kept, and the other parameters are conditioned on it, so that
-the registers remain consistent. A full calibration keeps nothing.
+The other parameters are conditioned on them, so that the registers remain consistent. A full calibration keeps none.
 """
 
 from collections.abc import Iterable, Mapping

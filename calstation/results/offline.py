@@ -16,8 +16,6 @@ from calstation.results.result import Parameter, Result, write_json
 #: Measured cost of solving a sample relative to reading it; filters take several passes.
 _BATCH, _FILTER = {"rate": 2.5, "six_position": 1.0}, 10.0
 
-CSV_COLUMNS = ("parameter", "value", "sigma", "unit", "stage", "online_value", "online_sigma", "difference_in_sigma")
-
 
 def offline_solve(
     report: ProgressCallback,
@@ -95,13 +93,12 @@ def _parameters_csv(result: Result, stored: Result | None) -> str:
     before = stored.parameters if stored is not None else {}
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
+    head = ("parameter", "value", "sigma", "unit", "stage", "online_value", "online_sigma", "difference_in_sigma")
+    writer.writerow(head)
     for name, row in result.parameters.items():
         online = before.get(name)
-        cells = [name, repr(row.value), repr(row.sigma), row.unit, row.stage]
-        if online is None:
-            cells += ["", "", ""]
-        else:
-            cells += [repr(online.value), repr(online.sigma), f"{in_sigma(row, online):.6g}"]
-        writer.writerow(cells)
+        compared = ["", "", ""]
+        if online is not None:
+            compared = [repr(online.value), repr(online.sigma), f"{in_sigma(row, online):.6g}"]
+        writer.writerow([name, repr(row.value), repr(row.sigma), row.unit, row.stage, *compared])
     return stream.getvalue()

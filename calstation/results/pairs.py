@@ -4,14 +4,14 @@ The calibration of a pair is stored in the site's folder; the next log is compen
 """
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from calstation.config import pair_folder
 from calstation.errors import InputError
-from calstation.estimation.common import SampleBlock, StoredPair
+from calstation.estimation.common import StoredPair
 from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, StaticCheck, WatchEvent, check_values
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, values_from_json, values_to_json
@@ -50,7 +50,7 @@ def watch_log(
     if not context.secondaries:
         raise InputError("solution.in_log", file=path, what=Text("solution.one_imu"))
     schedule = validate(PairSchedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
-    primary, rate = log.meta.imu.serial, log.meta.imu.sample_rate_hz
+    primary, width = log.meta.imu.serial, max(1, round(log.meta.imu.sample_rate_hz))
     secondaries = tuple(
         replace(s, stored=found if (found := load_pair(folder, primary, s.imu.serial)).values else s.stored)
         for s in context.secondaries
@@ -61,12 +61,7 @@ def watch_log(
         store_pair(folder, primary, serials[number], pair)
 
     calibration = PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule)
-    watch = PairWatch(
-        context.imu,
-        secondaries,
-        calibration,
-        store,
-    )
+    watch = PairWatch(context.imu, secondaries, calibration, store)
     if command or schedule.trigger == "command":
         watch.command()
     events: list[WatchEvent] = []
@@ -78,18 +73,12 @@ def watch_log(
 
     with one_blas_thread():
         for block in log.blocks():
-            for second in _seconds(block, rate):
+            for start in range(0, len(block), width):
+                second = block.part(start, min(start + width, len(block)))
                 handle(watch.feed(second))
                 on_second(float(second.time[-1]), watch)
         handle(watch.finish())
     return PairWatchResult(tuple(events), watch.checks, watch.stored)
-
-
-def _seconds(block: SampleBlock, rate: float) -> Iterator[SampleBlock]:
-    """Split a block into parts of one second."""
-    width = max(1, round(rate))
-    for start in range(0, len(block), width):
-        yield block.part(start, min(start + width, len(block)))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Preview of a run by covariance analysis: joint angles, duration, violated limits, and sigmas after every stage.
 
-Plans and solvers are those of the run; the solvers receive a perfect unit's samples of the planned motion and return
-the covariance that the run will report.
+Plans and solvers are those of the run; the solvers receive a perfect unit's samples of the planned motion.
 """
 
 from collections.abc import Iterator, Mapping

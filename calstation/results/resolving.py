@@ -1,15 +1,18 @@
-"""Solves a stored log again with the same chain of solvers as a run."""
+"""Solves a stored log again with the same chain of solvers as a run; loads finished runs for analysis."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from calstation.config import unconfirmed_latitude
 from calstation.errors import ConfigurationError, InsufficientDataError
+from calstation.jobs import ProgressCallback
 from calstation.messages import Text, sentence
-from calstation.records import Log, damage_summary, offline_online, open_log, solved_stages
+from calstation.records import SUFFIX, Log, damage_summary, offline_online, open_log, solved_stages
+from calstation.results.history import History
 from calstation.results.judgement import Ending, build_result, judge, solved_parameters
-from calstation.results.result import DamagedRange, Result
+from calstation.results.result import DamagedRange, Result, load_result
 from calstation.results.solver_chain import SolveProgress, solve
 
 
@@ -80,3 +83,38 @@ def _check_complete(log: Log, solved: list[str]) -> None:
         if stage not in solved:
             what = Text.of("solution.stage_damaged", stage=stage)
             raise InsufficientDataError("solution.in_log", file=log.path, what=what)
+
+
+@dataclass(frozen=True)
+class FinishedRun:
+    """A result and what it is compared with."""
+
+    result: Result
+    log: Path | None  #: None if it is missing.
+    previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
+    solved_now: bool = False  #: The log held no result and has been solved.
+
+
+def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
+    """Job: read a result file, or a log that is solved if it has no result; `runs` is the folder of the unit's history.
+
+    Raises InputError or ConfigurationError if the file cannot be used.
+    """
+    solved_now = False
+    if path.suffix == ".json":
+        result = load_result(path)
+        candidates = (Path(result.log.file), path.with_suffix(SUFFIX))
+        log = next((candidate for candidate in candidates if candidate.is_file()), None)
+    else:
+        log = path
+        stored = open_log(path).results
+        solved_now = not stored
+        report(0.1)
+        result = Result.from_json(stored[-1]) if stored else resolve(path).result
+    report(0.9)
+    previous: Mapping[str, float] = {}
+    if runs.is_dir():
+        history = History(runs)
+        history.refresh()
+        previous = history.previous(result.serial, result.started_utc)
+    return FinishedRun(result, log, previous, solved_now)

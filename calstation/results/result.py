@@ -55,8 +55,8 @@ class StageConsistency(_Section):
     def of(cls, found: Consistency) -> "StageConsistency":
         """Convert the test of a solution."""
         passed, warning = bool(found.passed), bool(found.warning)
-        band = {"nis_low": found.nis_low, "nis_high": found.nis_high}
-        return cls(nis_mean=found.nis_mean, **band, passed=passed, warning=warning)
+        nis = {"nis_mean": found.nis_mean, "nis_low": found.nis_low, "nis_high": found.nis_high}
+        return cls(**nis, passed=passed, warning=warning)
 
 
 class Temperature(_Section):

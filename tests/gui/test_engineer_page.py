@@ -30,7 +30,7 @@ from calstation.gui.text.messages import show
 from calstation.messages.rendering import Text
 from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
-from calstation.results.finished_run import FinishedRun
+from calstation.results.resolving import FinishedRun
 from calstation.results.result import SCHEMA, Result
 from tests.gui.conftest import PRODUCT, SERIAL, Operator, SiteFolder
 

@@ -7,7 +7,7 @@ import pytest
 
 from calstation.errors import InputError
 from calstation.records.convert import export_csv
-from calstation.results.finished_run import load_finished_run
+from calstation.results.resolving import load_finished_run
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 

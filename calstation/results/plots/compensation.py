@@ -51,11 +51,7 @@ def apply_to_recording(report: ProgressCallback, path: Path, before: FloatArray,
 
 
 def applied(
-    blocks: list[SampleBlock],
-    context: SolveContext,
-    before: FloatArray,
-    found: FloatArray,
-    path: Path | None = None,
+    blocks: list[SampleBlock], context: SolveContext, before: FloatArray, found: FloatArray, path: Path | None = None
 ) -> Applied:
     """Apply previous and new parameters (SI, shape (30,)) to all valid samples; `path` names the recording in messages.
 

@@ -147,7 +147,9 @@ class _IndexBuilder:
         self._parted = True
 
     def add(self, block: SampleBlock) -> None:
-        self._add_span(block)
+        if block.stage:
+            self._add_span(block)
+        self._parted = not block.stage
         seq, step = block.seq, block.step
         changes = np.flatnonzero(np.diff(step, prepend=step[0] if self._step is None else self._step))
         self._step = int(step[-1])
@@ -162,14 +164,10 @@ class _IndexBuilder:
 
     def _add_span(self, block: SampleBlock) -> None:
         first, last, count = int(block.seq[0]), int(block.seq[-1]), len(block)
-        if not block.stage:
-            self._parted = True
-            return
         if self._spans and self._spans[-1].stage == block.stage and not self._parted:
             before = self._spans.pop()
             first, count = before.first_seq, before.samples + count
         self._spans.append(StageSpan(block.stage, first, last, count))
-        self._parted = False
 
     def log_index(self, log: Log, folder: Path, scale: FloatArray) -> LogIndex:
         return LogIndex(

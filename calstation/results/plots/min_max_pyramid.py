@@ -21,7 +21,6 @@ BINS = (16, 256, 4096)
 SAMPLE = np.dtype([("seq", "<i8"), ("values", "<f4", (len(CHANNELS),))])
 Values = NDArray[np.float32]
 _SAMPLES = "samples"
-_BIN = 2 * 4 * len(CHANNELS)
 
 
 @dataclass(frozen=True)
@@ -138,9 +137,10 @@ class MinMaxPyramid:
         Fewer than `count` // 2 columns mean that the finest bins are too wide; `samples` has more detail then.
         """
         level = len(BINS) - 1
-        while level > 0 and self._size(level, first_seq, last_seq) < count:
-            level -= 1
         start, stop = self._range(level, first_seq, last_seq)
+        while level > 0 and stop - start < count:
+            level -= 1
+            start, stop = self._range(level, first_seq, last_seq)
         group = group_of(stop - start, count)
         start = max(0, (start - 1) // group * group)  # columns stay the same while a view is dragged
         stop = min(self._bins[BINS[level]], stop + group)
@@ -155,10 +155,6 @@ class MinMaxPyramid:
     def samples(self, start: int, stop: int) -> np.ndarray:
         """Read stored samples of a range of rows, structured as `SAMPLE`."""
         return np.fromfile(self.folder / _SAMPLES, SAMPLE, stop - start, offset=start * SAMPLE.itemsize)
-
-    def _size(self, level: int, first_seq: int, last_seq: int) -> int:
-        start, stop = self._range(level, first_seq, last_seq)
-        return stop - start
 
     def _range(self, level: int, first_seq: int, last_seq: int) -> tuple[int, int]:
         """Bins of a level that contain the range."""
@@ -177,7 +173,7 @@ class MinMaxPyramid:
         return np.fromfile(self.folder / f"{samples}.seq", "<i8", stop - start, offset=8 * start)
 
     def _values(self, samples: int, start: int, stop: int) -> Values:
-        flat: Values = np.fromfile(
-            self.folder / f"{samples}.values", "<f4", (stop - start) * _BIN // 4, offset=start * _BIN
-        )
+        width = 2 * len(CHANNELS)
+        file = self.folder / f"{samples}.values"
+        flat: Values = np.fromfile(file, "<f4", (stop - start) * width, offset=4 * width * start)
         return flat.reshape(-1, 2, len(CHANNELS))

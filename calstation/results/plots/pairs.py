@@ -89,18 +89,17 @@ def pair_plot_data(data: StageData, context: SolveContext, prior: Belief, detail
         static = {sensor: row["stored"][f"{sensor}_static"] for sensor in ("gyro", "accel")}
         shown.append(SecondaryPlotData(secondary.number, secondary.imu.serial, residuals, row["check"], static))
     begin = float(data.time[0])
+    events = []
+    for row in details["events"]:
+        values = {key: value for key, value in row.items() if key not in ("kind", "time", "number")}
+        events.append(WatchEvent(row["kind"], row["time"] - begin, row["number"], values_from_json(values)))
     return PairPlotData(
         context.imu.serial,
         tuple(shown),
         stored_pairs(context, pair_folder()),
-        tuple(_event(row, begin) for row in details["events"]),
+        tuple(events),
         float(data.time[-1]) - begin,
     )
-
-
-def _event(row: Mapping[str, Any], begin: float) -> WatchEvent:
-    values = {key: value for key, value in row.items() if key not in ("kind", "time", "number")}
-    return WatchEvent(row["kind"], row["time"] - begin, row["number"], values_from_json(values))
 
 
 def stored_values(context: SolveContext) -> dict[str, float]:
