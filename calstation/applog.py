@@ -36,7 +36,6 @@ _run: ContextVar[str] = ContextVar("run", default="-")
 
 
 def _add_run(record: logging.LogRecord) -> bool:
-    """Add the run's id to a record, and keep it."""
     record.run = _run.get()
     return True
 

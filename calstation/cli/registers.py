@@ -163,7 +163,6 @@ def largest_change(transfer: Transfer) -> str | None:
 
 @cache
 def _prior_sigmas(profile: str) -> dict[str, float]:
-    """Prior sigmas of the IMU profile with a name; empty if there is none."""
     for name in library.names("imus"):
         try:
             found = load_imu_profile(library.find("imus", name))

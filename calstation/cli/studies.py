@@ -108,13 +108,11 @@ def _units_bar() -> Progress:
 
 
 def _follow(bar: Progress, name: str) -> Callable[[int, int], None]:
-    """Show the number of units that are done."""
     task = bar.add_task(name, total=None)
     return lambda done, count: bar.update(task, completed=done, total=count)
 
 
 def _show_groups(console: Console, title: str, row: Mapping[str, Any]) -> None:
-    """Show a line per parameter group."""
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("group", no_wrap=True)
     largest = all("largest" in group for group in row["groups"].values())

@@ -14,8 +14,7 @@ from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.items import AbstractTable, AoT, Table
 
 from calstation.config import library
-from calstation.config.product_rules import register_conflicts, unknown_targets
-from calstation.config.station import ProductConfig, StationConfig, schedule_values
+from calstation.config.station import ProductConfig, StationConfig, register_conflicts, schedule_values, unknown_targets
 from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
@@ -96,7 +95,6 @@ def check_data(kind: str, data: Mapping[str, Any]) -> list[Problem]:
 
 
 def _check_station(station: StationConfig) -> list[Problem]:
-    """Check the table's profile, and the settings of the virtual bench."""
     problems = list(_unknown_profile("tables", station.table.profile, "table", "profile"))
     if station.bench is not None:
         from calstation.bench import BenchConfig
@@ -106,7 +104,6 @@ def _check_station(station: StationConfig) -> list[Problem]:
 
 
 def _check_product(product: ProductConfig) -> list[Problem]:
-    """Check the IMU's profile, the stages and their schedules, the limits and the names of targets."""
     problems = list(_unknown_profile("imus", product.imu, "imu"))
     if not product.limits:
         problems.append(Problem((), "missing", Text("product.no_limits")))
@@ -131,7 +128,6 @@ def _check_product(product: ProductConfig) -> list[Problem]:
 
 
 def _problems_at(place: KeyPath, model: type[BaseModel], data: Any) -> list[Problem]:
-    """What a model finds wrong with the data at `place`."""
     return [replace(problem, place=(*place, *problem.place)) for problem in problems_of(model, data)]
 
 

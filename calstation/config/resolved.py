@@ -14,10 +14,18 @@ from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
 from calstation.config import library, versions
-from calstation.config.product_rules import register_conflicts, unknown_targets
 from calstation.config.request import RunRequest
 from calstation.config.site_check import check_confirmation, check_site
-from calstation.config.station import ProductConfig, StationConfig, in_file, load_product, load_station, schedule_values
+from calstation.config.station import (
+    ProductConfig,
+    StationConfig,
+    in_file,
+    load_product,
+    load_station,
+    register_conflicts,
+    schedule_values,
+    unknown_targets,
+)
 from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
@@ -178,11 +186,7 @@ class ResolvedConfiguration:
         return None if settings is None else int(settings.get("seed", _DEFAULT_SEED))
 
     def bench_config(self) -> dict[str, Any] | None:
-        """Configuration of the bench process; None on hardware.
-
-        Its seed is derived from the given seed and the unit's serial number: every serial number is one unit, and
-        the same serial number is the same unit again.
-        """
+        """Configuration of the bench process; None on hardware. Its seed makes every serial number one unit."""
         settings = self.bench_settings()
         if settings is None:
             return None
@@ -261,7 +265,6 @@ class ResolvedConfiguration:
         )
 
     def _plan(self, stage: str) -> Iterator[Step]:
-        """Start a fresh plan of a stage."""
         return method(stage).plan(self.table.geometry(), self.schedules[stage])
 
 

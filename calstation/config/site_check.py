@@ -138,10 +138,9 @@ def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
 
 
 def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:
-    """The first inconsistent stage and the latitude it assumed, if no rest has confirmed the latitude.
+    """The first inconsistent stage and the latitude it assumed, if no rest has confirmed it; None otherwise.
 
-    The unit may be good then: rests in one attitude, as those of `rate`, cannot separate earth rate from a bias. None
-    if the latitude was confirmed, if the gyros cannot resolve earth rate, and if every stage is consistent.
+    The unit may be good then: rests in one attitude, as those of `rate`, cannot separate earth rate from a bias.
     """
     inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
     if not inconsistent or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):

@@ -1,7 +1,7 @@
 """Station and product files: one location and one unit type, checked before anything moves."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +10,14 @@ from typing import Any, Literal
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
+from calstation.devices.codecs import SLOTS, Convention, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
-from calstation.devices.profiles import SerialSettings, load_imu_profile, load_table_profile
+from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
+from calstation.physics import NAMES, PARAMETERS
 from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
 from calstation.schema import EntryError, Problem, StrictModel, load
+from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
 #: What to do with a unit outside its limits: mount it again, repeat as it is, or set it aside.
@@ -25,6 +28,9 @@ DEFAULT_PRODUCT = "nav_a"
 
 #: Shipped station of the virtual bench with a table turned by hand, and the shipped product calibrated on it.
 MANUAL_STATION, MANUAL_PRODUCT = "virtual_hand", "mems_hand"
+
+#: Standard deviation of rounding to a step of 1.
+_ROUNDING = 12.0**-0.5
 
 #: host:port without a scheme.
 _BARE = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
@@ -195,6 +201,59 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
     if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in values:
         values["targets"] = dict(product.targets)
     return values
+
+
+def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
+    """Targets at `keys` that name no parameter or group: the stop rule would take them as reached at once."""
+    return (EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not named(name))
+
+
+def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:
+    """Limits that admit values which the unit's registers cannot hold, or not finely enough; one per entry."""
+    seen = set()
+    for register in imu.registers:
+        for name in filter(None, register.names):
+            parameter = parameter_of(name) if name in SLOTS else name
+            limit_name = _limit_of(product, parameter) if parameter else None
+            if limit_name is None:
+                continue
+            for error in _conflicts(register, name, limit_name, product.limits[limit_name], imu.name):
+                if error.place not in seen:
+                    seen.add(error.place)
+                    yield error
+
+
+def _limit_of(product: ProductConfig, parameter: str) -> str | None:
+    """Name of a parameter's limit: its own, or its group's."""
+    group = PARAMETERS[NAMES.index(parameter)].group
+    return next((name for name in (parameter, group) if name in product.limits), None)
+
+
+def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit, profile: str) -> Iterator[EntryError]:
+    where = {"parameter": name, "register": str(register), "profile": profile}
+    if limit.interval is not None:
+        least, most = _needed(register, name, limit.interval)
+        low, high = register.range
+        if least < low or most > high:
+            values = {"least": least, "most": most, "low": low, "high": high}
+            yield EntryError("product.beyond_register", "limits", limit_name, "within", **where, **values)
+    sigma = limit.sigma_below
+    if sigma is not None and register.step * _ROUNDING > sigma:
+        values = {"sigma": sigma, "step": register.step}
+        yield EntryError("product.finer_than_step", "limits", limit_name, "sigma_below", **where, **values)
+    elif sigma is not None and register.tolerance > sigma:
+        values = {"sigma": sigma, "tolerance": register.tolerance}
+        yield EntryError("product.finer_than_tolerance", "limits", limit_name, "sigma_below", **where, **values)
+
+
+def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -> tuple[float, float]:
+    """Values of a register over an interval of its parameter."""
+    parameter = parameter_of(name) if name in SLOTS else None
+    if parameter is None:
+        return interval
+    reach = legal_range(name, {parameter: max(map(abs, interval))}, register.convention or Convention())
+    assert reach is not None
+    return reach
 
 
 def is_manual_table(profile: str) -> bool:

@@ -56,10 +56,9 @@ def _without_main() -> Iterator[None]:
 
 
 class PipeReader:
-    """Reads whole messages from one end of a pipe in a thread, and closes it; the owner may write to it.
+    """Reads whole messages from a pipe in a thread, and closes it; the owner may write to it.
 
-    A message larger than the pipe's buffer arrives in pieces, and a process that freezes between two of them blocks the
-    reader: here a thread that nobody waits for.
+    If a process freezes within a message larger than the pipe's buffer, nobody waits for the thread that it blocks.
     """
 
     def __init__(self, connection: "Connection[Any, Any]") -> None:
@@ -72,8 +71,7 @@ class PipeReader:
     def take(self, wait: float = 0.0) -> Any:
         """Return the next message, waiting at most `wait` s for it.
 
-        Raises queue.Empty if none is complete yet, EOFError if the other end is closed and nothing is left, and
-        whatever unpickling a message raises.
+        Raises queue.Empty if none is complete yet, EOFError at the end, and whatever unpickling a message raises.
         """
         if self._at_end:
             raise EOFError

@@ -106,9 +106,8 @@ class Job:
 class JobQueue:
     """Does jobs in order in a process of its own, which starts at once.
 
-    Everything proceeds in `poll` (of the queue or of any of its jobs), which never waits, not even for the rest of a
-    large result. A job is sent only to a worker that is ready for one, so that sending does not wait either.
-    `warm_up` is a function at the top level of a module that imports and compiles what most jobs need.
+    Everything proceeds in `poll` (of the queue or of any of its jobs), which never waits: a job is sent only to a
+    worker that is ready for one. `warm_up`, at the top level of a module, imports and compiles what most jobs need.
     """
 
     def __init__(self, warm_up: Callable[[], None] | None = None) -> None:
@@ -265,7 +264,6 @@ class _QueueClosedError(BaseException):
 
 
 def _serve(connection: "Connection[Any, Any]", warm_up: Callable[[], None] | None) -> None:
-    """Do jobs in the worker process until the queue closes the pipe."""
     applog.configure("jobs")
     with suppress(ValueError, OSError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner
@@ -285,7 +283,6 @@ def _try(warm_up: Callable[[], None]) -> None:
 
 
 def _do(connection: "Connection[Any, Any]", call: bytes) -> None:
-    """Do one job and send its result or its error."""
     try:
         work, args, kwargs = pickle.loads(call)
         result = work(_progress_of(connection), *args, **kwargs)

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -35,13 +36,7 @@ _TAIL = 65_536
 
 #: Columns of the CSV before the last, `result`, which names the JSON file beside it.
 COLUMNS: dict[str, Callable[[Result], Any]] = {
-    "started_utc": lambda r: r.started_utc,
-    "serial": lambda r: r.serial,
-    "outcome": lambda r: r.outcome,
-    "attempt": lambda r: r.attempt,
-    "product": lambda r: r.product,
-    "station": lambda r: r.station,
-    "operator": lambda r: r.operator,
+    **{n: attrgetter(n) for n in ("started_utc", "serial", "outcome", "attempt", "product", "station", "operator")},
     "stages": lambda r: " ".join(r.solved_stages),
     "duration_s": lambda r: f"{r.duration_s:.1f}",
     "advice": lambda r: r.advice,

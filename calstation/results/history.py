@@ -37,11 +37,7 @@ T = TypeVar("T")
 
 
 class History:
-    """The runs of a folder.
-
-    Queries read the index and take milliseconds. `refresh` updates it from the folder's files; every run does so before
-    its first event and before its verdict.
-    """
+    """The runs of a folder. Queries read the index and take milliseconds; `refresh` updates it from the files."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -209,7 +205,6 @@ def _written(result: Result) -> dict[str, tuple[float, float]]:
 
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:
-    """An interrupted run that has no result yet."""
     meta, run = contents.meta, contents.meta.run
     record = RunRecord(
         serial=meta.imu.serial,

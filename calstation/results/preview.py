@@ -154,7 +154,6 @@ class _Previewer:
         return seconds
 
     def _broken(self, stage: str, number: int, move: Move) -> Iterator[Violation]:
-        """The limits that a move violates."""
         try:
             check_limits(self._geometry.limits, move)
             return
@@ -216,7 +215,6 @@ class _Previewer:
         return reason
 
     def _step(self, step: Step, stage: str) -> None:
-        """Execute a step and feed its samples to the solver of `stage`, if any."""
         seconds = step_time(step, self._joints, self._settle)
         if isinstance(step, Move):
             target = (step.outer, step.inner)
@@ -235,7 +233,6 @@ class _Previewer:
             self._course.append((self._clock, *self._joints))
 
     def _targets(self) -> dict[str, float]:
-        """The smallest target of each parameter."""
         found: dict[str, float] = {}
         for plan in self._plans:
             for name, target in plan.rule.targets.items():

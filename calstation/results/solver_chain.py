@@ -79,9 +79,8 @@ class StageChain:
         return self.belief.sigma if self._solver is None else self._solver.sigma()
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the started stage; its posterior becomes the next stage's prior.
-
-        Raises InputError if data and priors contradict each other so much that the solution diverges.
+        """Solve the started stage; its posterior becomes the next stage's prior. Raises InputError if the solution
+        diverges.
         """
         assert self._solver is not None, "start a stage before finishing it"
         try:
@@ -224,5 +223,4 @@ class _Replay:
             raise self._in_log(exc) from exc
 
     def _in_log(self, error: InputError) -> InputError:
-        """The error with the name of the log."""
         return type(error)("solution.in_log", file=self._source, what=error.as_text)

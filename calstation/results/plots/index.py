@@ -75,7 +75,9 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
     Raises InputError if the log cannot be used, ConfigurationError if the pyramid cannot be written.
     """
     log = open_log(path)
-    total, scale = estimated_rows(path), _scale(log.meta)
+    total, imu = estimated_rows(path), log.meta.imu
+    per_count = imu.sample_rate_hz if imu.output == "increment" else 1.0
+    scale = np.repeat([np.rad2deg(imu.gyro_lsb) * per_count, imu.accel_lsb * per_count], 3)
     builder = _IndexBuilder()
     held, last = np.full(2, np.nan), -1
     try:
@@ -115,12 +117,6 @@ def samples(
     return joined(seq, values, values, group_of(len(seq), count), 1)
 
 
-def _scale(meta: LogMeta) -> FloatArray:
-    per_count = meta.imu.sample_rate_hz if meta.imu.output == "increment" else 1.0
-    gyro, accel = np.rad2deg(meta.imu.gyro_lsb) * per_count, meta.imu.accel_lsb * per_count
-    return np.repeat([gyro, accel], 3)
-
-
 def _held(angles: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
     """Hold angles, shape (n, 2), from poll to poll, but not across missing samples.
 
@@ -136,8 +132,6 @@ def _held(angles: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) 
 
 
 class _IndexBuilder:
-    """Collects stages and marks of consecutive blocks."""
-
     def __init__(self) -> None:
         self._spans: list[StageSpan] = []
         self._step: int | None = None

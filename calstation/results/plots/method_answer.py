@@ -157,7 +157,6 @@ def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
 def _position_plot_data(
     data: StageData, context: SolveContext, before: FloatArray, found: FloatArray, product: ProductSection | None
 ) -> PositionPlotData:
-    """Compute the plot data from the parameters before and after (SI, shape (30,)), with the limits of the product."""
     site = context.site
     gravity = site.gravity or normal_gravity(site.latitude, site.height)
     evidence = gather("multi_position", data, context, before, found)
@@ -180,7 +179,6 @@ def _position_plot_data(
 
 
 def _gimbal_plot_data(details: Mapping[str, Any], schedule: Mapping[str, Any]) -> GimbalPlotData:
-    """Compute the plot data from the stage's details and schedule."""
     threshold = float(np.deg2rad(schedule["threshold_arcsec"] / 3600.0))
     return GimbalPlotData(
         tuple(_axis(row, str(schedule["order"]), threshold) for row in details["axes"]),

@@ -157,7 +157,6 @@ class MinMaxPyramid:
         return np.fromfile(self.folder / _SAMPLES, SAMPLE, stop - start, offset=start * SAMPLE.itemsize)
 
     def _range(self, level: int, first_seq: int, last_seq: int) -> tuple[int, int]:
-        """Bins of a level that contain the range."""
         return self._find(level, first_seq), self._find(level, last_seq) + 1
 
     def _find(self, level: int, seq: int) -> int:
