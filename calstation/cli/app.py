@@ -322,7 +322,6 @@ def restore(
 
 
 def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":
-    """The request that names a unit and its station."""
     from calstation.cli.run import complete_request
     from calstation.config import RunRequest
 

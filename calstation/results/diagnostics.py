@@ -72,8 +72,16 @@ def diagnose(
             if stage not in solutions or stage in diagnosed:
                 continue
             report(_SOLVING + (1.0 - _SOLVING) * len(diagnosed) / len(solutions), note=stage)
-            data, found = stage_data(list(blocks), context.imu), solutions[stage]
-            first, rate, rests = int(data.seq[0]), context.imu.sample_rate, rest_residuals(data, context, chain.belief)
-            more = (found.innovations, rests, found.observability, found.details)
-            diagnosed[stage] = StageDiagnostics(stage, first, rate, found.consistency, *more)
+            data = stage_data(list(blocks), context.imu)
+            solution = solutions[stage]
+            diagnosed[stage] = StageDiagnostics(
+                stage,
+                int(data.seq[0]),
+                context.imu.sample_rate,
+                solution.consistency,
+                solution.innovations,
+                rest_residuals(data, context, chain.belief),
+                solution.observability,
+                solution.details,
+            )
     return Diagnostics(path, log.meta.imu.serial, tuple(diagnosed[s] for s in solutions if s in diagnosed))
