@@ -32,10 +32,7 @@ class BenchHost:
 
     @classmethod
     def start(cls, config: Mapping[str, Any], check_cancelled: Callable[[], None] = lambda: None) -> "BenchHost":
-        """Start a bench with its configuration. Raises DeviceFaultError if it does not start.
-
-        `check_cancelled` is called repeatedly meanwhile; what it raises ends the bench.
-        """
+        """Start a bench; raises DeviceFaultError if it does not. What `check_cancelled` raises meanwhile ends it."""
         command = [sys.executable, "-m", "calstation.bench", "--config", json.dumps(config)]
         process = subprocess.Popen(
             command,

@@ -69,8 +69,7 @@ def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
 def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
     """The locked ports of a station, or those of a virtual bench that runs as long as the context.
 
-    `check_cancelled` is called while the bench starts and may raise. Raises DeviceFaultError if another program uses a
-    port, ConfigurationError.
+    Raises DeviceFaultError if another program uses a port, ConfigurationError.
     """
     config = setup.bench_config()
     if config is None:
@@ -100,10 +99,7 @@ def _shared(setup: ResolvedConfiguration) -> bool:
 
 
 def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
-    """What is wrong with the ports of table and IMU together; None if nothing is.
-
-    Two devices share a port only if the table profile says so.
-    """
+    """What is wrong with the ports of table and IMU, which are shared only if the table profile says so; else None."""
     same, shared = _device_of(table, "table") == _device_of(imu, "imu"), profile.protocol == "imu_link"
     if same and not shared:
         return Text.of("connection.same_port", port=imu)

@@ -68,12 +68,7 @@ def identify(
 ) -> TableIdentity:
     """Ask both devices for their identity, and find out what is wrong if one does not answer.
 
-    Parameters
-    ----------
-    table, imu : open devices; both are closed while the cause is searched for on their ports
-    link : how they are reached
-    check_cancelled : called from time to time; may raise
-
+    Both are closed while the cause is searched for on their ports; `check_cancelled` is called meanwhile and may raise.
     Raises DeviceFaultError: a device does not answer, or is another one.
     """
     try:
@@ -136,10 +131,7 @@ def table_on_imu_port(link: LinkSettings) -> bool:
 
 
 def find_unit_number(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> tuple[int, str] | None:
-    """Number and model of the profile's table on its port under another Modbus unit number, or None.
-
-    `tried` is called with the share of the numbers that have been tried.
-    """
+    """Number and model of the profile's table under another Modbus unit number, or None; `tried` reports the share."""
     modbus = link.table.modbus
     if modbus is None:
         return None
@@ -155,10 +147,7 @@ def find_unit_number(link: LinkSettings, tried: Callable[[float], None] = lambda
 
 
 def find_units(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> list[FoundUnit]:
-    """All Modbus units on the table's port, with the models of every Modbus profile of this site.
-
-    `tried` is called with the share of the numbers that have been tried.
-    """
+    """All Modbus units on the table's port, with the models of every Modbus profile of this site."""
     profiles, units = _modbus_profiles(link), []
     for i, number in enumerate(NUMBERS):
         tried(i / len(NUMBERS))

@@ -37,13 +37,7 @@ class ImuSession:
 def open_imu_session(
     progress: ProgressCallback, setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[ImuSession]:
-    """Open the IMU alone; closed on exit.
-
-    Parameters
-    ----------
-    progress : called when the link is open, and when the unit is identified
-    setup : station and product
-    check_cancelled : called while a virtual bench starts; may raise
+    """Open the IMU alone; closed on exit. `check_cancelled` is called while a virtual bench starts and may raise.
 
     Raises DeviceFaultError, ConfigurationError: the port or the unit cannot be used.
     """
@@ -62,15 +56,7 @@ def capture_rest(
 ) -> VerificationData:
     """Capture the corrected output of a unit at rest, and its raw output if it provides both.
 
-    Afterwards the unit streams its raw output.
-
-    Parameters
-    ----------
-    session : with the unit
-    setup : station and product
-    check_cancelled : called from time to time; may raise
-
-    Raises DeviceFaultError: no rest without a gap came in time.
+    Afterwards the unit streams its raw output. Raises DeviceFaultError: no rest without a gap came in time.
     """
     raw = VerificationData((_rest(session, setup, check_cancelled, corrected=False),), REST)
     if setup.corrected is not Output.ASKED:
@@ -105,11 +91,7 @@ def read_contiguous(
 
     A unit that restarts meanwhile has fallen back to its raw output, or to none, so its output is selected again.
 
-    Parameters
-    ----------
-    session : with the unit
     ready : status bits of a unit that is ready; 0 for none
-    count : number of samples
     on_samples : called with the number of samples so far; may raise
     corrected : whether the unit applies its registers
     """

@@ -37,13 +37,7 @@ _SHOWN = 120
 
 @dataclass
 class ImuTest:
-    """The test of an open IMU.
-
-    setup : station and product
-    at : endpoints of the station
-    settings : serial settings of the IMU's port
-    progress : called during the test
-    """
+    """The test of an open IMU; `settings` are those of its serial port."""
 
     imu: StreamedImu
     setup: ResolvedConfiguration
@@ -174,15 +168,7 @@ class ImuTest:
 def find_baud_rate(
     port: str, settings: SerialSettings, profile: ImuProfile, progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Find the baud rate at which frames come on a port, by listening only.
-
-    Parameters
-    ----------
-    port : of the IMU
-    settings : at which no frames come
-    profile : whose frames are expected
-    progress : called for every baud rate
-    """
+    """Find the baud rate at which frames of a profile come on a port, by listening only; none come at `settings`."""
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         progress(0.4 + 0.6 * i / len(others), note="trying_bauds")

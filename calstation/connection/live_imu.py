@@ -42,18 +42,13 @@ def apply_to_unit(
     found: FloatArray,
     seconds: float = SECONDS,
 ) -> Applied | OtherUnit:
-    """Apply a solution to the unit in the fixture, without the table. Nothing moves, nothing is written.
+    """Apply a solution to the unit in the fixture for some seconds, without the table; nothing moves or is written.
 
     A stream that the unit's registers have corrected is left as it is. On the virtual bench the unit of the recording
     is in the fixture, if the recording names it.
 
-    Parameters
-    ----------
-    progress : called during the capture
     path : recording that was solved
-    station, product : files; None for the default
     before, found : parameters before and after the solution, SI, shape (30,) each
-    seconds : length of the capture, s
 
     Raises DeviceFaultError, ConfigurationError: the unit cannot be read; InputError: the recording cannot be read;
     InsufficientDataError: the unit is not at rest.

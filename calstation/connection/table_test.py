@@ -41,14 +41,9 @@ def query_table(
     port: str,
     progress: ProgressCallback,
 ) -> Iterator[Finding]:
-    """Yield the findings of an open table, up to the first that makes the others meaningless.
+    """Yield the findings of an open table, not identified yet, up to the first that makes the others meaningless.
 
-    Parameters
-    ----------
-    table : open, not identified yet
-    profile : of the table, with the station's timeout and unit number
-    settings, port : of its link
-    progress : called during the test
+    `profile` has the station's timeout and unit number.
     """
     progress(0.5, note="asking")
     try:

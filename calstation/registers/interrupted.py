@@ -44,14 +44,6 @@ def recover_interrupted(
     decides; without a decision the run is refused and the choices are reported. New registers are left for the run's
     own table to verify once it is ready; on a manual rig they are verified here, at rest.
 
-    Parameters
-    ----------
-    devices : open devices
-    setup : the run's configuration
-    runs : folder of the runs
-    emit : receives messages
-    check_cancelled : called from time to time; may raise
-
     Raises DeviceFaultError: no decision was made, the output is wrong, or the link failed.
     """
     request, imu, table = setup.request, devices.imu, devices.table

@@ -46,10 +46,8 @@ _WITHOUT_MEANING = {"tolerance", "range"}
 
 @dataclass(frozen=True)
 class UnitType:
-    """Model of a unit, and the profile and product with which it was written; "" if unknown.
+    """Model of a unit as it reports it, and the names of profile and product with which it was written; "" if unknown.
 
-    model : as the unit reports it
-    profile, product : names
     map : digest of the profile's registers, as far as they define what a content means
     """
 
@@ -66,11 +64,7 @@ class UnitType:
 
 @dataclass(frozen=True)
 class Purpose:
-    """Who wants a transfer, and what for: run, hand or restore.
-
-    source : log or set of values that the new registers come from
-    unit_type : type of the unit; empty if it was not recorded
-    """
+    """Who wants a transfer, and what for (run, hand or restore); `source` is the log or set of values behind it."""
 
     by: str | None
     why: str
@@ -145,15 +139,7 @@ def begin(
     purpose: Purpose,
     site: Path | None = None,
 ) -> Transfer:
-    """Record an intention; it is on disk when this returns.
-
-    Parameters
-    ----------
-    runs : folder of the runs
-    serial : serial number of the unit
-    old, new : registers before and as intended, by parameter, SI
-    purpose : of the transfer
-    site : the site's folder for a unit on hardware, None for one of a virtual bench
+    """Record an intention, old and new registers by parameter in SI; it is on disk when this returns.
 
     Raises ConfigurationError: the journal is damaged or cannot be written; nothing was written to the unit.
     """
@@ -170,11 +156,8 @@ def begin(
 def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]:
     """Every transfer to a unit, oldest first.
 
-    Parameters
-    ----------
-    runs : folder of the runs; also of transfers on hardware from before the site had journals
-    serial : serial number of the unit
-    site : see `begin`
+    `site` is the site's folder for a unit on hardware, None for one of a virtual bench, whose journal is beside the
+    `runs`. There are also transfers on hardware from before the site had journals.
 
     Raises ConfigurationError: a journal cannot be read, or does not read as it was written.
     """

@@ -72,12 +72,6 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
     New registers with a wrong output are taken back. After a stop or a fault of the table following the write they
     stay written and their transfer stays open: the next start offers to finish or to restore it.
 
-    Parameters
-    ----------
-    operation : what to do
-    emit : receives events
-    control : the operator's commands
-
     Raises InputError: there is nothing to finish, or the journal does not know the transfer; ConfigurationError: the
     journal cannot be written; nothing was written to the unit; DeviceFaultError: another unit answers, an earlier
     transfer is open, a value is out of range, or the link fails.
@@ -121,11 +115,7 @@ class _Work:
 
     @classmethod
     def of(cls, operation: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_Work":
-        """Find out what there is to do.
-
-        Raises InputError if there is nothing to finish or restore, or if it is of another type of unit;
-        ConfigurationError for a worn out flash.
-        """
+        """Find out what there is to do. Raises InputError, or ConfigurationError for a worn out flash."""
         request, site = operation.request, journal_folder(setup.station)
         runs, serial = request.out, request.serial
         entry = journal.interrupted(runs, serial, site)
@@ -149,10 +139,7 @@ class _Work:
         return self.entry is not None and self.operation.what == "restore"
 
     def unchanged(self, imu: Imu) -> Settled | None:
-        """The last event for a unit that has its old registers already; None if there is something to do.
-
-        Raises DeviceFaultError for another unit, or one with another open transfer.
-        """
+        """The last event for a unit that has its old registers already; None if there is something to do."""
         request = self.operation.request
         check_serial(imu, request.serial)
         self.identity = imu.identify()

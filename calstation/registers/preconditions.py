@@ -19,18 +19,11 @@ _NEAR = 0.9
 
 
 def register_map(setup: ResolvedConfiguration) -> RegisterMap:
-    """The register map of the unit's profile."""
     return RegisterMap(tuple(setup.imu.registers))
 
 
 def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
-    """Check that the unit's flash may be written once more, before anything is opened.
-
-    Parameters
-    ----------
-    setup : the unit and its profile
-    runs : folder of the runs
-    emit : receives warnings
+    """Check that the unit's flash may be written once more, before anything is opened; warns when that is near.
 
     Raises ConfigurationError: the profile's `flash_cycles_max` is reached, or the journal is damaged.
     """
@@ -72,10 +65,7 @@ def check_unit_model(entry: Transfer, model: str) -> None:
 
 
 def check_interrupted(setup: ResolvedConfiguration, runs: Path) -> None:
-    """Check, before anything is opened, that the unit's interrupted transfer was to a unit of the same type.
-
-    Raises InputError.
-    """
+    """Check, before anything is opened, the type of unit of the interrupted transfer; raises InputError."""
     entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
     if entry is not None:
         check_register_map(entry, setup)

@@ -54,7 +54,6 @@ class UnitRegisters:
         return {register.parameter: register.value for register in self.registers}
 
     def to_json(self) -> dict[str, Any]:
-        """JSON-ready."""
         return asdict(self)
 
     @classmethod
@@ -87,12 +86,6 @@ class TargetRegisters:
 def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> UnitRegisters:
     """Read the registers of the unit in the fixture. Nothing moves, nothing is written.
 
-    Parameters
-    ----------
-    progress : called during the work
-    request : station and product
-    runs : folder of the runs, whose journals count flash cycles
-
     Raises DeviceFaultError, ConfigurationError: the unit cannot be read.
     """
     setup = resolve_configuration(request)
@@ -106,12 +99,6 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
 
     If its run wrote registers these are it; registers that it kept are left out. A result that was found after the
     unit's registers is combined with those that its log says were applied.
-
-    Parameters
-    ----------
-    progress : called during the work
-    request : station and product
-    result : of a run
 
     Raises InputError: the log is needed and missing, or the result is of another IMU profile than the product's.
     """
@@ -150,15 +137,7 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
 def unit_registers(
     setup: ResolvedConfiguration, identity: ImuIdentity, values: Mapping[str, float], runs: Path
 ) -> UnitRegisters:
-    """What a unit holds.
-
-    Parameters
-    ----------
-    setup : station and product
-    identity : of the unit
-    values : content of its registers, SI by parameter
-    runs : folder of the runs
-    """
+    """What a unit holds: `values` of its registers, SI by parameter, and the flash cycles in its journal."""
     return UnitRegisters(
         identity.serial,
         identity.model,

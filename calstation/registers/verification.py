@@ -72,7 +72,6 @@ class VerificationCheck:
         return abs(self.value - self.expected) <= self.tolerance
 
     def to_json(self) -> dict[str, Any]:
-        """As a result holds it."""
         return {**asdict(self), "passed": self.passed}
 
 
@@ -93,15 +92,8 @@ def finish_verification(
 ) -> None:
     """Verify the output after new registers and close the transfer; restore the old registers if it is wrong.
 
-    Parameters
-    ----------
-    setup : the configuration of the unit
-    imu : the unit
-    done : the transfer
-    data : output of the unit
-    run_in_background : runs work while the table is looked after; None if no table moves
-
-    Raises DeviceFaultError: the output is wrong.
+    `run_in_background` runs work while the table is looked after; None if no table moves. Raises DeviceFaultError: the
+    output is wrong.
     """
     run: Callable[[Callable[[], object]], object] = run_in_background or (lambda work: work())
     wrong = _wrong_checks(setup, done, data, restored=False)
@@ -112,10 +104,7 @@ def finish_verification(
 
 
 def finish_restored(setup: ResolvedConfiguration, done: Transferred, data: VerificationData) -> None:
-    """Close the transfer of registers that were restored, whatever the output is.
-
-    Raises DeviceFaultError if the output is wrong.
-    """
+    """Close the transfer of restored registers; raises DeviceFaultError afterwards if the output is wrong."""
     entry = done.entry
     wrong = _wrong_checks(setup, done, data, restored=True)
     entry.note(Step.REFUTED if wrong else verification_step(data))
@@ -180,12 +169,7 @@ def verify_output(
 ) -> tuple[VerificationCheck, ...]:
     """Compare a unit's corrected output with what it should be.
 
-    Parameters
-    ----------
-    data : output of the unit
-    registers : that the unit applies
     covariance : of the parameters in the registers, SI, shape (30, 30)
-    context : site, noise and table
     repeatability : of the table's positions, rad, one sigma
     """
     checks: list[VerificationCheck] = []
@@ -223,14 +207,9 @@ def compare(
     context: SolveContext,
     repeatability: float,
 ) -> tuple[VerificationCheck, ...]:
-    """Compare each rest and each turn of a unit's own output with its reference.
+    """Compare each rest and each turn of a unit's own output with a reference without the registers.
 
-    Parameters
-    ----------
-    data, reference : output with and without the registers
-    registers : that the unit applies, and that the reference has
-    context : site, noise and table
-    repeatability : of the table's positions, rad, one sigma
+    `repeatability` is that of the table's positions, rad, one sigma.
     """
     seen, expected = np.array(data.rests), _expected(np.array(reference.rests), registers)
     checks = []
@@ -251,10 +230,7 @@ def compare(
 
 
 def without_register(belief: Belief, held: Mapping[str, float]) -> FloatArray:
-    """Covariance of a belief, shape (30, 30), widened by the parameters for which the unit has no register.
-
-    `held` has the registers by parameter.
-    """
+    """Covariance of a belief, shape (30, 30), widened by the parameters without a register in `held`."""
     left = np.array([0.0 if name in held else value for name, value in zip(NAMES, belief.mean, strict=True)])
     return np.asarray(belief.covariance + np.diag(left**2))
 
@@ -391,10 +367,7 @@ def _rate_scatter(seconds: float, imu: ImuModel) -> float:
 
 
 def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float) -> FloatArray:
-    """Covariance of a turn difference, rad², shape (3, 3): the joint's angle along it, the other joint's across it.
-
-    `seconds` are the durations of the turn and of a rest.
-    """
+    """Covariance of a turn difference, rad², shape (3, 3): the joint's angle along it, the other joint's across it."""
     duration, rest = seconds
     size = float(np.linalg.norm(turn))
     along = np.outer(turn, turn) / size**2

@@ -78,15 +78,7 @@ def parameter_of(name: str) -> str | None:
 def to_registers(
     sensor: str, values: Mapping[str, float], slots: Iterable[str], matrix: Convention, offset: Convention
 ) -> dict[str, float]:
-    """Values of a sensor's slots.
-
-    Parameters
-    ----------
-    sensor : ``gyro`` or ``accel``
-    values : parameters by contract name, SI; those without a slot count as 0
-    slots : slots of this sensor that have registers
-    matrix, offset : conventions of the two
-    """
+    """Values of a sensor's slots from parameters by contract name, SI; those without a slot count as 0."""
     present = set(slots)
     held = {slot: parameter_of(slot) for slot in present}
     error = np.eye(3)
@@ -112,12 +104,6 @@ def to_registers(
 
 def from_registers(sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention) -> dict[str, float]:
     """Parameters from the values of a sensor's slots, SI; NaN if their matrix cannot be inverted.
-
-    Parameters
-    ----------
-    sensor : ``gyro`` or ``accel``
-    held : values by slot
-    matrix, offset : conventions of the two
 
     Raises DeviceFaultError if an accelerometer's matrix is not lower triangular: the error model has no such matrix.
     """
@@ -156,7 +142,7 @@ def _inverse(matrix: FloatArray) -> FloatArray:
 
 
 def legal_range(slot: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
-    """Lowest and highest value of a slot over all units whose parameters are within `sigmas`; None if unknown.
+    """Lowest and highest value of a slot over all units within `sigmas`; None if unknown.
 
     To first order, widened by half: products of parameters are small.
     """

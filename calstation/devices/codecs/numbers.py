@@ -96,14 +96,9 @@ class Number:
     def column(
         self, wire: NDArray[np.uint8], byte_order: ByteOrder, word_order: WordOrder | None = None
     ) -> FloatArray | IntArray:
-        """Values of many numbers at once.
+        """Values of many numbers at once from their bytes, shape (n, width).
 
-        Parameters
-        ----------
-        wire : their bytes, shape (n, width)
-
-        Returns an array of shape (n,): int64 for whole numbers (of u64 the lower 63 bits and a sign), float64
-        otherwise.
+        Returns int64 for whole numbers (of u64 the lower 63 bits and a sign), else float64, shape (n,).
         """
         plain = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":

@@ -47,14 +47,7 @@ _DRIVERS: dict[str, Callable[[SerialLink, ImuProfile], RegisteredImu]] = {
 
 
 def open_imu(link: SerialLink, profile: ImuProfile, serial: str) -> StreamedImu:
-    """The driver of an IMU, not streaming yet.
-
-    Parameters
-    ----------
-    link : open port
-    profile : IMU profile
-    serial : serial number as given by the operator, used if the unit cannot report its own
-    """
+    """The driver of an IMU, not streaming yet; the operator's `serial` is used if the unit cannot report its own."""
     if profile.protocol == "stream":
         return SilentImu(link, profile, serial)
     return _DRIVERS[profile.protocol](link, profile)

@@ -17,11 +17,7 @@ _REPLY_HEADER = 2  # op, payload length
 
 @dataclass(frozen=True)
 class Frames:
-    """Valid frames that carry the samples' fields, in order.
-
-    raw : each frame's bytes
-    columns : raw numbers of their fields, one per frame
-    """
+    """Valid frames that carry the samples' fields, in order: each one's bytes, and the raw numbers of its fields."""
 
     raw: tuple[bytes, ...]
     columns: Columns

@@ -102,13 +102,9 @@ def transfer(
 ) -> Transferred:
     """Write the parameters that have registers; registers of other parameters keep their values.
 
-    Parameters
-    ----------
-    imu, registers : the unit and its register map
-    serial : serial number of the unit
     values : new values by contract name, SI; names without a register are ignored
     begin : records the intention before anything is written
-    old : its `flash_registers` if just read; None to read them here
+    old : the unit's `flash_registers` if just read; None to read them here
 
     Raises DeviceFaultError: another unit answers, a value does not fit, the link fails, or a register reads back
     differently.
@@ -121,10 +117,7 @@ def transfer(
 
 
 def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
-    """Continue an open entry; nothing is written if the unit's flash holds the new values already.
-
-    Raises DeviceFaultError as `transfer`.
-    """
+    """Continue an open entry; writes nothing if the flash holds the new values already. Raises as `transfer`."""
     if recognise(imu, entry, registers) is Holds.NEW:
         entry.note(Step.RESTARTED)
         return Transferred(entry, dict(entry.new))
@@ -132,10 +125,7 @@ def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
 
 
 def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, float]:
-    """Restore the old values of an open entry and close it; returns what the unit then holds.
-
-    Raises DeviceFaultError as `transfer`.
-    """
+    """Restore the old values of an open entry and close it; returns what the unit then holds. Raises as `transfer`."""
     if recognise(imu, entry, registers) is Holds.OLD:
         entry.close(Closing.KEPT)
         return dict(entry.old)
@@ -145,16 +135,13 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
 
 
 def put_back(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
-    """Write the old values of an open entry and leave it open. Raises DeviceFaultError as `transfer`."""
+    """Write the old values of an open entry and leave it open. Raises as `transfer`."""
     entry.note(Step.RESTORING)
     return _put(imu, registers, entry, entry.old)
 
 
 def recognise(imu: Imu, entry: Entry, registers: RegisterMap) -> Holds:
-    """Restart the unit and determine which values of an entry its flash holds.
-
-    Raises DeviceFaultError if another unit answers or the link fails.
-    """
+    """Restart the unit and determine which values its flash holds; raises DeviceFaultError for another unit."""
     check_serial(imu, entry.serial)
     found = flash_registers(imu)
     if not registers.differing(entry.new, found):

@@ -27,12 +27,7 @@ POLL = 0.02
 
 
 class RegisteredImu(StreamedImu):
-    """An IMU whose link carries commands to its registers.
-
-    replies : packets that answer commands
-    commit_timeout : host time that burning the flash may take, s
-    reset_timeout : host time for the unit to answer again after a reset, s
-    """
+    """An IMU whose link carries commands to its registers; `replies` are the packets that answer them."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind) -> None:
         super().__init__(link, profile, replies)
@@ -95,10 +90,7 @@ class RegisteredImu(StreamedImu):
         self._burns_until = 0.0
 
     def reset(self) -> None:
-        """Restart the unit once its flash is burnt, wait until it has, and resume the stream.
-
-        Raises DeviceFaultError if it does not answer again, or has not restarted.
-        """
+        """Restart the unit once its flash is burnt and resume the stream; raises DeviceFaultError if it does not."""
         self._wait_for_commit()
         mark = self._mark()
         deadline = time.monotonic() + self._reset_timeout

@@ -39,10 +39,7 @@ class RegisterMap:
         return tuple(name for name in held if name)
 
     def encode(self, values: Mapping[str, float]) -> dict[int, list[float]]:
-        """Numbers of every entry by its key (address, and page above 16 bits), as the registers hold them.
-
-        Raises DeviceFaultError: a value does not fit its register.
-        """
+        """Numbers of each entry by its key, as registers hold them; raises DeviceFaultError if a value does not fit."""
         held = self._held(values)
         return {
             entry.key: [_fitted(entry, i, held.get(name, 0.0)) for i, name in enumerate(entry.names)]
@@ -50,10 +47,7 @@ class RegisterMap:
         }
 
     def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
-        """Parameters in SI from numbers by the entries' keys.
-
-        Raises DeviceFaultError if no parameters of the error model produce them.
-        """
+        """Parameters, SI, from numbers by the entries' keys; raises DeviceFaultError if the error model has none."""
         held = {
             name: registers[entry.key][i] * entry.scale
             for entry in self.entries

@@ -14,9 +14,7 @@ _FARTHEST = 2.0**40
 
 
 class SampleCount:
-    """Counts samples by the frame's counter field.
-
-    frame : its field `counter` is a clock if it counts more than one per sample
+    """Counts samples by the frame's field `counter`, which is a clock if it counts more than one per sample.
 
     gaps : interruptions so far
     restarts : interruptions at which the counter, or the clock, restarted
@@ -33,14 +31,10 @@ class SampleCount:
         self.gaps = self.restarts = 0
 
     def in_order(self, raw: IntArray) -> IntArray:
-        """Select and order further samples by their counter.
+        """Indices that select and order further samples by their raw counter, shape (m,), m ≤ n.
 
         A frame that came twice, or so late that its successors are counted already, is left out; one that was
         overtaken by a few is put back in order.
-
-        raw : the counter as received, shape (n,)
-
-        Returns indices of `raw`, shape (m,), m ≤ n.
         """
         if not len(raw):
             return np.arange(0)
@@ -68,12 +62,7 @@ class SampleCount:
         return np.asarray(np.rint(signed / self._per_sample).clip(-_FARTHEST, _FARTHEST).astype(np.int64))
 
     def feed(self, raw: IntArray) -> IntArray:
-        """Continuous count of further samples.
-
-        raw : the counter as received, shape (n,)
-
-        Returns an array of shape (n,).
-        """
+        """Continuous count of further samples from their raw counter."""
         if not len(raw):
             return raw
         seq = self._of_clock(raw) if self._is_clock else self._of_counter(raw)

@@ -117,17 +117,11 @@ class StreamedImu(Imu):
         self._link.close()
 
     def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
-        """Send a command and wait for its reply.
+        """Send a command and wait for its reply, `timeout` s of host time in each attempt.
 
         A late reply could be mistaken for the next command's. So a command whose answer has the signature of one that
-        may still come is only sent after the unit has answered a question with another signature.
-
-        Parameters
-        ----------
-        question : the command
-        timeout : host time for each attempt, s
-        attempts : number of attempts
-        urgent : the command may be sent twice and must not wait: it is sent at once, and again if needed
+        may still come is only sent after the unit has answered a question with another signature. An `urgent` command
+        must not wait and may be sent twice: it is sent at once, and again if needed.
 
         Raises DeviceFaultError: no acceptable reply comes, or the link is lost.
         """

@@ -57,10 +57,6 @@ class ModbusLink:
     """Holding registers of one Modbus unit over TCP or RTU; not for use by two threads at once.
 
     port : `tcp://host:port`, or for RTU a serial port, also as `usb:SERIALNUMBER`
-    unit : Modbus unit number
-    timeout : host time for an answer, s
-    serial : settings of a serial port
-
     greet : called after each reopening, before any other transfer; raises DeviceFaultError if another device answers
     """
 
@@ -80,13 +76,7 @@ class ModbusLink:
         return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read registers; a lost transfer is repeated.
-
-        Parameters
-        ----------
-        address : of the first register
-        count : number of registers
-        unit : another unit on the line; None for the link's own
+        """Read registers of the link's own unit, or of another one on the line; a lost transfer is repeated.
 
         Raises DeviceFaultError: the device refuses, or does not answer.
         """

@@ -171,12 +171,7 @@ class Barriers:
 
 
 class RtuLine:
-    """A serial line with Modbus units; not for use by two threads at once.
-
-    timeout : host time for an answer, s
-
-    received : the bytes received last, valid or not
-    """
+    """A serial line with Modbus units; not for use by two threads at once. `received` are the bytes received last."""
 
     def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
         self.received = b""

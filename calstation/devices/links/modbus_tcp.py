@@ -17,12 +17,9 @@ logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors become De
 
 
 class TcpConnection:
-    """A connection to a Modbus server. Any error closes it; the next request opens a new one.
+    """A connection to a Modbus server, `tcp://host:port`. Any error closes it; the next request opens a new one.
 
-    port : `tcp://host:port`; timeout : host time for an answer, s
-
-    received : the bytes received last, valid or not
-    open : whether it is open
+    `received` are the bytes received last, valid or not.
     """
 
     def __init__(self, port: str, timeout: float) -> None:

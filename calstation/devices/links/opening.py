@@ -47,13 +47,7 @@ def host_and_port(url: str) -> tuple[str, int] | None:
 
 
 def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, Text | None]:
-    """Try to open a port that could not be opened, and find out why.
-
-    Parameters
-    ----------
-    port : as in a station file
-    settings : of a serial port
-    timeout : host time for a connection, s
+    """Try to open a port that could not be opened, within `timeout` s over the network, and find out why.
 
     Returns the kind of reason, and the system's own reason if the kind does not say it all. A port that can be opened
     now counts as "other".
@@ -75,14 +69,7 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
 
 @contextmanager
 def explained(device: Device, port: str, timeout: float) -> Iterator[None]:
-    """While a connection over the network is opened: if it fails, raise a fault that says why.
-
-    Parameters
-    ----------
-    device : whose port it is
-    port : as in a station file
-    timeout : host time for a connection, s
-    """
+    """While a connection over the network is opened: if it fails, raise a fault that says why."""
     try:
         yield
     except DeviceFaultError as fault:

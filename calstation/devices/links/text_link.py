@@ -92,11 +92,7 @@ class TextLink:
 
     A reply seldom says what it replies to, and a late one looks like the next line's. So after an unanswered line a
     question with a distinct answer is sent, and no reply is accepted before that answer. After the link was reopened
-    the table is identified before any command is sent.
-
-    port : as in a station file; `tcp://host:port` for a socket
-
-    received : the bytes received last, valid or not
+    the table is identified before any command is sent. `received` are the bytes received last, valid or not.
     """
 
     def __init__(self, port: str, section: TextSection, serial: SerialSettings) -> None:
@@ -120,11 +116,7 @@ class TextLink:
         self._new = False
 
     def ask(self, line: str, answer: re.Pattern[str]) -> str:
-        """Send a question and wait for its reply; a lost one is asked for again.
-
-        Raises TextRefusalError: the table refuses it; DeviceFaultError: no reply comes, the port is lost, or another
-        table answers.
-        """
+        """Send a question and wait for its reply, repeatedly. Raises TextRefusalError, DeviceFaultError."""
         for _ in range(_ATTEMPTS):
             if self._synchronised() and (reply := self._exchange(line, answer)) is not None:
                 if line == self._identity:

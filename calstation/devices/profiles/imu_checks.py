@@ -33,14 +33,7 @@ def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:
 
 
 def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name: str = "frame") -> None:
-    """Check that the serial line can carry a stream.
-
-    Parameters
-    ----------
-    settings : of the line
-    frame, name : frame of the stream, and its name in the profile
-    rate : samples per second
-    """
+    """Check that the serial line can carry a stream of `rate` samples per second; `name` is the frame's."""
     size = frame.min_size(("counter", *CHANNELS))
     needed = settings.bits_per_byte * size * rate
     if needed > settings.baud:
@@ -74,13 +67,8 @@ def check_sync(frame: FrameSection, reply_sync: bytes) -> None:
 
 
 def check_corrected(section: CorrectedSection, protocol: str, order: str, raw: tuple[int, ...] | None) -> None:
-    """Check that `[corrected]` fits the rest of its profile.
+    """Check that `[corrected]` fits the protocol of its profile and the order of stream and registers.
 
-    Parameters
-    ----------
-    section : the section
-    protocol : protocol of the unit's commands
-    order : order of stream and registers
     raw : values that switch the raw stream on and off; None if the link has no such switch
     """
     if order == "after_registers":

@@ -138,16 +138,11 @@ class RegisterEntry(StrictModel):
 def check_registers(
     entries: Sequence[RegisterEntry], sigmas: Mapping[str, float], without: Sequence[str], *, pages: bool
 ) -> None:
-    """Check a register map as a whole.
+    """Check a register map as a whole; raises EntryError for the first wrong entry.
 
-    Parameters
-    ----------
-    entries : the map
     sigmas : standard deviations of the parameters' priors, SI
     without : parameters and groups that the profile declares to have no register
     pages : whether the link can select pages
-
-    Raises EntryError for the first wrong entry.
     """
     for register in entries:
         with entry("registers", register.row):

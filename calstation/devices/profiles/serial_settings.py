@@ -8,10 +8,7 @@ from calstation.schema import EntryError, StrictModel
 
 
 class SerialSettings(StrictModel):
-    """Settings of a serial port.
-
-    write_timeout_s : host time in which a command must leave
-    """
+    """Settings of a serial port; in `write_timeout_s` of host time a command must leave."""
 
     baud: int = Field(default=115200, ge=50, le=12_000_000)
     data_bits: Literal[5, 6, 7, 8] = 8

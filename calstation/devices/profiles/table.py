@@ -213,13 +213,9 @@ class TableProfile(StrictModel):
         return self.model_copy(update={"modbus": modbus})
 
     def check_endless(self, watchdog: float, rates: tuple[float, float], acceleration: float) -> None:
-        """Check that the table may turn at these rates until it is stopped.
+        """Check that the table may turn at these rates (outer, inner, rad/s) and acceleration until it is stopped.
 
-        Parameters
-        ----------
         watchdog : timeout of the table's watchdog, s; 0 if it is off, infinite if there is none
-        rates : of the outer and the inner axis, rad/s
-        acceleration : rad/s²
 
         Raises ConfigurationError if the table would keep turning after a lost link, or cannot turn that fast.
         """

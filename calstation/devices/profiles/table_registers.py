@@ -181,16 +181,7 @@ class TableMap:
         return self.names("turn_rate") or self.names("target_rate")
 
     def check(self, axes: Sequence[JointSection], encoder_sigma: float, faults: Mapping[str, str]) -> None:
-        """Check that a table can be driven by this map.
-
-        Parameters
-        ----------
-        axes : outer, inner
-        encoder_sigma : degrees
-        faults : meaning of the fault codes
-
-        Raises EntryError for the first wrong entry.
-        """
+        """Check that a table can be driven by this map; raises EntryError for the first wrong entry."""
         self._check_names()
         self._check_overlaps()
         self._check_types()

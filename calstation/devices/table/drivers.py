@@ -12,13 +12,7 @@ from calstation.errors import ConfigurationError
 
 
 def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) -> ModbusTable | TextTable:
-    """The driver of a table on its open port.
-
-    Parameters
-    ----------
-    port : `tcp://host:port`, or a serial port
-    profile : table profile
-    serial : settings of the serial port; None for the profile's
+    """The driver of a table on its open port; `serial` replaces the profile's settings of a serial port.
 
     Raises DeviceFaultError, ConfigurationError: the port cannot be opened.
     """

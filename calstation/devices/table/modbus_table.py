@@ -7,10 +7,7 @@ from calstation.errors import DeviceFaultError
 
 
 class ModbusTable(RegisterTable):
-    """The table of a profile on a port.
-
-    port : `tcp://host:port`, or a serial port for RTU
-    """
+    """The table of a profile on a port, `tcp://host:port` or a serial port for RTU."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         modbus = profile.modbus

@@ -56,11 +56,8 @@ def _words(register: ModbusRegister, raw: float) -> list[int]:
 
 
 class RegisterTable(Table):
-    """The table of a profile on a link.
+    """The table of a profile on a link. Moves are absolute, so a repeated transfer never adds to a motion.
 
-    Moves are absolute, so a repeated transfer never adds to a motion; homing is never repeated.
-
-    link : carries the registers
     gap : unused registers that may be read along with used ones
     inner : carries the registers of the inner axis's own drive, if it has one
     """

@@ -47,10 +47,7 @@ class ImuWords:
 
 
 class SharedTable(RegisterTable):
-    """The axes of a profile on the link of the IMU that they belong to.
-
-    Raises ConfigurationError: the IMU's commands cannot carry registers.
-    """
+    """The axes of a profile on their IMU's link; raises ConfigurationError if its commands cannot carry registers."""
 
     def __init__(self, imu: StreamedImu, profile: TableProfile, *, owned: bool = False) -> None:
         if not isinstance(imu, FramedImu):

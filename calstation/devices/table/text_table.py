@@ -18,11 +18,9 @@ Answers = dict[str, list[dict[str, str]]]
 
 
 class TextTable(Table):
-    """The table of a profile on a port.
+    """The table of a profile on a port, serial or `tcp://host:port`.
 
     Moves are absolute, so a line sent again never adds to a motion; homing is never sent twice.
-
-    port : `tcp://host:port`, or a serial port
     """
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
