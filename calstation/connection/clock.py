@@ -31,11 +31,9 @@ class RealClock:
     tick = TICK
 
     def now(self) -> float:
-        """Monotonic time, s."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Let time pass."""
         time.sleep(seconds)
 
     idle = sleep
@@ -93,7 +91,6 @@ class BenchClock:
         self._ask({"carry": [outer, inner], "rest": rest})
 
     def close(self) -> None:
-        """Close the connection."""
         self._file.close()
         self._socket.close()
 

@@ -141,7 +141,6 @@ def link_settings(setup: ResolvedConfiguration, table: str, imu: str) -> LinkSet
 
 
 def imu_settings(setup: ResolvedConfiguration) -> SerialSettings:
-    """The station's serial settings of the IMU, else its profile's."""
     return setup.station.imu.serial or setup.imu.link
 
 

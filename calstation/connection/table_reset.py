@@ -24,12 +24,7 @@ _POLL_INTERVAL = 0.1
 
 @dataclass(frozen=True)
 class TableState:
-    """The state of a station's table.
-
-    outer_deg, inner_deg : joint angles, None if they are not measured
-    watchdog_s : 0 if it is off, None if the table has none
-    fault : what is latched, or None
-    """
+    """The state of a station's table; angles are None if not measured, `watchdog_s` 0 if off, None without one."""
 
     model: str
     serial: str
@@ -60,7 +55,6 @@ class TableReset:
 
     @property
     def clear(self) -> bool:
-        """Whether nothing is latched now."""
         return self.left is None
 
 

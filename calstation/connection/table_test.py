@@ -162,5 +162,4 @@ def _no_text(
 
 
 def _valid(frame: bytes) -> bool:
-    """Whether the checksum of an RTU frame is right."""
     return len(frame) > 3 and check_bytes("crc16_modbus", frame[:-2], "little") == frame[-2:]

@@ -20,12 +20,10 @@ class OtherModelError(DeviceFaultError):
 
     @property
     def found(self) -> str:
-        """What the device reports."""
         return str(self.values["found"])
 
     @property
     def expected(self) -> str:
-        """What the profile states."""
         return str(self.values["expected"])
 
 
@@ -35,8 +33,6 @@ class NoFramesError(DeviceFaultError):
 
 @dataclass(frozen=True)
 class TableIdentity:
-    """Identity of a table."""
-
     model: str
     serial: str
 
@@ -87,10 +83,8 @@ class Table(Protocol):
         """Start both joints towards absolute angles, rad, with rad/s and rad/s² at most; does not wait."""
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Turn both joints endlessly, rad/s and rad/s², until stopped; does not wait.
-
-        Raises ConfigurationError if the table would not stop by itself after a lost link: without an active watchdog,
-        and if the profile states no stop of its own.
+        """Turn both joints endlessly, rad/s and rad/s², until stopped; does not wait. Raises ConfigurationError if the
+        table would not stop by itself after a lost link: no active watchdog, and no stop of its own in the profile.
         """
 
     def stop(self) -> None:
@@ -108,8 +102,6 @@ class Table(Protocol):
 
 @dataclass(frozen=True)
 class ImuIdentity:
-    """Identity of an IMU."""
-
     model: str
     serial: str
     firmware: str

@@ -29,7 +29,6 @@ class UnverifiedTransfer:
     open: bool = True
 
     def verify_output(self, data: VerificationData, run_in_background: RunInBackground) -> None:
-        """Verify it. Raises DeviceFaultError if the output is wrong; the old registers are restored then."""
         self.open = False
         finish_verification(self.setup, self.imu, self.done, data, run_in_background)
         self.on_verified()

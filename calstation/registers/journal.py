@@ -58,7 +58,6 @@ class UnitType:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "UnitType":
-        """Read a line of the journal."""
         return cls(**{field.name: str(content.get(field.name, "")) for field in fields(cls)})
 
 
@@ -88,14 +87,9 @@ def map_digest(registers: list[RegisterEntry]) -> str:
 
 @dataclass
 class Transfer:
-    """One transfer as the journal has it; implements `transfer.Entry`.
+    """One transfer as the journal has it; implements `transfer.Entry`. `id` increases with time.
 
-    id : of the transfer, increasing with time
     old, new : the unit's registers before, and as intended, by parameter, SI
-    by, why : who wanted it, and what for: run, hand or restore
-    source : log or set of values that they come from
-    unit_type : type of the unit; empty if it was not recorded
-    steps : recorded steps, in order
     closing : how it ended; None while it is open
     """
 

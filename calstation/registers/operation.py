@@ -101,7 +101,6 @@ class _Work:
     entry : the interrupted transfer to complete; None for a new one
     values, source : of the new one, SI by parameter, and where they come from
     earlier : the transfer before which the unit held these values; None for those of a result
-    identity : of the unit, once it has answered
     """
 
     operation: RegisterOperation

@@ -33,13 +33,7 @@ class Register:
 
 @dataclass(frozen=True)
 class UnitRegisters:
-    """What a unit holds; `to_json` and `of` carry it in an event.
-
-    serial, model, firmware : as the unit reports them
-    registers : by increasing address
-    commits : flash cycles that the unit's journal knows
-    virtual : whether the unit is of a virtual bench
-    """
+    """What a unit holds, by increasing address; `commits` are the flash cycles that its journal knows."""
 
     serial: str
     model: str
@@ -50,7 +44,6 @@ class UnitRegisters:
 
     @property
     def values(self) -> dict[str, float]:
-        """SI by parameter."""
         return {register.parameter: register.value for register in self.registers}
 
     def to_json(self) -> dict[str, Any]:
@@ -64,12 +57,7 @@ class UnitRegisters:
 
 @dataclass(frozen=True)
 class TargetRegisters:
-    """The registers that a result asks for, of its unit.
-
-    before : those that its run found and replaced; empty if it wrote none
-    written : those that its run wrote and verified; empty if it did not
-    written_utc : when that was, ISO 8601; "" if unknown
-    """
+    """The registers that a result asks for, and those that its run found and replaced, and wrote and verified."""
 
     serial: str
     registers: tuple[Register, ...]
@@ -79,7 +67,6 @@ class TargetRegisters:
 
     @property
     def values(self) -> dict[str, float]:
-        """SI by parameter."""
         return {register.parameter: register.value for register in self.registers}
 
 

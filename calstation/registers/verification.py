@@ -126,7 +126,6 @@ def close_verified(entry: Entry, data: VerificationData) -> None:
 
 
 def verification_step(data: VerificationData) -> Step:
-    """The journal's step for a verification."""
     if not data.corrected:
         return Step.READ_BACK
     return Step.TURNED if data.turns or len(data.carried) else Step.AT_REST
@@ -236,7 +235,6 @@ def without_register(belief: Belief, held: Mapping[str, float]) -> FloatArray:
 
 
 def _opposite(force: FloatArray) -> list[int] | None:
-    """Two rests upside down to each other, or None."""
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     cosines = up @ up.T
     first, second = np.unravel_index(int(np.argmin(cosines)), cosines.shape)
@@ -246,10 +244,7 @@ def _opposite(force: FloatArray) -> list[int] | None:
 def _earth_rate_up(
     omega: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext, noise: float
 ) -> VerificationCheck:
-    """Vertical earth rate from two rests upside down to each other, free of gyro bias.
-
-    It reveals a wrong latitude, and with it a wrong normal gravity.
-    """
+    """Vertical earth rate from two rests upside down to each other, free of gyro bias; reveals a wrong latitude."""
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
     left = up.mean(axis=0)  # part of the biases that does not cancel
     biases = group_indices("gyro_bias")
@@ -284,9 +279,7 @@ def _carried_turn(
 ) -> VerificationCheck:
     """Angle between gravity at the second rest and gravity carried there by the gyros, rad; needs no encoder.
 
-    angles : corrected output of every sample between the rests, rad, shape (n, 3)
-    force : corrected mean at both rests, m/s², shape (2, 3)
-    covariance : of the parameters, SI, shape (30, 30)
+    `angles` are those of every sample between the rests, rad; `force` is the mean at both rests, m/s².
     """
     sigma = np.sqrt(np.diag(covariance))
     seconds = len(angles) / context.imu.sample_rate

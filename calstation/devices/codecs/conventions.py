@@ -134,7 +134,6 @@ def from_registers(sensor: str, held: Mapping[str, float], matrix: Convention, o
 
 
 def _inverse(matrix: FloatArray) -> FloatArray:
-    """The inverse; NaN if there is none."""
     try:
         return np.asarray(np.linalg.inv(matrix)) if np.all(np.isfinite(matrix)) else np.full((3, 3), np.nan)
     except np.linalg.LinAlgError:

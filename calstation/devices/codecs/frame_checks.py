@@ -52,7 +52,6 @@ def check_bytes(kind: str, data: bytes, byte_order: Literal["little", "big"]) ->
 
 
 def check_function(kind: str) -> CheckFunction:
-    """The function of a check by its name."""
     return _CHECKS[kind][1]
 
 

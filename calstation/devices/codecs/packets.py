@@ -8,10 +8,7 @@ QUOTE_LENGTH = 40
 
 
 class PacketKind(Protocol):
-    """One kind of packet that a stream may carry.
-
-    sync : bytes that begin a packet
-    """
+    """One kind of packet that a stream may carry; `sync` are the bytes that begin it."""
 
     sync: bytes
 

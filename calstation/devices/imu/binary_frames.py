@@ -14,11 +14,7 @@ Column = FloatArray | IntArray
 
 @dataclass(frozen=True)
 class Columns:
-    """Numbers of consecutive packets.
-
-    values : raw numbers by field, shape (n,); 0 or NaN if a packet has none
-    present : which packets have the field, shape (n,)
-    """
+    """Raw numbers of consecutive packets by field, 0 or NaN if a packet has none, and which have one; shape (n,)."""
 
     values: dict[str, Column]
     present: dict[str, BoolArray]
@@ -172,7 +168,6 @@ class Layout:
         self._odd = [(f, at, number(f.type)) for f, at, kind in native if kind is None]
 
     def read(self, packets: bytes) -> dict[str, Column]:
-        """Numbers by field of concatenated packets."""
         rows = np.frombuffer(packets, self._plain)
         with np.errstate(invalid="ignore"):  # a signalling NaN is only a NaN here
             found: dict[str, Column] = {

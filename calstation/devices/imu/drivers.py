@@ -26,7 +26,6 @@ class SilentImu(StreamedImu):
         self._forget_noise()
 
     def identify(self) -> ImuIdentity:
-        """The profile's model and the operator's serial number."""
         return ImuIdentity(self._profile.model, self._serial, "")
 
     def read_registers(self) -> dict[str, float]:

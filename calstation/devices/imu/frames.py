@@ -77,7 +77,6 @@ class FrameDecoder:
         self.since_frame = 0
 
     def feed(self, data: bytes) -> Decoded:
-        """Decode further bytes."""
         buffer = self._buffer + data
         replies: list[Reply] = []
         packets: list[bytes] = []
@@ -112,7 +111,6 @@ class FrameDecoder:
         return Decoded(frames, tuple(replies))
 
     def samples(self, frames: Frames) -> Samples:
-        """The frames that are samples."""
         complete = frames.complete
         rows = slice(None) if complete.all() else complete
         values = frames.columns.values

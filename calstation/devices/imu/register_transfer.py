@@ -150,7 +150,6 @@ def recognise(imu: Imu, entry: Entry, registers: RegisterMap) -> Holds:
 
 
 def check_serial(imu: Imu, serial: str) -> None:
-    """Raise DeviceFaultError if another unit is on the link."""
     found = imu.identify().serial
     if found != serial:
         raise DeviceFaultError("imu.other_unit", found=found, serial=serial)

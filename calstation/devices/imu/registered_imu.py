@@ -63,7 +63,6 @@ class RegisteredImu(StreamedImu):
             time.sleep(POLL)
 
     def identify(self) -> ImuIdentity:
-        """Model, serial number and firmware; raises OtherModelError if another model answers."""
         identity = self._ask_identity()
         if self._profile.model not in identity.model:
             raise OtherModelError("imu.other_model", found=identity.model, expected=self._profile.model)
@@ -185,7 +184,6 @@ class RegisteredImu(StreamedImu):
         """Command the unit, once, to burn its registers, and wait until it has."""
 
     def _burning(self) -> bool:
-        """Whether the unit reports that its commit is not done yet."""
         return False
 
     def _check_idle(self) -> None:

@@ -108,7 +108,6 @@ class RegisterMap:
         return rows
 
     def _held(self, values: Mapping[str, float]) -> dict[str, float]:
-        """SI value of every name of the entries."""
         held = {n: values[n] for entry in self.entries for n in entry.names if n and n not in SLOTS}
         for sensor in SENSORS:
             if own := self._slots(sensor):
@@ -158,7 +157,6 @@ def _near(entry: RegisterEntry, wanted: float, found: float, converted: bool) ->
 
 
 def alike(numbers: Sequence[float], others: Sequence[float]) -> bool:
-    """Every bit of all numbers is the same; any NaN is like any other."""
     return all(_same(a, b) for a, b in zip(numbers, others, strict=True))
 
 

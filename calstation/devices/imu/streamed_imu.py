@@ -34,7 +34,6 @@ class ImuRefusalError(DeviceFaultError):
 
     @property
     def reason(self) -> Text:
-        """The unit's reason, with its remedy."""
         return cast(Text, self.values["reason"])
 
 
@@ -79,7 +78,6 @@ class StreamedImu(Imu):
 
     @property
     def stats(self) -> LinkStats:
-        """Counts since the link was opened."""
         d = self._decoder
         count = self._count
         return LinkStats(self._frames, self._bytes, d.crc_errors, d.skipped, count.gaps, count.restarts)
@@ -193,7 +191,6 @@ class StreamedImu(Imu):
 
     @property
     def lost(self) -> bool:
-        """Whether the link has failed for good."""
         return self._failure is not None
 
     def _expect(self, frame: FrameSection) -> None:
@@ -227,7 +224,6 @@ class StreamedImu(Imu):
             raise NoFramesError("imu.no_frames", port=self._link.port)
 
     def _serve(self) -> None:
-        """The thread of the port: read, decode, queue, send."""
         try:
             while not self._closing.is_set():
                 while not self._outbox.empty():

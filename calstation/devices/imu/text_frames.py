@@ -35,7 +35,6 @@ class TextLine:
         return stated.upper() == check.encode()
 
     def body(self, packet: bytes) -> bytes:
-        """The line up to the mark."""
         return packet.rpartition(self._mark)[0]
 
 

@@ -81,7 +81,6 @@ class VectorNavImu(RegisteredImu):
         return self.exchange(self._question(words), timeout=timeout or self._section.timeout_s, attempts=attempts)
 
     def _other_questions(self) -> Iterator[Question[list[str]]]:
-        """Questions for the content of its registers."""
         for register in (*_IDENTITY, *(entry.address for entry in self._registers.entries)):
             yield self._question(f"VNRRG,{register}")
 

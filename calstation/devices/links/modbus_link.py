@@ -35,7 +35,6 @@ class NoAnswerError(DeviceFaultError):
 
     @property
     def unit(self) -> int:
-        """Unit number that was asked."""
         return int(self.values["unit"])
 
 
@@ -44,12 +43,10 @@ class ModbusRefusalError(DeviceFaultError):
 
     @property
     def unit(self) -> int:
-        """Unit number that was asked."""
         return int(self.values["unit"])
 
     @property
     def exception(self) -> int:
-        """Number of the exception."""
         return int(self.values["number"])
 
 
@@ -72,7 +69,6 @@ class ModbusLink:
 
     @property
     def received(self) -> bytes:
-        """The bytes received last, valid or not."""
         return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:

@@ -70,7 +70,6 @@ class RtuReply:
         return check_bytes("crc16_modbus", packet[:-2], "little") == packet[-2:]
 
     def reply(self, packet: bytes) -> Reply:
-        """Function and data."""
         return Reply(packet[1], packet[2:-2])
 
 
@@ -85,7 +84,6 @@ class RtuRequest:
 
     @staticmethod
     def read(unit: int, address: int, count: int) -> "RtuRequest":
-        """A read of holding registers."""
         return RtuRequest(unit, READ, struct.pack(">HH", address, count), bytes([2 * count]))
 
     @staticmethod
@@ -100,7 +98,6 @@ class RtuRequest:
 
     @property
     def frame(self) -> bytes:
-        """The bytes to send."""
         body = bytes([self.unit, self.function]) + self.payload
         return body + check_bytes("crc16_modbus", body, "little")
 
@@ -111,14 +108,10 @@ class RtuRequest:
 
     @property
     def address(self) -> int:
-        """The first register."""
         return int.from_bytes(self.payload[:2], "big")
 
     def data_of(self, reply: Reply, unanswered: Unanswered) -> bytes | None:
-        """Data of its answer; None for the answer to an older request, which is then removed.
-
-        Raises RefusedError for a refusal.
-        """
+        """Data of its answer, or None for that to an older request, which is then removed; raises RefusedError."""
         if reply.op == self.function and reply.payload.startswith(self.begins):
             unanswered.answered(self.signature)
             return reply.payload
@@ -184,7 +177,6 @@ class RtuLine:
 
     @property
     def open(self) -> bool:
-        """Whether the port is open."""
         return self._link is not None
 
     def connect(self) -> None:
@@ -192,7 +184,6 @@ class RtuLine:
         self._link = SerialLink(self._port, self._settings, "table")
 
     def close(self) -> None:
-        """Close the port; never raises."""
         if self._link is not None:
             self._link.close()
         self._link = None

@@ -30,12 +30,10 @@ class PortLostError(DeviceFaultError):
 
 
 class SerialLink:
-    """An open port. Not for use by two threads at once.
-
-    port : `/dev/...`, `COM3`, `usb:SERIALNUMBER`, `socket://host:port` or `rfc2217://host:port`
+    """An open port: `/dev/...`, `COM3`, `usb:SERIALNUMBER`, `socket://host:port` or `rfc2217://host:port`.
 
     Raises ConfigurationError: no such port can exist, or the settings do not suit it; DeviceFaultError: the port cannot
-    be opened.
+    be opened. Not for use by two threads at once.
     """
 
     def __init__(self, port: str, settings: SerialSettings, device: Device) -> None:

@@ -65,12 +65,10 @@ class FrameField(StrictModel):
 
     @property
     def width(self) -> int:
-        """Size in bytes."""
         return number(self.type).width
 
     @property
     def is_spare(self) -> bool:
-        """Whether its bytes are skipped."""
         return self.name.startswith(_SPARE)
 
 
@@ -160,7 +158,6 @@ class ItemSection(StrictModel):
 
     @property
     def header(self) -> int:
-        """Bytes of id and length."""
         return number(self.id).width + number(self.length).width
 
 
@@ -205,7 +202,6 @@ class FrameSection(StrictModel):
 
     @property
     def sync_bytes(self) -> bytes:
-        """First bytes of every frame."""
         return self.sync.encode("ascii") if self.format == "text" else hex_bytes(self.sync)
 
     @property
@@ -227,7 +223,6 @@ class FrameSection(StrictModel):
         return 2.0 ** (8 * counter.width) / counter.per_sample
 
     def field(self, name: str) -> FrameField | None:
-        """The field of a name; None if there is none."""
         return next((f for f in self.fields if f.name == name), None)
 
     def named(self, name: str) -> FrameField:

@@ -101,7 +101,6 @@ class CommandSection(CommandTimes):
 
     @property
     def busy_codes(self) -> tuple[int, ...]:
-        """Error codes for "not yet"."""
         return tuple(self.busy) if self.busy is not None else () if self.errors else (FLASH_BUSY,)
 
     @field_validator("errors")
@@ -156,7 +155,6 @@ class StreamSwitch(StrictModel):
 
     @property
     def values(self) -> tuple[int, ...]:
-        """Values that switch the stream on and off."""
         return (self.on,) if self.off is None else (self.on, self.off)
 
 

@@ -85,16 +85,13 @@ class RegisterEntry(StrictModel):
 
     @property
     def key(self) -> int:
-        """Page and address in one number."""
         return self.page << 16 | self.address
 
     @property
     def end(self) -> int:
-        """First address after the entry."""
         return self.address + max(1, self.span * len(self.names))
 
     def address_of(self, index: int) -> int:
-        """Address of a number of the entry."""
         return self.address + self.span * index
 
     @property
@@ -111,7 +108,6 @@ class RegisterEntry(StrictModel):
 
     @property
     def effective_convention(self) -> Convention:
-        """The convention, the default one if absent."""
         return self.convention or Convention()
 
     @property

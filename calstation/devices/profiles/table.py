@@ -197,9 +197,8 @@ class TableProfile(StrictModel):
         return self.modbus.unit if self.modbus is not None else None
 
     def at_place(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
-        """The profile with a station's own time for an answer and unit number; None keeps the profile's.
-
-        Raises ConfigurationError for the unit number of the inner axis's drive.
+        """The profile with a station's own time for an answer and unit number; None keeps the profile's. Raises
+        ConfigurationError for the unit number of the inner axis's drive.
         """
         if self.text is not None:
             changed = {"timeout_s": timeout_s} if timeout_s is not None else {}
@@ -232,7 +231,6 @@ class TableProfile(StrictModel):
             raise ConfigurationError("table.acceleration_outside_limits", **values)
 
     def geometry(self) -> TableGeometry:
-        """Axes and limits in rad."""
         outer, inner = self.outer, self.inner
         return TableGeometry(
             _normalised(self.outer_axis),

@@ -61,17 +61,14 @@ class ModbusRegister(StrictModel):
 
     @property
     def count(self) -> int:
-        """Number of 16-bit registers."""
         return self.words if self.words is not None else self.number.width // 2
 
     @property
     def end(self) -> int:
-        """First address after it."""
         return self.address + self.count
 
     @property
     def number(self) -> Number:
-        """The number of its type; not of a text."""
         return number(self.type)
 
     @property

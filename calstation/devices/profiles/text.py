@@ -117,7 +117,6 @@ class Query(StrictModel):
 
     @property
     def groups(self) -> Mapping[str, int]:
-        """Named groups of the answer."""
         return re.compile(self.answer).groupindex
 
 

@@ -47,11 +47,9 @@ class ManualTable(Table):
         )
 
     def identify(self) -> TableIdentity:
-        """The profile's model."""
         return TableIdentity(self._profile.model, "by hand")
 
     def status(self) -> TableStatus:
-        """At rest at unknown angles."""
         return self._status
 
     def enable(self) -> None: ...

@@ -18,10 +18,7 @@ _LARGEST_READ = 120  # registers in one transfer
 
 
 class RegisterLink(Protocol):
-    """What carries the registers. Calls are bounded in time and raise DeviceFaultError if they fail.
-
-    received : the bytes received last, valid or not
-    """
+    """What carries the registers; calls are bounded in time, raise DeviceFaultError; `received` are the last bytes."""
 
     @property
     def received(self) -> bytes: ...
@@ -164,7 +161,6 @@ class RegisterTable(Table):
 
     @property
     def received(self) -> bytes:
-        """The bytes received last, valid or not."""
         return self._link.received
 
     def _drive(self, name: str) -> RegisterLink:

@@ -18,7 +18,6 @@ class ImuWords:
         self._imu, self._owned = imu, owned
 
     def read(self, address: int, count: int) -> list[int]:
-        """Read registers; a lost transfer is repeated. Raises DeviceFaultError."""
         try:
             return self._imu.read_words(address, count)
         except ImuRefusalError as exc:
@@ -31,7 +30,6 @@ class ImuWords:
             ) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True) -> None:
-        """Write registers; a lost transfer is repeated only if `repeat`. Raises DeviceFaultError."""
         try:
             self._imu.write_words(address, values, repeat)
         except ImuRefusalError as exc:
@@ -41,7 +39,6 @@ class ImuWords:
             ) from exc
 
     def close(self) -> None:
-        """Close the port if it is owned."""
         if self._owned:
             self._imu.close()
 

@@ -98,7 +98,6 @@ class TextTable(Table):
 
     @property
     def received(self) -> bytes:
-        """The bytes received last, valid or not."""
         return self._link.received
 
     def _send(self, command: str, repeat: bool = True, **values: tuple[float, float]) -> None:
