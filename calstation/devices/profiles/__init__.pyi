@@ -7,8 +7,8 @@ from .frame import FrameSection as FrameSection
 from .frame import Span as Span
 from .frame import span as span
 from .imu import ImuProfile as ImuProfile
+from .imu import check_baud as check_baud
 from .imu import load_imu_profile as load_imu_profile
-from .imu_checks import check_baud as check_baud
 from .imu_sections import OPS as OPS
 from .imu_sections import CommandSection as CommandSection
 from .imu_sections import TextRegisters as TextRegisters
