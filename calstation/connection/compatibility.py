@@ -29,9 +29,6 @@ from calstation.messages import Finding
 from calstation.schema import Problem, validate
 from procedures import method
 
-#: The station that new ones are copied from.
-EXAMPLE = "example_hardware"
-
 
 def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
     """Yield what keeps any stage of the product from being run. Raises ConfigurationError for a wrong schedule."""
@@ -56,7 +53,7 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
         return
     if not is_confirmed(site, needed=blind):
         yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)})
-    example = load_station(library.find("stations", EXAMPLE))[1].site
+    example = load_station(library.find("stations", "example_hardware"))[1].site  # which new ones are copied from
     values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
     if values == {"latitude": example.latitude_deg, "longitude": example.longitude_deg, "height": example.height_m}:
         yield Finding("example_site", "told", values)

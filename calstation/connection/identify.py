@@ -88,8 +88,10 @@ def identify(
 def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Callable[[], None]) -> DeviceFaultError:
     """A fault that names the cause, if it can be found out."""
     port = link.table_port
-    if _swapped(link, check_cancelled):
-        return DeviceFaultError("connection.swapped", port=port)
+    for is_other in (imu_on_table_port, table_on_imu_port) if link.two_lines else ():
+        check_cancelled()
+        if is_other(link):
+            return DeviceFaultError("connection.swapped", port=port)
     refused = fault.exception if isinstance(fault, ModbusRefusalError) else None
     if not isinstance(fault, NoAnswerError | ModbusRefusalError) or refused not in (None, *OTHER_NUMBER):
         return fault
@@ -103,16 +105,6 @@ def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Cal
     if port.startswith("tcp://"):
         return DeviceFaultError("connection.silent_tcp", port=port, unit=unit)
     return DeviceFaultError("connection.silent_line", port=port, unit=unit)
-
-
-def _swapped(link: LinkSettings, check_cancelled: Callable[[], None]) -> bool:
-    if not link.two_lines:
-        return False
-    check_cancelled()
-    if imu_on_table_port(link):
-        return True
-    check_cancelled()
-    return table_on_imu_port(link)
 
 
 def imu_on_table_port(link: LinkSettings) -> bool:
@@ -148,22 +140,17 @@ def find_unit_number(link: LinkSettings, tried: Callable[[float], None] = lambda
 
 def find_units(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> list[FoundUnit]:
     """All Modbus units on the table's port, with the models of every Modbus profile of this site."""
-    profiles, units = _modbus_profiles(link), []
+    profiles: dict[str, TableProfile] = {}
+    for name in library.names("tables") if link.table.modbus is not None else ():
+        with suppress(ConfigurationError):
+            profile = load_table_profile(library.find("tables", name))
+            if profile.modbus is not None and profile.model not in {known.model for known in profiles.values()}:
+                profiles[name] = profile
+    units = []
     for i, number in enumerate(NUMBERS):
         tried(i / len(NUMBERS))
         units.append(_unit_at(link, profiles, number))
     return [unit for unit in units if unit is not None]
-
-
-def _modbus_profiles(link: LinkSettings) -> dict[str, TableProfile]:
-    """The site's Modbus table profiles by file name, one for each model."""
-    found: dict[str, TableProfile] = {}
-    for name in library.names("tables") if link.table.modbus is not None else ():
-        with suppress(ConfigurationError):
-            profile = load_table_profile(library.find("tables", name))
-            if profile.modbus is not None and profile.model not in {known.model for known in found.values()}:
-                found[name] = profile
-    return found
 
 
 def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int) -> FoundUnit | None:

@@ -16,9 +16,6 @@ from calstation.jobs import ProgressCallback
 from calstation.physics import FloatArray
 from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, mean_at_rest, to_si
 
-#: Progress once the link is open, and once the unit is identified.
-_SHARES = (0.1, 0.4)
-
 #: Time in which a gapless rest must be captured, s.
 _WITHIN = 60.0
 _TICK = 0.05
@@ -42,12 +39,12 @@ def open_imu_session(
     Raises DeviceFaultError, ConfigurationError: the port or the unit cannot be used.
     """
     with endpoints(setup, check_cancelled) as at:
-        progress(_SHARES[0])
+        progress(0.1)
         with closing(open_imu(setup, at.imu)) as imu:
             if isinstance(at.clock, BenchClock):
                 at.clock.attach(lambda: imu.received)
             identity = imu.identify()
-            progress(_SHARES[1])
+            progress(0.4)
             yield ImuSession(imu, identity, at.clock)
 
 

@@ -1,7 +1,7 @@
 """Tests the links of a station as typed, saved or not: opens, queries and listens; writes and moves nothing."""
 
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -109,12 +109,10 @@ def link_test_configuration(request: LinkTestRequest) -> ResolvedConfiguration:
     )
 
 
-@contextmanager
-def open_endpoints(progress: ProgressCallback, setup: ResolvedConfiguration) -> Iterator[Endpoints]:
+def open_endpoints(progress: ProgressCallback, setup: ResolvedConfiguration) -> AbstractContextManager[Endpoints]:
     """The station's ports; its virtual bench takes some seconds to start."""
     progress(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
-    with endpoints(setup) as at:
-        yield at
+    return endpoints(setup)
 
 
 def _found_on_table_port(

@@ -19,9 +19,6 @@ from calstation.results.plots import Applied, applied
 #: Length of the captured stream, s.
 SECONDS = 10.0
 
-#: Progress at the first and the last sample.
-_TAKEN = (0.4, 0.95)
-
 #: The unit in the virtual fixture if the recording does not name its unit.
 _OWN_UNIT = "SN-000001"
 
@@ -61,12 +58,11 @@ def apply_to_unit(
         setup = _with_recorded_unit(path, log_meta, setup)
     context = setup.solve_context()
     count = round(seconds * context.imu.sample_rate)
-    begin, end = _TAKEN
     with open_imu_session(progress, setup) as unit:
         if unit.identity.serial != serial:
             return OtherUnit(unit.identity.serial)
         parts = read_contiguous(
-            unit, setup.imu.status.ready, count, lambda taken: progress(begin + (end - begin) * taken / count)
+            unit, setup.imu.status.ready, count, lambda taken: progress(0.4 + (0.95 - 0.4) * taken / count)
         )
     if parts is None:
         raise DeviceFaultError("connection.samples_lost")

@@ -10,7 +10,7 @@ from typing import Literal
 from calstation.connection.devices import link_settings, open_table
 from calstation.connection.identify import identify
 from calstation.connection.link_test import LinkTestRequest, link_test_configuration, open_endpoints
-from calstation.devices import LOCAL_CONTROL, Table, TableIdentity, TableStatus
+from calstation.devices import LOCAL_CONTROL, Table, TableIdentity
 from calstation.devices.links import ModbusRefusalError, TextRefusalError
 from calstation.jobs import ProgressCallback
 
@@ -61,7 +61,20 @@ class TableReset:
 def read_table(progress: ProgressCallback, request: LinkTestRequest) -> TableState:
     """Read the table's state; writes nothing. Raises CalstationError."""
     with _identified(progress, request) as (table, identity):
-        return _state(identity, table.status())
+        status = table.status()
+    outer, inner = (math.degrees(angle) if math.isfinite(angle) else None for angle in status.angles)
+    return TableState(
+        model=identity.model,
+        serial=identity.serial,
+        fault=status.fault,
+        interlock_closed=status.interlock_closed,
+        enabled=status.enabled,
+        homed=status.homed,
+        moving=status.moving,
+        watchdog_s=status.watchdog if math.isfinite(status.watchdog) else None,
+        outer_deg=outer,
+        inner_deg=inner,
+    )
 
 
 def reset_table(progress: ProgressCallback, request: LinkTestRequest) -> TableReset:
@@ -102,29 +115,7 @@ def reset(table: Table) -> TableReset:
     except (ModbusRefusalError, TextRefusalError) as exc:
         left = table.status().fault
         return TableReset("refused" if left else "cleared", latched, left, str(exc))
-    left = _left(table)
-    return TableReset("stays" if left else "cleared", latched, left)
-
-
-def _left(table: Table) -> str | None:
-    """What is still latched after the drive's time to clear it."""
     deadline = time.monotonic() + _CLEARED_WITHIN
     while (left := table.status().fault) is not None and time.monotonic() < deadline:
         time.sleep(_POLL_INTERVAL)
-    return left
-
-
-def _state(identity: TableIdentity, status: TableStatus) -> TableState:
-    outer, inner = (math.degrees(angle) if math.isfinite(angle) else None for angle in status.angles)
-    return TableState(
-        model=identity.model,
-        serial=identity.serial,
-        fault=status.fault,
-        interlock_closed=status.interlock_closed,
-        enabled=status.enabled,
-        homed=status.homed,
-        moving=status.moving,
-        watchdog_s=status.watchdog if math.isfinite(status.watchdog) else None,
-        outer_deg=outer,
-        inner_deg=inner,
-    )
+    return TableReset("stays" if left else "cleared", latched, left)

@@ -143,7 +143,7 @@ def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, f
     specific force itself, add to first order. The accelerometer matrix stays lower triangular because
     the product of two is.
     """
-    was, now = _vector(old), _vector(found)
+    was, now = parameter_vector(old), parameter_vector(found)
     result = was + now
     for sensor in ("gyro", "accel"):
         groups = (f"{sensor}_scale", f"{sensor}_misalign")
@@ -162,5 +162,6 @@ def _rows(entries: RegisterMap, values: Mapping[str, float]) -> tuple[Register, 
     return tuple(Register(address, name, values[name], raw) for address, name, raw in entries.stored(values))
 
 
-def _vector(values: Mapping[str, float]) -> FloatArray:
+def parameter_vector(values: Mapping[str, float]) -> FloatArray:
+    """Parameters, SI, shape (30,); 0 where `values` has none."""
     return np.array([values.get(name, 0.0) for name in NAMES])

@@ -38,6 +38,8 @@ from calstation.physics import (
     rotation_matrix,
 )
 from calstation.records import context_from_meta, prior_from_meta
+from calstation.registers.preconditions import register_map
+from calstation.registers.unit_registers import parameter_vector
 from calstation.sequencer import RunInBackground, Turned, VerificationData
 
 #: A deviation of more than this many standard deviations is wrong; noise reaches it once in 10^8 times.
@@ -45,9 +47,6 @@ SIGMAS = 6.0
 
 #: Bias instabilities by which a bias may have drifted since it was estimated.
 DRIFT = 3.0
-
-#: Names of the comparisons with a reference.
-DIFFERENCES = ("force_difference", "rate_difference", "turn_difference")
 
 #: Largest change of a gyro's scale factor between the rate of its calibration and the rate of the turns.
 _NONLINEARITY = 5e-4
@@ -98,7 +97,7 @@ def finish_verification(
     run: Callable[[Callable[[], object]], object] = run_in_background or (lambda work: work())
     wrong = _wrong_checks(setup, done, data, restored=False)
     if wrong:
-        run(lambda: restore_refuted(imu, RegisterMap(tuple(setup.imu.registers)), done.entry))
+        run(lambda: restore_refuted(imu, register_map(setup), done.entry))
         raise output_error(wrong[0])
     run(lambda: close_verified(done.entry, data))
 
@@ -138,7 +137,7 @@ def verified_on(data: VerificationData) -> str:
 
 def output_error(check: VerificationCheck) -> DeviceFaultError:
     """The fault of a unit whose output with new registers is wrong and whose old registers were restored."""
-    return _check_error("verification.differs" if check.name in DIFFERENCES else "verification.wrong", check)
+    return _check_error("verification.differs" if check.name.endswith("_difference") else "verification.wrong", check)
 
 
 def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
@@ -174,7 +173,7 @@ def verify_output(
     checks: list[VerificationCheck] = []
     if data.reference is not None:
         checks += compare(data, data.reference, registers, context, repeatability)
-    own = np.zeros(COUNT) if data.corrected else _vector(registers.held)
+    own = np.zeros(COUNT) if data.corrected else parameter_vector(registers.held)
     correction = compensation(own)
     rests = np.array(data.rests)
     omega, force = compensate(correction, rests[:, :3], rests[:, 3:])
@@ -211,17 +210,18 @@ def compare(
     `repeatability` is that of the table's positions, rad, one sigma.
     """
     seen, expected = np.array(data.rests), _expected(np.array(reference.rests), registers)
+    imu = context.imu
     checks = []
     for own, here in zip(seen, expected, strict=True):
         force, rate = own[3:] - here[3:], own[:3] - here[:3]
         force_scatter = _force_scatter(here[3:], data.seconds, context, repeatability)
-        rate_scatter = _rate_scatter(data.seconds, context.imu) * np.eye(3)
+        rate_variance = 2.0 * _rate_noise(imu, data.seconds) ** 2 + (DRIFT * imu.gyro_bias_instability) ** 2
         checks.append(_difference("force_difference", force, force_scatter, "m/s²"))
-        checks.append(_difference("rate_difference", rate, rate_scatter, "rad/s"))
+        checks.append(_difference("rate_difference", rate, rate_variance * np.eye(3), "rad/s"))
     for own_turn, before in zip(data.turns, reference.turns, strict=True):
         there = _net(before, _expected_turn(before, registers), expected)
         difference = _net(own_turn, own_turn.angle, seen) - there
-        scatter = _turn_scatter(there, (before.seconds, data.seconds), context.imu, repeatability)
+        scatter = _turn_scatter(there, (before.seconds, data.seconds), imu, repeatability)
         # The earth turns on while one turn takes longer than the other.
         more = 2.0 * RATE * abs(own_turn.seconds - before.seconds)
         checks.append(_difference("turn_difference", difference, scatter, "rad", more))
@@ -315,7 +315,7 @@ def _tolerance(covariance: FloatArray, sensor: str, seen: FloatArray, noise: flo
 def _expected(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
     """The reference's rests with the registers that are held now, shape (n, 6)."""
     raw = _raw(rests, registers.before)
-    omega, force = compensate(compensation(_vector(registers.held)), raw[:, :3], raw[:, 3:])
+    omega, force = compensate(compensation(parameter_vector(registers.held)), raw[:, :3], raw[:, 3:])
     return np.hstack([omega, force])
 
 
@@ -329,7 +329,7 @@ def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArra
     """The raw output of a unit that applied registers, shape (n, 6); the size effect, 0 at rest, is left out."""
     if registers is None:
         return output
-    p = _vector(registers)
+    p = parameter_vector(registers)
     gyro, accel = (np.eye(3) + group_matrix(p, f"{sensor}_scale", f"{sensor}_misalign") for sensor in ("gyro", "accel"))
     force = output[:, 3:]
     return np.hstack(
@@ -352,11 +352,6 @@ def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, rep
     drift = DRIFT * context.imu.accel_bias_instability
     noise = (2.0 * _force_noise(context, seconds) ** 2 + drift**2) * np.eye(3)
     return np.asarray(noise + 2.0 * (repeatability * size) ** 2 * (np.eye(3) - np.outer(up, up)))
-
-
-def _rate_scatter(seconds: float, imu: ImuModel) -> float:
-    """Variance of a rate difference, (rad/s)²."""
-    return 2.0 * _rate_noise(imu, seconds) ** 2 + (DRIFT * imu.gyro_bias_instability) ** 2
 
 
 def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float) -> FloatArray:
@@ -395,7 +390,3 @@ def _force_noise(context: SolveContext, seconds: float) -> float:
     count = seconds / table.velocity_interval
     vibration = table.velocity_sigma * np.sqrt(12.0 / count) / seconds
     return float(np.hypot(imu.accel_vrw * np.sqrt(1.2 / seconds), vibration))
-
-
-def _vector(values: Mapping[str, float]) -> FloatArray:
-    return np.array([values.get(name, 0.0) for name in NAMES])

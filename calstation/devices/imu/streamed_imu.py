@@ -72,7 +72,6 @@ class StreamedImu(Imu):
         self._closing = threading.Event()
         self._failure: DeviceFaultError | None = None
         self._frames = self._bytes = 0
-        self._last_frame = time.monotonic()
         self._thread = threading.Thread(target=self._serve, name="imu-link", daemon=True)
         self._thread.start()
 
@@ -86,11 +85,6 @@ class StreamedImu(Imu):
     def received(self) -> int:
         """Bytes read and decoded since the link was opened."""
         return self._bytes
-
-    @property
-    def silence(self) -> float:
-        """Host seconds since the last valid frame, or since the link was opened."""
-        return time.monotonic() - self._last_frame
 
     def read(self) -> SampleBatch:
         """Samples since the last call. Raises DeviceFaultError if the link is lost or only noise comes."""
@@ -243,7 +237,6 @@ class StreamedImu(Imu):
         decoded = decoder.feed(data)
         if len(decoded.frames):
             self._frames += len(decoded.frames)
-            self._last_frame = now
             samples = decoder.samples(decoded.frames)
             if len(samples.counter):
                 self._arrived.put((samples, now))

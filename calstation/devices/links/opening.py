@@ -30,11 +30,6 @@ Reason = Literal[
 #: Schemes of addresses.
 SOCKETS = ("tcp://", "socket://")
 
-_PERMISSION = {errno.EACCES, errno.EPERM}
-_BUSY = {errno.EBUSY, errno.EAGAIN}
-_ABSENT = {errno.ENOENT, errno.ENODEV, errno.ENXIO}
-_REFUSED_SETTINGS = {errno.EINVAL, errno.ENOTTY}
-
 
 def host_and_port(url: str) -> tuple[str, int] | None:
     """Host and port of ``tcp://host:port`` or ``socket://host:port``; None if it is neither."""
@@ -96,13 +91,13 @@ def _why_no_connection(port: str, timeout: float) -> tuple[Reason, Text | None]:
 
 def _kind(exc: BaseException) -> Reason:
     number, text = getattr(exc, "errno", None), str(exc)
-    if isinstance(exc, PermissionError) or number in _PERMISSION or "PermissionError" in text:
+    if isinstance(exc, PermissionError) or number in (errno.EACCES, errno.EPERM) or "PermissionError" in text:
         # Windows reports "Access is denied" both for a port in use and for a forbidden one.
         return "busy" if "PermissionError" in text else "no_permission"
-    if number in _BUSY or "exclusively lock" in text:
+    if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in text:
         return "busy"
-    if number in _ABSENT or "FileNotFoundError" in text:
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or "FileNotFoundError" in text:
         return "no_port"
-    if number in _REFUSED_SETTINGS or type(exc).__module__ == "termios":
+    if number in (errno.EINVAL, errno.ENOTTY) or type(exc).__module__ == "termios":
         return "bad_settings"
     return "other"

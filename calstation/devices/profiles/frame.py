@@ -121,14 +121,15 @@ class CrcSection(StrictModel):
 
     def function(self) -> CheckFunction:
         """The function that computes it, padding included."""
-        function = check_function(self.kind) if self.width is None else self._parametric(self.width)
+        if self.width is None:
+            function = check_function(self.kind)
+        else:
+            orders = (self.reflect_in, self.reflect_out)
+            function = parametric_crc(self.width, self.polynomial, self.initial, *orders, self.final_xor)
         if not self.pad:
             return function
         padding = bytes(self.pad)
         return lambda data: function(data + padding)
-
-    def _parametric(self, width: int) -> CheckFunction:
-        return parametric_crc(width, self.polynomial, self.initial, self.reflect_in, self.reflect_out, self.final_xor)
 
 
 class LengthSection(StrictModel):

@@ -127,9 +127,6 @@ class RegisterEntry(StrictModel):
         addresses = f"{self.address}" if last == self.address else f"{self.address}-{last}"
         return Text.of("profile.at_page", addresses=addresses, page=self.page) if self.page else addresses
 
-    def __str__(self) -> str:
-        return f"register {self.address}"
-
 
 def check_registers(
     entries: Sequence[RegisterEntry], sigmas: Mapping[str, float], without: Sequence[str], *, pages: bool

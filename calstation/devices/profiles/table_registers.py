@@ -27,9 +27,8 @@ TEXTS = ("model", "serial")
 #: Registers without unit: whole numbers without a scale.
 WORDS = ("controlword", "statusword", "fault", "interlock", "heartbeat", "command", "mode", "status2")
 STATUS_BITS = ("enabled", "fault", "settled", "homed")
-#: Optional bits: 0 during a quick stop, 0 under local control, 1 at a limit.
-HINDRANCE_BITS = ("quick_stop", "remote", "limit")
-OPTIONAL_BITS = ("moving", "interlock", *HINDRANCE_BITS)
+#: The last three: 0 during a quick stop, 0 under local control, 1 at a limit.
+OPTIONAL_BITS = ("moving", "interlock", "quick_stop", "remote", "limit")
 COMMANDS = ("move", "stop", "home")
 #: Optional command: turn endlessly at the target rates.
 RATE_COMMAND = "rate"

@@ -12,9 +12,8 @@ from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
-#: What a command's line may name in braces, in degrees, °/s and °/s²; also `outer_angle`, `inner_rate` and so on.
-COMMAND_VALUES = ("axis", "angle", "rate", "acceleration")
-#: Values of each command; its lines must name the first.
+#: What the lines of each command may name in braces, in degrees, °/s and °/s², besides `axis`; also `outer_angle`,
+#: `inner_rate` and so on. They must name the first.
 _VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration")}
 #: Commands that may send the same lines.
 _MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
