@@ -41,10 +41,7 @@ class Endpoints:
 
 @contextmanager
 def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Devices]:
-    """Open clock, table and IMU, and identify both; closed on exit.
-
-    `check_cancelled` is called from time to time and may raise. Raises DeviceFaultError, ConfigurationError.
-    """
+    """Open clock, table and IMU, and identify both; closed on exit. `check_cancelled` may raise meanwhile."""
     with ExitStack() as stack:
         at = stack.enter_context(endpoints(setup, check_cancelled))
         check_cancelled()
@@ -67,10 +64,7 @@ def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
 
 @contextmanager
 def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
-    """The locked ports of a station, or those of a virtual bench that runs as long as the context.
-
-    Raises DeviceFaultError if another program uses a port, ConfigurationError.
-    """
+    """The locked ports of a station, or those of a virtual bench that runs as long as the context."""
     config = setup.bench_config()
     if config is None:
         table, imu = setup.station.table.port, setup.station.imu.port

@@ -66,9 +66,8 @@ class FoundUnit:
 def identify(
     table: Table, imu: Imu | None, link: LinkSettings, check_cancelled: Callable[[], None] = lambda: None
 ) -> TableIdentity:
-    """Ask both devices for their identity, and find out what is wrong if one does not answer.
+    """Ask both devices for their identity; if one does not answer, close both and search their ports for the cause.
 
-    Both are closed while the cause is searched for on their ports; `check_cancelled` is called meanwhile and may raise.
     Raises DeviceFaultError: a device does not answer, or is another one.
     """
     try:

@@ -34,10 +34,7 @@ class ImuSession:
 def open_imu_session(
     progress: ProgressCallback, setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[ImuSession]:
-    """Open the IMU alone; closed on exit. `check_cancelled` is called while a virtual bench starts and may raise.
-
-    Raises DeviceFaultError, ConfigurationError: the port or the unit cannot be used.
-    """
+    """Open the IMU alone; closed on exit. Raises DeviceFaultError, ConfigurationError."""
     with endpoints(setup, check_cancelled) as at:
         progress(0.1)
         with closing(open_imu(setup, at.imu)) as imu:
@@ -51,9 +48,9 @@ def open_imu_session(
 def capture_rest(
     session: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None]
 ) -> VerificationData:
-    """Capture the corrected output of a unit at rest, and its raw output if it provides both.
+    """Capture the corrected output at rest, and the raw output if the unit provides both; it streams raw afterwards.
 
-    Afterwards the unit streams its raw output. Raises DeviceFaultError: no rest without a gap came in time.
+    Raises DeviceFaultError: no rest without a gap came in time.
     """
     raw = VerificationData((_rest(session, setup, check_cancelled, corrected=False),), REST)
     if setup.corrected is not Output.ASKED:

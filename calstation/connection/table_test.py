@@ -41,10 +41,7 @@ def query_table(
     port: str,
     progress: ProgressCallback,
 ) -> Iterator[Finding]:
-    """Yield the findings of an open table, not identified yet, up to the first that makes the others meaningless.
-
-    `profile` has the station's timeout and unit number.
-    """
+    """Yield the findings of an open table, not identified yet, up to the first that makes the others meaningless."""
     progress(0.5, note="asking")
     try:
         identity = table.identify()

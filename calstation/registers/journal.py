@@ -46,7 +46,7 @@ _WITHOUT_MEANING = {"tolerance", "range"}
 
 @dataclass(frozen=True)
 class UnitType:
-    """Model of a unit as it reports it, and the names of profile and product with which it was written; "" if unknown.
+    """Model of a unit as it reports it, and the profile and product with which it was written; "" if unknown.
 
     map : digest of the profile's registers, as far as they define what a content means
     """
@@ -133,9 +133,8 @@ def begin(
     purpose: Purpose,
     site: Path | None = None,
 ) -> Transfer:
-    """Record an intention, old and new registers by parameter in SI; it is on disk when this returns.
-
-    Raises ConfigurationError: the journal is damaged or cannot be written; nothing was written to the unit.
+    """Record an intention; it is on disk when this returns. Raises ConfigurationError if the journal is damaged or
+    cannot be written; nothing was written to the unit.
     """
     history(runs, serial, site)
     path = _path(site or runs, serial)
@@ -148,18 +147,15 @@ def begin(
 
 
 def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]:
-    """Every transfer to a unit, oldest first.
+    """Every transfer to a unit, oldest first. Raises ConfigurationError: a journal does not read as it was written.
 
     `site` is the site's folder for a unit on hardware, None for one of a virtual bench, whose journal is beside the
     `runs`. There are also transfers on hardware from before the site had journals.
-
-    Raises ConfigurationError: a journal cannot be read, or does not read as it was written.
     """
-    beside = _transfers(_path(runs, serial), serial)
     if site is None:
-        return [transfer for transfer, _ in beside]
-    own = _transfers(_path(site, serial), serial)
-    return [transfer for transfer, checked in beside if not checked] + [transfer for transfer, _ in own]
+        return [transfer for transfer, _ in _transfers(_path(runs, serial), serial)]
+    known = by_station(runs, serial, site)
+    return known["unknown"] + known["hardware"]
 
 
 def by_station(runs: Path, serial: str, site: Path) -> dict[Kind, list[Transfer]]:

@@ -23,10 +23,7 @@ def register_map(setup: ResolvedConfiguration) -> RegisterMap:
 
 
 def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
-    """Check that the unit's flash may be written once more, before anything is opened; warns when that is near.
-
-    Raises ConfigurationError: the profile's `flash_cycles_max` is reached, or the journal is damaged.
-    """
+    """Check, before anything is opened, that the unit's flash may be written once more; warns when that is near."""
     serial = setup.request.serial
     site = journal_folder(setup.station)
     used = journal.cycles(runs, serial, site)
@@ -43,9 +40,9 @@ def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
 
 
 def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
-    """Check, before anything is opened, that a transfer's values fit the registers of the product's IMU profile.
+    """Check, before anything is opened, that a transfer's values fit the product's registers; raises InputError.
 
-    Without a recorded type only the parameters are compared. Raises InputError.
+    Without a recorded type only the parameters are compared.
     """
     recorded, profile = entry.unit_type, setup.imu
     about = {"id": entry.id, "serial": entry.serial, "profile": profile.name}

@@ -71,10 +71,7 @@ class TargetRegisters:
 
 
 def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> UnitRegisters:
-    """Read the registers of the unit in the fixture. Nothing moves, nothing is written.
-
-    Raises DeviceFaultError, ConfigurationError: the unit cannot be read.
-    """
+    """Read the registers of the unit in the fixture; writes nothing. Raises DeviceFaultError, ConfigurationError."""
     setup = resolve_configuration(request)
     with open_imu_session(progress, setup) as unit:
         values = unit.imu.read_registers()

@@ -89,10 +89,9 @@ def finish_verification(
     data: VerificationData,
     run_in_background: RunInBackground | None = None,
 ) -> None:
-    """Verify the output after new registers and close the transfer; restore the old registers if it is wrong.
+    """Close the transfer of new registers, or restore the old ones and raise DeviceFaultError if the output is wrong.
 
-    `run_in_background` runs work while the table is looked after; None if no table moves. Raises DeviceFaultError: the
-    output is wrong.
+    `run_in_background` runs work while the table is looked after; None if no table moves.
     """
     run: Callable[[Callable[[], object]], object] = run_in_background or (lambda work: work())
     wrong = _wrong_checks(setup, done, data, restored=False)
@@ -205,10 +204,7 @@ def compare(
     context: SolveContext,
     repeatability: float,
 ) -> tuple[VerificationCheck, ...]:
-    """Compare each rest and each turn of a unit's own output with a reference without the registers.
-
-    `repeatability` is that of the table's positions, rad, one sigma.
-    """
+    """Compare each rest and turn of a unit's own output with a reference; `repeatability` is the table's, rad."""
     seen, expected = np.array(data.rests), _expected(np.array(reference.rests), registers)
     imu = context.imu
     checks = []

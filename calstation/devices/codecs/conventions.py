@@ -103,9 +103,8 @@ def to_registers(
 
 
 def from_registers(sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention) -> dict[str, float]:
-    """Parameters from the values of a sensor's slots, SI; NaN if their matrix cannot be inverted.
-
-    Raises DeviceFaultError if an accelerometer's matrix is not lower triangular: the error model has no such matrix.
+    """Parameters from the values of a sensor's slots, SI; NaN if their matrix cannot be inverted. Raises
+    DeviceFaultError if an accelerometer's matrix is not lower triangular: the error model has no such matrix.
     """
     stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)
     for i, slot in enumerate(matrix_slots(sensor)):
@@ -141,10 +140,7 @@ def _inverse(matrix: FloatArray) -> FloatArray:
 
 
 def legal_range(slot: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
-    """Lowest and highest value of a slot over all units within `sigmas`; None if unknown.
-
-    To first order, widened by half: products of parameters are small.
-    """
+    """Lowest and highest value of a slot over all units within `sigmas`, to first order, widened by half; or None."""
     name = parameter_of(slot)
     reach = sigmas.get(name) if name is not None else None
     if reach is None:

@@ -23,12 +23,7 @@ _Q = re.compile(r"(u?)q(\d{1,2})\.(\d{1,2})")
 
 @dataclass(frozen=True)
 class Number:
-    """A type of number.
-
-    kind : "u" unsigned, "i" signed, "f" IEEE 754
-    width : bytes
-    fraction : binary digits after the point, of a Q format
-    """
+    """A type of number: unsigned, signed or IEEE 754, its bytes, and the binary digits after a Q format's point."""
 
     kind: Literal["u", "i", "f"]
     width: int
@@ -95,9 +90,8 @@ class Number:
     def column(
         self, wire: NDArray[np.uint8], byte_order: ByteOrder, word_order: WordOrder | None = None
     ) -> FloatArray | IntArray:
-        """Values of many numbers at once from their bytes, shape (n, width).
-
-        Returns int64 for whole numbers (of u64 the lower 63 bits and a sign), else float64, shape (n,).
+        """Values of many numbers from their bytes, shape (n, width): int64 if whole (of u64 the lower 63 bits and a
+        sign), else float64.
         """
         plain = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":

@@ -53,19 +53,14 @@ class Holds(StrEnum):
 
 
 class Entry(Protocol):
-    """A transfer in the journal. Both calls return when it is on disk, or raise a CalstationError."""
+    """A transfer in the journal: what the unit held and is to hold, by parameter, SI.
 
-    @property
-    def serial(self) -> str:
-        """The unit's serial number."""
+    Both calls return when it is on disk, or raise a CalstationError.
+    """
 
-    @property
-    def old(self) -> Mapping[str, float]:
-        """What the unit held, by parameter, SI."""
-
-    @property
-    def new(self) -> Mapping[str, float]:
-        """What it is to hold, by parameter, SI."""
+    serial: str
+    old: Mapping[str, float]
+    new: Mapping[str, float]
 
     def note(self, step: Step) -> None:
         """Record a step."""

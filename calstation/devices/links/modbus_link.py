@@ -79,10 +79,7 @@ class ModbusLink:
         return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read registers of the link's own unit, or of another one on the line; a lost transfer is repeated.
-
-        Raises DeviceFaultError: the device refuses, or does not answer.
-        """
+        """Read registers of the link's own unit, or of another one on the line; a lost transfer is repeated."""
         at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
         try:
             return self._transfer(lambda again: self._carrier.read(at["unit"], address, count), _ATTEMPTS)
@@ -150,10 +147,7 @@ class ModbusLink:
 
 
 class TcpConnection:
-    """A connection to a Modbus server, `tcp://host:port`. Any error closes it; the next request opens a new one.
-
-    `received` are the bytes received last, valid or not.
-    """
+    """A connection to a Modbus server, `tcp://host:port`. Any error closes it; the next request opens a new one."""
 
     def __init__(self, port: str, timeout: float) -> None:
         address = host_and_port(port)

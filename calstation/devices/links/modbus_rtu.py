@@ -138,9 +138,8 @@ def _refuses(reply: Reply, signature: Hashable) -> bool:
 
 
 class Barriers:
-    """Reads whose answers differ in length from any that may still come.
-
-    Lengths already read are preferred to shorter parts of the longest, which a device might refuse.
+    """Reads whose answers differ in length from any that may still come; lengths already read are preferred to shorter
+    parts of the longest, which a device might refuse.
     """
 
     def __init__(self) -> None:
@@ -197,8 +196,7 @@ class RtuLine:
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
         """Write holding registers. Raises as `read`.
 
-        repeat : they may be written twice; then they are sent at once even if late answers may come, since they may be
-            a stop
+        repeat : they may be written twice, so they are sent at once even if late answers may come: it may be a stop
         again : the same was sent just before; either answer confirms it
         """
         request = RtuRequest.write(unit, address, values)

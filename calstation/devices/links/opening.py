@@ -42,10 +42,9 @@ def host_and_port(url: str) -> tuple[str, int] | None:
 
 
 def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, Text | None]:
-    """Try to open a port that could not be opened, within `timeout` s over the network, and find out why.
+    """The kind of reason why a port cannot be opened, found by trying, and the system's own words if they say more.
 
-    Returns the kind of reason, and the system's own reason if the kind does not say it all. A port that can be opened
-    now counts as "other".
+    A port that can be opened now counts as "other".
     """
     if port.startswith(SOCKETS):
         return _why_no_connection(port, timeout)

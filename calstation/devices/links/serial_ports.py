@@ -16,12 +16,8 @@ USB = "usb:"
 
 @dataclass(frozen=True)
 class FoundPort:
-    """A serial port as the system lists it.
+    """A serial port as the system lists it, e.g. `/dev/ttyUSB0` or `COM3`; what is unknown is empty.
 
-    device : current name in the system, e.g. `/dev/ttyUSB0` or `COM3`
-    description, maker : as reported by the adapter, may be empty
-    serial_number : of the USB adapter; None if it has none
-    location : on the bus, "" if unknown
     usb : the name that stays with the adapter whatever its `device`; None without serial number, or if others have the
         same and the location is unknown
     """
@@ -48,9 +44,8 @@ def found_ports() -> tuple[FoundPort, ...]:
 
 
 def resolve(port: str, device: str) -> str:
-    """The port to open: for `usb:...` the current device of the adapter, else `port` itself.
-
-    Raises DeviceFaultError, whose source is `device`, if no such adapter is plugged in or several are.
+    """The port to open: for `usb:...` the current device of the adapter, else `port` itself. Raises DeviceFaultError,
+    whose source is `device`, if no such adapter is plugged in or several are.
     """
     if not port.startswith(USB):
         return port
@@ -77,8 +72,7 @@ def _listed() -> list[ListPortInfo]:
 def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...]:
     """Names of a port by its adapter, the preferred one first.
 
-    A serial number that several adapters share names none of them: if the first were unplugged, its name would pass
-    to the second.
+    A serial number that several share names none of them: when the first is unplugged, its name would pass on.
     """
     alike = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
     location = _location(port)

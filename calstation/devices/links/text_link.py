@@ -127,8 +127,8 @@ class TextLink:
     def command(self, line: str, repeat: bool = True) -> None:
         """Send a command; raises as `ask`. A command without answer is followed by the flush.
 
-        repeat : it may be sent twice; then it is sent at once even if late replies may come, since it may be a stop,
-            and again if its reply was lost
+        repeat : it may be sent twice, so it is sent at once even if late replies may come (it may be a stop), and again
+            if its reply was lost
         """
         if self._silent is not None and self._silent.search(line):
             if self._known() or self._synchronised():

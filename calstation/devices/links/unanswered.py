@@ -10,10 +10,7 @@ _MOST = 100
 
 
 class Unanswered:
-    """Signatures of the answers that may still come, those of the oldest requests first.
-
-    A device answers in order: an answer shows that none to an older request will come.
-    """
+    """Signatures of the answers that may still come, oldest first: after an answer none to an older request comes."""
 
     def __init__(self) -> None:
         self._signatures: list[Hashable] = []

@@ -12,9 +12,8 @@ from calstation.errors import ConfigurationError
 
 
 def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) -> ModbusTable | TextTable:
-    """The driver of a table on its open port; `serial` replaces the profile's settings of a serial port.
-
-    Raises DeviceFaultError, ConfigurationError: the port cannot be opened.
+    """The driver of a table on its open port; `serial` replaces the profile's settings. Raises DeviceFaultError,
+    ConfigurationError: the port cannot be opened.
     """
     if profile.protocol == "imu_link":
         raise ConfigurationError("table.behind_imu", profile=profile.name)
@@ -26,10 +25,7 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
 
 
 class ManualTable(Table):
-    """A manual rig, rails turned by the operator, in place of a table: no motor, encoder or link.
-
-    It is always at rest, its angles are unknown, and it cannot be driven.
-    """
+    """A manual rig, turned by the operator: always at rest, its angles unknown, and it cannot be driven."""
 
     def __init__(self, profile: TableProfile) -> None:
         self._profile = profile

@@ -18,10 +18,7 @@ Answers = dict[str, list[dict[str, str]]]
 
 
 class TextTable(Table):
-    """The table of a profile on a port, serial or `tcp://host:port`.
-
-    Moves are absolute, so a line sent again never adds to a motion; homing is never sent twice.
-    """
+    """The table of a profile on a port, serial or `tcp://host:port`; moves are absolute, homing is never sent twice."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         assert profile.text is not None
@@ -115,10 +112,7 @@ class TextTable(Table):
         return text.removeprefix("-") if float(text) == 0.0 else text
 
     def _poll(self) -> Answers:
-        """Answers to all queries but the identity; equal lines are sent once.
-
-        The angles are asked for in the middle, so that their time is that of the poll.
-        """
+        """Answers to all queries but the identity, equal lines sent once, angles in the middle: at the poll's time."""
         queries = self._text.queries
         sends = list(dict.fromkeys(query.send for name, query in queries.items() if name != "identity"))
         angles = queries["position"].send
