@@ -36,7 +36,8 @@ from calstation.errors import CalstationError, ConfigurationError, DeviceFaultEr
 from calstation.jobs import ProgressCallback
 from calstation.messages import Finding, Report, Value
 
-_VIRTUAL_UNIT = "SN-000001"
+#: The unit in the virtual fixture unless a recording names its own.
+VIRTUAL_UNIT = "SN-000001"
 #: Findings that a received line of text explains better.
 _ABOUT_LINES = {"no_frames", "no_samples", "no_stream", "one_way", "wrong_checks"}
 #: Findings of a table's port at which the IMU may be connected.
@@ -100,7 +101,7 @@ def link_test_configuration(request: LinkTestRequest) -> ResolvedConfiguration:
     """The part of a run's configuration that opening the devices needs."""
     _, product = load_product(request.product)
     return ResolvedConfiguration(
-        request=RunRequest(_VIRTUAL_UNIT),
+        request=RunRequest(VIRTUAL_UNIT),
         station=request.station,
         product=product,
         table=load_table_profile(library.find("tables", request.station.table.profile)),

@@ -7,6 +7,7 @@ import numpy as np
 
 from calstation.config import ResolvedConfiguration, RunRequest, library, load_product, resolve_configuration
 from calstation.connection.imu_session import open_imu_session, read_contiguous
+from calstation.connection.link_test import VIRTUAL_UNIT
 from calstation.devices import SampleBatch
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import DeviceFaultError
@@ -18,9 +19,6 @@ from calstation.results.plots import Applied, applied
 
 #: Length of the captured stream, s.
 SECONDS = 10.0
-
-#: The unit in the virtual fixture if the recording does not name its unit.
-_OWN_UNIT = "SN-000001"
 
 
 @dataclass(frozen=True)
@@ -79,7 +77,7 @@ def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration)
     known = seed is not None or bool(truth)
     request = replace(
         setup.request,
-        serial=meta.imu.serial if known else _OWN_UNIT,
+        serial=meta.imu.serial if known else VIRTUAL_UNIT,
         product=_product_like(meta.imu, setup.request.product) if known else setup.request.product,
         seed=seed,
     )

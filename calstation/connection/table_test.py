@@ -28,8 +28,6 @@ _POLLS = 20
 _READ_HOLDING = 3
 #: Bytes of a read request over RTU.
 _REQUEST = 8
-#: Characters of an unexpected answer that are shown.
-_QUOTED = 40
 #: Difference between the travel of table and profile that counts as none, degrees.
 _TRAVEL_TOLERANCE = 0.01
 
@@ -155,7 +153,7 @@ def _no_text(
     if not is_text(received):
         values["line"] = profile.serial.line
         return Finding("garbled_text", "wrong", values, "" if line else "garbled_text_server")
-    return Finding("unlike_text", "wrong", {**values, "said": quoted(received.strip(), _QUOTED)})
+    return Finding("unlike_text", "wrong", {**values, "said": quoted(received.strip())})
 
 
 def _valid(frame: bytes) -> bool:

@@ -10,7 +10,6 @@ from calstation.physics import FloatArray, IntArray, JointLimits
 #: A table's `fault` while it is under local control and obeys its own panel only; not a latched fault.
 LOCAL_CONTROL = "local control"
 
-
 #: A table's `fault` if it reports a fault without its cause.
 UNKNOWN_FAULT = "cause not told"
 

@@ -89,13 +89,8 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
     setup = resolve_configuration(request)
     used, own = result.configuration.get("imu"), setup.sources["imu"].section.name
     if used is not None and used.name != own:
-        raise InputError(
-            "transfer.result_other_profile",
-            profile=used.name,
-            product=setup.product.name,
-            own=own,
-            result_product=result.product,
-        )
+        names = {"profile": used.name, "product": setup.product.name, "own": own, "result_product": result.product}
+        raise InputError("transfer.result_other_profile", **names)
     found = {name: parameter.value for name, parameter in result.parameters.items()}
     registers = result.registers or Registers()
     written = registers.new if registers.verified else None

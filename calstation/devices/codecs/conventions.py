@@ -21,8 +21,6 @@ from calstation.physics import AXES, NAMES, FloatArray
 from calstation.schema import EntryError, StrictModel
 
 SENSORS = ("gyro", "accel")
-#: Elements of a matrix, row by row.
-PAIRS = tuple(a + b for a in AXES for b in AXES)
 
 #: Largest rounding above the diagonal of an accelerometer's matrix.
 _TRIANGULAR = 1e-6
@@ -52,7 +50,7 @@ class Convention(StrictModel):
 
 def matrix_slots(sensor: str) -> tuple[str, ...]:
     """Names of a sensor's matrix elements in registers, row by row."""
-    return tuple(f"{sensor}_matrix_{pair}" for pair in PAIRS)
+    return tuple(f"{sensor}_matrix_{a}{b}" for a in AXES for b in AXES)
 
 
 def offset_slots(sensor: str) -> tuple[str, ...]:

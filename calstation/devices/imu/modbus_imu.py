@@ -98,10 +98,8 @@ class ModbusImu(RegisteredImu):
                 return
         while not self._done(command):
             if time.monotonic() > deadline:
-                raise DeviceFaultError(
-                    "imu.reset_not_done" if command == self._section.reset else "imu.commit_not_done",
-                    seconds=self._commit_timeout,
-                )
+                code = "imu.reset_not_done" if command == self._section.reset else "imu.commit_not_done"
+                raise DeviceFaultError(code, seconds=self._commit_timeout)
             time.sleep(POLL)
 
     def _done(self, command: WordCommand) -> bool:

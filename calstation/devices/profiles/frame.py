@@ -32,8 +32,6 @@ STATUS_WORDS = ("status", "status2", "status3")
 #: Names of fields with a meaning; all others are "spare...".
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 
-_SPARE = "spare"
-
 
 class FrameField(StrictModel):
     """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped.
@@ -69,7 +67,7 @@ class FrameField(StrictModel):
 
     @property
     def is_spare(self) -> bool:
-        return self.name.startswith(_SPARE)
+        return self.name.startswith("spare")
 
 
 class CrcSection(StrictModel):

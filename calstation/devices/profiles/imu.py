@@ -29,9 +29,6 @@ from calstation.schema import EntryError, StrictModel, entry, load, near_miss
 #: The section that each protocol needs.
 _SECTIONS = {"framed": "commands", "modbus": "modbus", "vectornav": "vectornav"}
 
-#: Ticks of a VectorNav's clock per second.
-_NANOSECONDS = 1e9
-
 #: Shortest period of the counter, s: the loss of a whole period is detected by the host's clock, against which samples
 #: arrive a few hundredths of a second early or late.
 SHORTEST_WRAP = 0.1
@@ -218,7 +215,7 @@ def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name:
 def check_nanoseconds(frame: FrameSection, rate: float) -> None:
     """Check that a VectorNav's clock counts the nanoseconds of its sample rate."""
     counter = frame.named("counter")
-    expected = _NANOSECONDS / rate
+    expected = 1e9 / rate
     if counter.per_sample != 1.0 and abs(counter.per_sample - expected) > 1e-3 * expected:
         place = ("fields", frame.fields.index(counter), "per_sample")
         raise EntryError("profile.clock_rate", *place, value=counter.per_sample, rate=rate, expected=expected)

@@ -21,22 +21,15 @@ class ImuWords:
         try:
             return self._imu.read_words(address, count)
         except ImuRefusalError as exc:
-            last, busy = address + count - 1, isinstance(exc, ImuBusyError)
-            raise DeviceFaultError(
-                "table.system_read_busy" if busy else "table.system_read_refused",
-                address=address,
-                last=last,
-                reason=exc.reason,
-            ) from exc
+            code = "table.system_read_busy" if isinstance(exc, ImuBusyError) else "table.system_read_refused"
+            raise DeviceFaultError(code, address=address, last=address + count - 1, reason=exc.reason) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True) -> None:
         try:
             self._imu.write_words(address, values, repeat)
         except ImuRefusalError as exc:
-            busy = isinstance(exc, ImuBusyError)
-            raise DeviceFaultError(
-                "table.system_write_busy" if busy else "table.system_write_refused", address=address, reason=exc.reason
-            ) from exc
+            code = "table.system_write_busy" if isinstance(exc, ImuBusyError) else "table.system_write_refused"
+            raise DeviceFaultError(code, address=address, reason=exc.reason) from exc
 
     def close(self) -> None:
         if self._owned:

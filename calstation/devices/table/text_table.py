@@ -31,7 +31,8 @@ class TextTable(Table):
 
     def identify(self) -> TableIdentity:
         """Model and serial number; raises OtherModelError if another model answers."""
-        (groups,) = self._query("identity")
+        (reply,) = self._ask("identity")
+        groups = self._read("identity", reply)
         identity = TableIdentity(groups["model"], groups.get("serial") or "")
         if self._profile.model not in identity.model:
             raise OtherModelError("table.other_model", found=identity.model, expected=self._profile.model)
@@ -127,9 +128,6 @@ class TextTable(Table):
                         replies[send] = self._ask(name)
                     answers[name] = [self._read(name, reply) for reply in replies[send]]
         return answers
-
-    def _query(self, name: str) -> list[dict[str, str]]:
-        return [self._read(name, reply) for reply in self._ask(name)]
 
     def _ask(self, name: str) -> list[str]:
         """Replies to a query, one for each axis if its line names it; each matches the profile."""
