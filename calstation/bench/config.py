@@ -28,36 +28,13 @@ def _known(name: str) -> str:
 
 ParameterName = Annotated[str, AfterValidator(_known)]
 
-OrderName = Literal[
-    "interlock",
-    "drive_fault",
-    "limit_fault",
-    "stall",
-    "trip_watchdog",
-    "jam",
-    "overshoot",
-    "never_settle",
-    "corrupt_frames",
-    "drop_frames",
-    "duplicate_frames",
-    "reorder_frames",
-    "noise_bytes",
-    "silence_imu",
-    "garble_imu",
-    "saturate_imu",
-    "invalid_imu",
-    "freeze_channel",
-    "jump_counter",
-    "reset_imu",
-    "hang_up_imu",
-    "slow_imu",
-    "mute_table",
-    "slow_table",
-    "garble_table",
-    "refuse_table",
-    "brown_out_write",
-    "brown_out_commit",
-]
+_Trip = Literal["interlock", "drive_fault", "limit_fault", "stall", "trip_watchdog"]
+_Motion = Literal["jam", "overshoot", "never_settle"]
+_Frames = Literal["corrupt_frames", "drop_frames", "duplicate_frames", "reorder_frames", "noise_bytes"]
+_Samples = Literal["silence_imu", "garble_imu", "saturate_imu", "invalid_imu", "freeze_channel"]
+_Unit = Literal["jump_counter", "reset_imu", "hang_up_imu", "slow_imu"]
+_TableLink = Literal["mute_table", "slow_table", "garble_table", "refuse_table"]
+OrderName = Literal[_Trip, _Motion, _Frames, _Samples, _Unit, _TableLink, "brown_out_write", "brown_out_commit"]
 
 
 class Order(BaseModel):

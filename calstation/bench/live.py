@@ -21,19 +21,6 @@ _FAULTS = {
     "stall": Fault.STALL,
     "trip_watchdog": Fault.WATCHDOG,
 }
-_FRAMES = {
-    "corrupt_frames": "corrupt",
-    "drop_frames": "drop",
-    "duplicate_frames": "duplicate",
-    "reorder_frames": "reorder",
-    "noise_bytes": "noise",
-}
-_WHILES = {
-    "silence_imu": "silent_until",
-    "garble_imu": "garbled_until",
-    "saturate_imu": "saturated_until",
-    "invalid_imu": "invalid_until",
-}
 
 #: Largest joint angle at power-on where it is drawn, rad.
 _START = np.deg2rad(15.0)
@@ -114,7 +101,7 @@ class LiveBench:
 
     def _stretch(self, now: float) -> list[bytes]:
         """Advance to `now`, s, in steps that end with timed faults: their effect is independent of the caller."""
-        ends = (end / self._gain for end in self.faults.ends())
+        ends = (end / self._gain for end in self.faults.until.values())
         return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
 
     def obey(self, order: Order) -> None:
@@ -127,10 +114,10 @@ class LiveBench:
         self.obeyed.append(order.order)
         if order.order in _FAULTS:
             machine.trip(_FAULTS[order.order], time)
-        elif order.order in _FRAMES:
-            setattr(faults, _FRAMES[order.order], int(value))
-        elif order.order in _WHILES:
-            setattr(faults, _WHILES[order.order], time + value)
+        elif order.order in faults.counts:
+            faults.counts[order.order] = int(value)
+        elif order.order in faults.until:
+            faults.until[order.order] = time + value
         elif order.order == "interlock":
             machine.set_interlock(value != 0.0, time)
         elif order.order == "jam":

@@ -5,6 +5,7 @@ import json
 import sys
 import threading
 import time
+from contextlib import suppress
 from typing import Any
 
 from calstation.bench.config import BenchConfig, BenchReport, Order
@@ -45,9 +46,8 @@ class BenchProcess:
         elif config.table_protocol == "drives":
             self._modbus = TableLink(drives(bench.machine, bench.clocks, config.table_serial))
         elif config.table_protocol in LANGUAGES:
-            self._text = controller = LANGUAGES[config.table_protocol](
-                Axes(bench.machine, bench.clocks), config.table_serial
-            )
+            axes = Axes(bench.machine, bench.clocks)
+            self._text = controller = LANGUAGES[config.table_protocol](axes, config.table_serial)
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._text_line = line_kind(lambda: controller.feed)
         self._clock = ClockService(bench, self._advance, self._report, self.stop)
@@ -135,15 +135,17 @@ class BenchProcess:
                 self._announce()
         elif order.order == "slow_imu":
             self._line.slow.append(order.value)
-        elif controller is not None and order.order == "mute_table":
+        elif order.order == "mute_table" and controller is not None:
             controller.mute += int(order.value)
-        elif table is not None and order.order == "mute_table":
+        elif table is None:
+            return
+        elif order.order == "mute_table":
             table.mute += int(order.value)
-        elif table is not None and order.order == "slow_table":
+        elif order.order == "slow_table":
             table.slow.append(order.value)
-        elif table is not None and order.order == "garble_table":
+        elif order.order == "garble_table":
             table.garble += int(order.value)
-        elif table is not None and order.order == "refuse_table":
+        elif order.order == "refuse_table":
             table.refuse = int(order.value)
 
     async def _outlive(self) -> None:
@@ -179,15 +181,11 @@ async def _main(config: BenchConfig) -> None:
     loop = asyncio.get_running_loop()
 
     def wait_for_parent() -> None:
-        try:
+        with suppress(OSError, ValueError):
             while sys.stdin.buffer.read(4096):
                 pass
-        except (OSError, ValueError):
-            pass
-        try:
+        with suppress(RuntimeError):
             loop.call_soon_threadsafe(bench.stop)
-        except RuntimeError:
-            return
 
     threading.Thread(target=wait_for_parent, name="parent", daemon=True).start()
     await bench.run()

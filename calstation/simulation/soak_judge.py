@@ -72,15 +72,7 @@ class Judged:
 def judge_run(
     planned: Planned, request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
 ) -> Judged:
-    """Judge a run by what it left behind.
-
-    Parameters
-    ----------
-    planned, request : of the run
-    hung : whether it did not end in time
-    engine_mb, seconds : peak memory of the engine, MB; duration, host time
-    report : file that the bench writes at its end; missing if it died with the engine
-    """
+    """Judge a run by what it left behind; `report` is the bench's file, missing if it died with the engine."""
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench_report(report)
     died = "engine_killed" in kinds and not list(request.out.glob(f"{request.serial}_*.json"))

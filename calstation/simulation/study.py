@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from calstation.bench import BenchConfig
-from calstation.bench.truth import GRADES, BenchTruth, GradeName, Simulated, Simulator
+from calstation.bench.truth import GRADES, BenchTruth, GradeName, Simulator
 from calstation.estimation.common import (
     Belief,
     ImuModel,
@@ -23,7 +23,7 @@ from calstation.estimation.common import (
     stage_data,
 )
 from calstation.estimation.navigation import solve_navigation
-from calstation.physics import NAMES, PARAMETERS, TableGeometry
+from calstation.physics import NAMES, PARAMETERS, TableGeometry, group_indices
 from calstation.results import one_blas_thread
 from calstation.simulation.instability import instability_ratio
 from calstation.simulation.study_table import UnitResult, summary
@@ -79,12 +79,9 @@ def run_study(
 ) -> dict[str, Any]:
     """Run the study; JSON-ready.
 
-    Parameters
-    ----------
-    grade, seeds : one grade, None for all; units per grade, None for 100 nav and 30 of each other grade
-    progress : is called with the units done and to do
-    cases, schedules : which lines, and departures from the stages' default schedules
-    workers : processes; 1 stays in this one
+    `grade` None stands for all, `seeds` units per grade None for 100 nav and 30 of each other. `progress` is called
+    with the units done and to do. `schedules` are departures from the stages' default ones. `workers` are processes; 1
+    stays in this one.
     """
     grades: list[GradeName] = [grade] if grade else list(SEEDS)
     jobs = [(g, s, cases, schedules or {}) for g in grades for s in range(seeds or SEEDS[g])]
@@ -136,19 +133,10 @@ def draw_unit(grade: GradeName, seed: int, outer_lever: Lever, instability: bool
         instability=instability,
     ).truth()
     imu = truth.imu
+    noise = (imu.gyro_arw, imu.accel_vrw, imu.gyro_bias_instability, imu.accel_bias_instability)
     context = SolveContext(
         Site(truth.table.latitude, 0.0, truth.table.height, truth.azimuth),
-        ImuModel(
-            f"{grade}-{seed}",
-            SAMPLE_RATE,
-            imu.output,
-            imu.gyro_lsb,
-            imu.accel_lsb,
-            imu.gyro_arw,
-            imu.accel_vrw,
-            imu.gyro_bias_instability,
-            imu.accel_bias_instability,
-        ),
+        ImuModel(f"{grade}-{seed}", SAMPLE_RATE, imu.output, imu.gyro_lsb, imu.accel_lsb, *noise),
         TableModel(
             outer_lever=outer_lever,
             encoder_sigma=truth.encoder.stop_sigma,
@@ -164,7 +152,7 @@ def study_prior(grade: GradeName, outer_lever: str) -> Belief:
     """The distribution that the units of a grade are drawn from."""
     sigma = np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
     if outer_lever == "fixed":
-        sigma[[p.group == "outer_lever" for p in PARAMETERS]] = 0.0
+        sigma[group_indices("outer_lever")] = 0.0
     return Belief(np.zeros(len(sigma)), np.diag(sigma**2))
 
 
@@ -176,13 +164,10 @@ def simulate_stages(truth: BenchTruth, seed: int, stages: list[str], schedules: 
         m = method(stage)
         schedule = m.schedule(**schedules.get(stage, {}))
         steps = m.plan(TableGeometry(), schedule)
-        blocks[stage] = _block(simulator.run(steps, stage, getattr(schedule, "rounds", None)))
+        s = simulator.run(steps, stage, getattr(schedule, "rounds", None))
+        valid = np.ones(len(s.seq), dtype=np.bool_)
+        blocks[stage] = SampleBlock(s.stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
     return blocks
-
-
-def _block(s: Simulated) -> SampleBlock:
-    valid = np.ones(len(s.seq), dtype=np.bool_)
-    return SampleBlock(s.stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
 
 
 def _solve(

@@ -7,7 +7,8 @@ import asyncio
 import logging
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Protocol
 
@@ -75,8 +76,8 @@ class TableLink:
         (near, near_slave, near_path), (far, far_slave, far_path) = open_raw(), open_raw()
         self._terminals = [near, near_slave, far, far_slave]
         loop = asyncio.get_running_loop()
-        loop.add_reader(near, _carry(near, far))
-        loop.add_reader(far, _carry(far, near))
+        loop.add_reader(near, _carry, near, far)
+        loop.add_reader(far, _carry, far, near)
         server = ModbusSerialServer(
             self._devices(), port=near_path, baudrate=BAUD, trace_pdu=self._trace, trace_packet=self._spoil
         )
@@ -96,15 +97,15 @@ class TableLink:
         self._terminals = []
 
     def _devices(self) -> list[SimDevice]:
-        return [self._device(number, unit) for number, unit in self._units.items()]
-
-    def _device(self, number: int, unit: TableUnit) -> SimDevice:
-        writable = {first + i for first, count in unit.writable for i in range(count)}
-        blocks = [
-            SimData(i, values=0, datatype=DataType.REGISTERS, readonly=i not in writable)
-            for i in range(len(unit.words))
-        ]
-        return SimDevice(id=number, simdata=blocks, action=partial(self._act, unit))
+        devices = []
+        for number, unit in self._units.items():
+            writable = {first + i for first, count in unit.writable for i in range(count)}
+            blocks = [
+                SimData(i, values=0, datatype=DataType.REGISTERS, readonly=i not in writable)
+                for i in range(len(unit.words))
+            ]
+            devices.append(SimDevice(id=number, simdata=blocks, action=partial(self._act, unit)))
+        return devices
 
     async def _act(
         self,
@@ -152,11 +153,6 @@ class TableLink:
         return pdu
 
 
-def _carry(source: int, target: int) -> Callable[[], None]:
-    def carry() -> None:
-        try:
-            os.write(target, os.read(source, 4096))
-        except OSError:
-            return
-
-    return carry
+def _carry(source: int, target: int) -> None:
+    with suppress(OSError):
+        os.write(target, os.read(source, 4096))

@@ -36,7 +36,7 @@ _NEW_SETPOINT, _RESET = 0x10, 0x80
 def drives(machine: TableMachine, clocks: Clocks, serial: str) -> "dict[int, Drive]":
     """Both drives of a machine by Modbus unit number; a letter is added to their serial numbers."""
     axes = Axes(machine, clocks)
-    return {UNITS[joint]: Drive(joint, machine, axes, clocks, f"{serial}{'AB'[joint]}") for joint in (0, 1)}
+    return {UNITS[joint]: Drive(joint, axes, f"{serial}{'AB'[joint]}") for joint in (0, 1)}
 
 
 class Drive:
@@ -44,14 +44,14 @@ class Drive:
 
     writable: tuple[tuple[int, int], ...] = ((CONTROL, 1), (MODE, 1), (TARGET, 8))
 
-    def __init__(self, joint: int, machine: TableMachine, axes: Axes, clocks: Clocks, serial: str) -> None:
+    def __init__(self, joint: int, axes: Axes, serial: str) -> None:
         self._joint, self._sense = joint, SENSE[joint]
-        self._machine, self._axes, self._clocks = machine, axes, clocks
+        self._axes, self._machine = axes, axes.machine
         self._controlword = 0
         self.words = [0] * SIZE
         self.words[MODEL_AT : SERIAL_AT + TEXT_WORDS] = text_words(MODEL) + text_words(serial)
         self.words[MODE] = PROFILE_POSITION
-        ends = sorted(self._sense * end for end in (machine.limits.low[joint], machine.limits.high[joint]))
+        ends = sorted(self._sense * end for end in (axes.machine.limits.low[joint], axes.machine.limits.high[joint]))
         for register, end in zip((LOW, HIGH), ends, strict=True):
             self._put(register, struct.pack(">i", round(end / _ANGLE)))
         self._put(PROFILE_VELOCITY, struct.pack(">I", 100_000))
@@ -89,7 +89,7 @@ class Drive:
         if self._machine.fault is not Fault.NONE:
             return
         on = word & 0x0F == 0x0F
-        if on != axes.wanted(joint):
+        if on != axes.wanted[joint]:
             axes.power(joint, on)
         if on and rising & _NEW_SETPOINT:
             self._start()
@@ -119,9 +119,9 @@ class Drive:
 
     def _statusword(self) -> int:
         """Statusword of the machine with this drive's own power state (CiA 402-2, table 29)."""
-        word = self._machine.statusword(self._clocks.device())
+        word = self._machine.statusword(self._axes.clocks.device())
         if self._machine.fault is Fault.NONE:
-            word = word & ~0x6F | (Power.ENABLED if self._axes.wanted(self._joint) else Power.READY).value
+            word = word & ~0x6F | (Power.ENABLED if self._axes.wanted[self._joint] else Power.READY).value
         return word
 
     def _put(self, address: int, value: bytes) -> None:

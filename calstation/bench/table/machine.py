@@ -94,7 +94,7 @@ class TableMachine:
         self.fault = Fault.NONE
         self.power = Power.DISABLED
         self.homed = False
-        self._interlock_closed = interlock_closed
+        self.interlock_closed = interlock_closed
         self._controlword = 0
         self._homing = False
         self.jammed = False
@@ -104,14 +104,9 @@ class TableMachine:
         # Encoders count from the power-on angles until homing finds their zero.
         self._zero = drive.states(0.0)[:, 0]
 
-    @property
-    def interlock_closed(self) -> bool:
-        """Whether the axes may be powered."""
-        return self._interlock_closed
-
     def set_interlock(self, closed: bool, time: float) -> None:
         """Open or close the interlock; opening it trips."""
-        self._interlock_closed = closed
+        self.interlock_closed = closed
         if not closed:
             self.trip(Fault.INTERLOCK, time)
 
@@ -158,7 +153,7 @@ class TableMachine:
         reset = bool(word & 0x80) and not self._controlword & 0x80
         self._controlword = word
         self.jammed &= not reset
-        if reset and self._interlock_closed and self.settled(time):
+        if reset and self.interlock_closed and self.settled(time):
             self.fault = Fault.NONE
         if self.fault is not Fault.NONE:
             return
@@ -174,7 +169,7 @@ class TableMachine:
             self.stop(time)
             if self.power is not Power.DISABLED:
                 self.power = Power.ON
-        elif command == 0x0F and self.power in (Power.READY, Power.ON) and self._interlock_closed:
+        elif command == 0x0F and self.power in (Power.READY, Power.ON) and self.interlock_closed:
             self.power = Power.ENABLED
             self.feed(host_time)
         if word & 0x100:
@@ -205,8 +200,7 @@ class TableMachine:
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
         """Start one joint independently of the other; repeating its present move has no effect. Raises a `Refusal`."""
-        beyond = self.overshoot
-        if self._start_joint(time, joint, target, beyond, rate, acceleration):
+        if self._start_joint(time, joint, target, self.overshoot, rate, acceleration):
             self.overshoot = 0.0
 
     def _start_joint(
@@ -248,13 +242,9 @@ class TableMachine:
         """CiA 402 statusword with the table's own bits."""
         word = REMOTE_BIT | (self.power.value if self.fault is Fault.NONE else FAULT_BIT)
         # Active low: 0 means that a quick stop (b1 set, b2 not) is active.
-        if self._controlword & 0x06 == 0x02:
-            word &= ~QUICK_STOP_BIT
-        else:
-            word |= QUICK_STOP_BIT
+        word = word & ~QUICK_STOP_BIT if self._controlword & 0x06 == 0x02 else word | QUICK_STOP_BIT
         word |= REACHED_BIT if self.settled(time) else MOVING_BIT
-        if self.homed:
-            word |= HOMED_BIT
+        word |= HOMED_BIT * self.homed
         angles = self.drive.states(time)[:, 0]
         beyond = angles - np.clip(angles, self.limits.low, self.limits.high)
         if np.any(np.abs(beyond) > SWITCH_BEYOND):
@@ -272,7 +262,7 @@ class TableMachine:
     def _permit(self, time: float, end: float | None = None) -> None:
         """Raise NotPermitted unless a motion may start after `end` of the one before, by default of both joints."""
         halted = bool(self._controlword & 0x100)
-        ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self._interlock_closed
+        ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self.interlock_closed
         if not ready or halted or time < (self.drive.end if end is None else end):
             raise NotPermitted
 

@@ -4,6 +4,8 @@ Registers are 16 bit, addresses 0-based, 32-bit values signed with the high word
 rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
 """
 
+import struct
+
 import numpy as np
 
 from calstation.bench.table.machine import Clocks, OutOfRange, TableMachine
@@ -30,18 +32,6 @@ def text_words(text: str) -> list[int]:
     """Eight registers of ASCII, padded with zeros."""
     data = text.encode("ascii", "replace")[: 2 * TEXT_WORDS].ljust(2 * TEXT_WORDS, b"\0")
     return [int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2)]
-
-
-def long_words(value: float) -> list[int]:
-    """A rounded signed 32-bit value, high word first."""
-    whole = int(np.clip(round(value), -(2**31), 2**31 - 1)) & 0xFFFFFFFF
-    return [whole >> 16, whole & 0xFFFF]
-
-
-def long_value(words: list[int]) -> int:
-    """Signed 32-bit value of two registers, high word first."""
-    whole = (words[0] << 16) | words[1]
-    return whole - 2**32 if whole & 0x80000000 else whole
 
 
 class TableRegisters:
@@ -117,7 +107,9 @@ class TableRegisters:
             raise OutOfRange
 
     def _put(self, address: int, value: float) -> None:
-        self.words[address : address + 2] = long_words(value)
+        whole = int(np.clip(round(value), -(2**31), 2**31 - 1))
+        self.words[address : address + 2] = struct.unpack(">HH", struct.pack(">i", whole))
 
     def _get(self, address: int) -> int:
-        return long_value(self.words[address : address + 2])
+        value: int = struct.unpack(">i", struct.pack(">HH", *self.words[address : address + 2]))[0]
+        return value

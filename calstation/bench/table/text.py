@@ -116,7 +116,7 @@ class Acl(TextController):
         super().__init__(axes, serial)
         self._modes = ["Off", "Off"]
         self._wrong = False
-        axes.know_zero()
+        axes.machine.know_zero()  # its encoders are absolute
 
     def _answer(self, line: str) -> bytes:
         name, question, rest = line.partition("?")
@@ -145,12 +145,14 @@ class Acl(TextController):
             if axes.fault:
                 return "Fault"
             return "Closed" if axes.state(joint) & StateBit.ENABLED else "Open"
-        low, high = axes.travel(joint)
+        limits = axes.machine.limits
+        fastest_and_ends = np.rad2deg([limits.rate, limits.acceleration, limits.low[joint], limits.high[joint]])
+        rate, acceleration, low, high = fastest_and_ends.tolist()
         values = {
             ":mode": self._modes[joint],
             ":read:pos": f"{axes.position(joint):.5f}",
             ":read:rate": f"{axes.speed(joint):.5f}",
-            ":limit:absolute": ",".join(f"{v:g}" for v in (*axes.fastest(), 1e4, low, high, 1e3)),
+            ":limit:absolute": ",".join(f"{v:g}" for v in (rate, acceleration, 1e4, low, high, 1e3)),
         }
         return values.get(name)
 

@@ -47,25 +47,18 @@ def ideal_increments(
         width = np.diff(cut)
         times = (cut[:-1, None] + width[:, None] * _NODES).ravel()
         force, rate, acceleration = motion.states(times, field.up_force, field.earth)
-        rates = _outputs(model, force, rate, acceleration, mounting)
+        force = force + np.cross(rate, np.cross(rate, mounting.arm)) + np.cross(acceleration, mounting.arm)
+        f, w, a = (v @ mounting.turn for v in (force, rate, acceleration))
+        sensed = f.copy()
+        for i in range(3):  # accelerometer i, at row 9 + i of the model, senses along e_i
+            site = model[9 + i]
+            sensed[:, i] += (np.cross(w, np.cross(w, site)) + np.cross(a, site))[:, i]
+        gyro = w @ model[0:3].T + model[6]
+        accel = sensed @ model[3:6].T + model[8] * sensed**2 + model[7]
+        rates = np.hstack([gyro, accel])
         weighted = rates.reshape(len(width), 3, 6) * (_WEIGHTS[:, None] * width[:, None, None])
         result[first : first + len(width)] = weighted.sum(axis=1)
     return result
-
-
-def _outputs(
-    model: FloatArray, force: FloatArray, rate: FloatArray, acceleration: FloatArray, mounting: Mounting
-) -> FloatArray:
-    """The six channels from force, ω and ω' of the body's point, shape (n, 6)."""
-    force = force + np.cross(rate, np.cross(rate, mounting.arm)) + np.cross(acceleration, mounting.arm)
-    f, w, a = (v @ mounting.turn for v in (force, rate, acceleration))
-    sensed = f.copy()
-    for i in range(3):  # accelerometer i, at row 9 + i of the model, senses along e_i
-        site = model[9 + i]
-        sensed[:, i] += (np.cross(w, np.cross(w, site)) + np.cross(a, site))[:, i]
-    gyro = w @ model[0:3].T + model[6]
-    accel = sensed @ model[3:6].T + model[8] * sensed**2 + model[7]
-    return np.hstack([gyro, accel])
 
 
 class FreeStream:

@@ -110,6 +110,8 @@ class GimbalBench:
         drift = np.zeros((count, 6))
         increments, joints = np.empty((count, 6)), np.empty((count, 3))
         _drift(self._bank, self._decay, self._driven, driven, drift)
+        # (I + K)⁻¹, K without its diagonal
+        inverse = np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction)))
         _simulate(
             self._model,
             self._order,
@@ -119,7 +121,7 @@ class GimbalBench:
             locked,
             course,
             stabilised,
-            _inverse(correction),
+            inverse,
             self.bias,
             noise + drift[:, :3] * self.interval,
             self.joints,
@@ -134,18 +136,8 @@ class GimbalBench:
         seq = np.arange(self._produced, self._produced + count)
         self._produced += count
         read = joints + self._offset + 0.1 * self._encoder_sigma * self._random.standard_normal(joints.shape)
-        return GimbalSamples(
-            seq,
-            np.asarray((seq + 1) * self.interval, dtype=np.float64),
-            counts,
-            read,
-            np.full(count, self._step, np.int64),
-        )
-
-
-def _inverse(correction: FloatArray) -> FloatArray:
-    """(I + K)⁻¹, K without its diagonal, shape (3, 3)."""
-    return np.asarray(np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction))), dtype=np.float64)
+        ends = np.asarray((seq + 1) * self.interval, dtype=np.float64)
+        return GimbalSamples(seq, ends, counts, read, np.full(count, self._step, np.int64))
 
 
 def _smooth(count: int) -> FloatArray:

@@ -1,12 +1,12 @@
 """Grades of units: sizes of their errors and noise, and the random draw of one unit."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from calstation.bench.truth.imu import ImuTruth
-from calstation.physics import COUNT, PARAMETERS, FloatArray
+from calstation.physics import COUNT, INDEX, PARAMETERS, group_indices
 
 GradeName = Literal["nav", "tactical", "mems"]
 
@@ -34,80 +34,40 @@ class Grade:
     accel_range: float
 
 
-GRADES: dict[GradeName, Grade] = {
-    "nav": Grade(
-        sigma={
-            "gyro_bias": 1.0 * _DEGREE_PER_HOUR,
-            "gyro_scale": 5e-4,
-            "gyro_misalign": 4e-4,
-            "accel_bias": 250.0 * _MICRO_G,
-            "accel_scale": 3e-4,
-            "accel_misalign": 3e-4,
-            "accel_quadratic": 1e-6,
-            "inner_lever": 0.008,
-            "outer_lever": 0.05,
-        },
-        gyro_lsb=np.deg2rad(0.01 / 3600.0),
-        accel_lsb=1e-6,
-        gyro_arw=0.001 * _ARW_UNIT,
-        accel_vrw=5.0 * _VRW_UNIT,
-        gyro_bias_instability=0.001 * _DEGREE_PER_HOUR,
-        accel_bias_instability=0.3 * _MICRO_G,
-        gyro_range=np.deg2rad(400.0),
-        accel_range=200.0,
-    ),
-    "tactical": Grade(
-        sigma={
-            "gyro_bias": 10.0 * _DEGREE_PER_HOUR,
-            "gyro_scale": 7e-4,
-            "gyro_misalign": 7e-4,
-            "accel_bias": 600.0 * _MICRO_G,
-            "accel_scale": 6e-4,
-            "accel_misalign": 5e-4,
-            "accel_quadratic": 3e-6,
-            "inner_lever": 0.015,
-            "outer_lever": 0.08,
-        },
-        gyro_lsb=2e-7,
-        accel_lsb=4e-6,
-        gyro_arw=0.02 * _ARW_UNIT,
-        accel_vrw=20.0 * _VRW_UNIT,
-        gyro_bias_instability=0.1 * _DEGREE_PER_HOUR,
-        accel_bias_instability=3.0 * _MICRO_G,
-        gyro_range=np.deg2rad(490.0),
-        accel_range=300.0,
-    ),
-    "mems": Grade(
-        sigma={
-            "gyro_bias": np.deg2rad(0.1),
-            "gyro_scale": 1.2e-3,
-            "gyro_misalign": 1.2e-3,
-            "accel_bias": 800.0 * _MICRO_G,
-            "accel_scale": 1e-3,
-            "accel_misalign": 8e-4,
-            "accel_quadratic": 6e-6,
-            "inner_lever": 0.03,
-            "outer_lever": 0.1,
-        },
-        gyro_lsb=1e-6,
-        accel_lsb=2e-5,
-        gyro_arw=0.15 * _ARW_UNIT,
-        accel_vrw=60.0 * _VRW_UNIT,
-        gyro_bias_instability=1.0 * _DEGREE_PER_HOUR,
-        accel_bias_instability=10.0 * _MICRO_G,
-        gyro_range=np.deg2rad(450.0),
-        accel_range=98.0,
-    ),
+_NAMES: tuple[GradeName, ...] = ("nav", "tactical", "mems")
+
+#: Sigma of a unit's parameters by group, for each of `_NAMES`.
+_SIGMAS: dict[str, tuple[float, float, float]] = {
+    "gyro_bias": (1.0 * _DEGREE_PER_HOUR, 10.0 * _DEGREE_PER_HOUR, np.deg2rad(0.1)),
+    "gyro_scale": (5e-4, 7e-4, 1.2e-3),
+    "gyro_misalign": (4e-4, 7e-4, 1.2e-3),
+    "accel_bias": (250.0 * _MICRO_G, 600.0 * _MICRO_G, 800.0 * _MICRO_G),
+    "accel_scale": (3e-4, 6e-4, 1e-3),
+    "accel_misalign": (3e-4, 5e-4, 8e-4),
+    "accel_quadratic": (1e-6, 3e-6, 6e-6),
+    "inner_lever": (0.008, 0.015, 0.03),
+    "outer_lever": (0.05, 0.08, 0.1),
 }
 
+#: Further values of `Grade`, for each of `_NAMES`.
+_OUTPUTS: dict[str, tuple[float, float, float]] = {
+    "gyro_lsb": (np.deg2rad(0.01 / 3600.0), 2e-7, 1e-6),
+    "accel_lsb": (1e-6, 4e-6, 2e-5),
+    "gyro_arw": (0.001 * _ARW_UNIT, 0.02 * _ARW_UNIT, 0.15 * _ARW_UNIT),
+    "accel_vrw": (5.0 * _VRW_UNIT, 20.0 * _VRW_UNIT, 60.0 * _VRW_UNIT),
+    "gyro_bias_instability": (0.001 * _DEGREE_PER_HOUR, 0.1 * _DEGREE_PER_HOUR, 1.0 * _DEGREE_PER_HOUR),
+    "accel_bias_instability": (0.3 * _MICRO_G, 3.0 * _MICRO_G, 10.0 * _MICRO_G),
+    "gyro_range": (np.deg2rad(400.0), np.deg2rad(490.0), np.deg2rad(450.0)),
+    "accel_range": (200.0, 300.0, 98.0),
+}
 
-def draw_parameters(grade: GradeName, random: np.random.Generator, outer_lever: str) -> FloatArray:
-    """True parameters of one unit, shape (30,), SI; the outer lever is 0 where it is "fixed"."""
-    normal = np.clip(random.standard_normal(COUNT), -_CUT, _CUT)
-    sigma = np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
-    if outer_lever == "fixed":
-        sigma[[i for i, p in enumerate(PARAMETERS) if p.group == "outer_lever"]] = 0.0
-    return np.asarray(normal * sigma, dtype=np.float64)
+GRADES: dict[GradeName, Grade] = {
+    name: Grade(
+        sigma={group: values[i] for group, values in _SIGMAS.items()},
+        **{field: values[i] for field, values in _OUTPUTS.items()},
+    )
+    for i, name in enumerate(_NAMES)
+}
 
 
 def draw_imu(
@@ -122,22 +82,20 @@ def draw_imu(
 ) -> ImuTruth:
     """One unit of a grade.
 
-    Parameters
-    ----------
-    grade, random, sample_rate : of the draw; Hz
-    output : "rate" counts the same lsb times the sample rate, rad/s and m/s²
-    outer_lever : "estimated" or "fixed"
-    instability : False leaves out the bias instability
-    out_of_limits : set the x gyro's bias and the y accelerometer's scale factor to twenty sigmas
+    Output "rate" counts the same lsb times the sample rate, rad/s and m/s². `outer_lever` is "estimated", or "fixed" at
+    0. `out_of_limits` sets the x gyro's bias and the y accelerometer's scale factor to twenty sigmas.
     """
     size = GRADES[grade]
     per_count = sample_rate if output == "rate" else 1.0
-    parameters = draw_parameters(grade, random, outer_lever)
+    normal = np.clip(random.standard_normal(COUNT), -_CUT, _CUT)
+    sigma = np.array([size.sigma[p.group] for p in PARAMETERS])
+    if outer_lever == "fixed":
+        sigma[group_indices("outer_lever")] = 0.0
+    parameters = np.asarray(normal * sigma, dtype=np.float64)
     if out_of_limits:
-        for i, p in enumerate(PARAMETERS):
-            if p.name in ("gyro_bias_x", "accel_scale_y"):
-                parameters[i] = 20.0 * size.sigma[p.group]
-    imu = ImuTruth(
+        for name in ("gyro_bias_x", "accel_scale_y"):
+            parameters[INDEX[name]] = 20.0 * size.sigma[PARAMETERS[INDEX[name]].group]
+    return ImuTruth(
         parameters=parameters,
         sample_rate=sample_rate,
         output=output,
@@ -145,9 +103,8 @@ def draw_imu(
         accel_lsb=size.accel_lsb * per_count,
         gyro_arw=size.gyro_arw,
         accel_vrw=size.accel_vrw,
-        gyro_bias_instability=size.gyro_bias_instability,
-        accel_bias_instability=size.accel_bias_instability,
+        gyro_bias_instability=size.gyro_bias_instability if instability else 0.0,
+        accel_bias_instability=size.accel_bias_instability if instability else 0.0,
         gyro_range=size.gyro_range,
         accel_range=size.accel_range,
     )
-    return imu if instability else replace(imu, gyro_bias_instability=0.0, accel_bias_instability=0.0)

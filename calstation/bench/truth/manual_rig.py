@@ -69,17 +69,9 @@ def record(
     motion, duration = push(rig, poses, np.random.default_rng(hand_seed))
     count = int(duration * imu.sample_rate)
     counts, _ = sampled(imu, motion, Mounting(np.eye(3), np.asarray(rig.arm)), rig.field, count, sensor_seed)
-    seq = np.arange(count)
-    recorded = Simulated(
-        stage="multi_position",
-        seq=seq,
-        time=(seq + 1) / imu.sample_rate,
-        counts=counts,
-        angles=np.full((count, 2), np.nan),
-        step=np.zeros(count, np.int64),
-        temperature=np.full(count, np.nan),
-    )
-    return recorded, motion
+    seq, unknown = np.arange(count), np.full((count, 3), np.nan)
+    time, step = (seq + 1) / imu.sample_rate, np.zeros(count, np.int64)
+    return Simulated("multi_position", seq, time, counts, unknown[:, :2], step, unknown[:, 2]), motion
 
 
 def push(rig: ManualRig, poses: list[Pose], random: np.random.Generator) -> tuple[FreeMotion, float]:

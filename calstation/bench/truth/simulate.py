@@ -97,15 +97,7 @@ class Simulator:
         if not parts:
             parts.append(self._produce(0.0))
         counts, angles, numbers = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return Simulated(
-            stage=stage,
-            seq=seq,
-            time=self._ends(seq),
-            counts=counts,
-            angles=angles,
-            step=numbers,
-            temperature=np.full(len(seq), TEMPERATURE),
-        )
+        return Simulated(stage, seq, self._ends(seq), counts, angles, numbers, np.full(len(seq), TEMPERATURE))
 
     def _ends(self, seq: IntArray) -> FloatArray:
         return np.asarray((seq + 1) * self._stream.interval, dtype=np.float64)
