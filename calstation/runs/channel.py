@@ -78,7 +78,10 @@ class Channel:
                 now = time.monotonic()
                 if now >= due:
                     due = now + BEAT_EVERY
-                    self._beat(now)
+                    if self._alive():
+                        self._connection.send(BEAT)
+                        if self._unanswered is None:
+                            self._unanswered = now
                 try:
                     message = self._queue.get(timeout=due - now)
                 except Empty:
@@ -89,17 +92,15 @@ class Channel:
         except Exception:  # noqa: BLE001 - whatever ends the sending, the listener is lost
             self._lose()
 
-    def _beat(self, now: float) -> None:
-        if self._alive():
-            self._connection.send(BEAT)
-            if self._unanswered is None:
-                self._unanswered = now
-
     def _receive(self) -> None:
         while True:
             try:
                 if not self._connection.poll(BEAT_EVERY):
-                    self._check_silence()
+                    # Only when nothing waits to be read: a late engine must not take its listener for frozen.
+                    since = self._unanswered
+                    if since is not None and time.monotonic() - since > self._silent_after:
+                        self._unanswered = None
+                        self._on_silent()
                     continue
                 text = self._connection.recv()
                 if text != BEAT:
@@ -108,13 +109,6 @@ class Channel:
                 self._lose()
                 return
             self._unanswered = None
-
-    def _check_silence(self) -> None:
-        """Called only when nothing waits to be read: a late engine must not take its listener for frozen."""
-        since = self._unanswered
-        if since is not None and time.monotonic() - since > self._silent_after:
-            self._unanswered = None
-            self._on_silent()
 
     def _lose(self) -> None:
         if not self._lost.is_set() and not self._closing:

@@ -11,7 +11,6 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import Empty
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from calstation import __version__, applog
@@ -55,7 +54,7 @@ class Engine:
     """A running engine as its listener sees it: by `poll` from a timer, or by `events` in a loop.
 
     A listener must read at least every few seconds; one that does not counts as frozen, and its run is stopped
-    safely.
+    safely. `ended` : nothing more will come from `poll`.
     """
 
     def __init__(self, process: BaseProcess, connection: "Connection[Any, Any]") -> None:
@@ -64,7 +63,7 @@ class Engine:
         self._pipe_reader = PipeReader(connection)
         self._begun = False
         self._has_ending = False
-        self._ended = False
+        self.ended = False
         self._frozen = False
         self._silence = 0.0
         self._polled = time.monotonic()
@@ -84,11 +83,6 @@ class Engine:
         """Whether the engine's process lives; it may do so for a moment after its last event."""
         return self.process.is_alive()
 
-    @property
-    def ended(self) -> bool:
-        """Whether nothing more will come from `poll`."""
-        return self._ended
-
     def poll(self) -> list[Event]:
         """All events since the last call, possibly none. Never waits.
 
@@ -103,7 +97,7 @@ class Engine:
         Raises DeviceFaultError if the engine dies without an ending event or stays frozen.
         """
         last = time.monotonic()
-        while not self._ended:
+        while not self.ended:
             for event in self._read(_FROZEN_UNSEEN_AFTER, _SLICE):
                 if isinstance(event, Fault) and not self._has_ending:
                     raise DeviceFaultError(event.code, **event.values)
@@ -122,7 +116,7 @@ class Engine:
 
         Never waits; `alive` becomes false when the process is gone.
         """
-        self._ended = True
+        self.ended = True
         self._pipe_reader.close()
         if self._frozen:
             self.process.kill()
@@ -138,44 +132,40 @@ class Engine:
     def __enter__(self) -> "Engine":
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()
 
     def _read(self, frozen_after: float, wait: float = 0.0) -> list[Event]:
         """Complete messages, waiting at most `wait` s for the first, so that Ctrl-C always takes effect."""
         events: list[Event] = []
         received = False
-        while not self._ended:
+        while not self.ended:
             try:
                 message = self._pipe_reader.take(0.0 if received else wait)
             except Empty:
                 break
             except EOFError:
-                self._ended = True
+                self.ended = True
                 if not self._has_ending:
-                    events.append(self._fault("run.engine_ended", exit_code=self._exit_code()))
+                    self.process.join(0.02)  # until its exit code is known
+                    events.append(self._fault("run.engine_ended", exit_code=self.process.exitcode))
                 break
             received = True
             if message == BEAT:
                 self._send(BEAT)
             else:
-                events.append(self._take(message))
-        if not self._ended and self._becomes_frozen(received, frozen_after):
+                event = from_json(message)
+                self._begun = True
+                self._has_ending = self._has_ending or isinstance(event, Verdict | Settled | Fault)
+                events.append(event)
+        if not self.ended and self._becomes_frozen(received, frozen_after):
             events.append(self._fault("run.engine_silent"))
         return events
 
     def _send(self, text: str) -> None:
-        if not self._ended:
+        if not self.ended:
             with suppress(OSError):
                 self._connection.send(text)
-
-    def _take(self, message: dict[str, Any]) -> Event:
-        event = from_json(message)
-        self._begun = True
-        self._has_ending = self._has_ending or isinstance(event, Verdict | Settled | Fault)
-        return event
 
     def _becomes_frozen(self, received: bool, frozen_after: float) -> bool:
         """Whether the engine has just become frozen; only time in which this listener polled counts."""
@@ -189,10 +179,6 @@ class Engine:
             return False
         self._frozen = True
         return True
-
-    def _exit_code(self) -> int | None:
-        self.process.join(0.02)
-        return self.process.exitcode
 
     def _fault(self, code: str, **values: Any) -> Fault:
         fault = Fault.of(DeviceFaultError(code, **values))

@@ -62,7 +62,8 @@ def resumable(folder: Path) -> list[Resumable]:
     history.refresh()
     found: list[Resumable] = []
     seen: set[str] = set()
-    for record in _stopped_short(history):
+    records = [r for outcome in ("stopped", "fault", "incomplete") for r in history.runs(outcome=outcome) if r.stages]
+    for record in sorted(records, key=lambda r: r.started_utc, reverse=True):
         if record.serial in seen:
             continue
         seen.add(record.serial)
@@ -77,11 +78,6 @@ def resumable(folder: Path) -> list[Resumable]:
 def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
     """Job: see `resumable`."""
     return resumable(folder)
-
-
-def _stopped_short(history: History) -> list[RunRecord]:
-    records = [r for outcome in ("stopped", "fault", "incomplete") for r in history.runs(outcome=outcome)]
-    return sorted((r for r in records if r.stages), key=lambda r: r.started_utc, reverse=True)
 
 
 def _best(runs: list[RunRecord]) -> RunRecord | None:
@@ -192,7 +188,7 @@ class Continuation:
         attempt = old.run.attempt if old.run is not None else 1
         new = setup.log_meta(started, attempt, registers)
         for name in ("site", "imu", "table", "product", "schedule"):
-            if not _same(getattr(new, name), getattr(old, name)):
+            if _stored(getattr(new, name)) != _stored(getattr(old, name)):
                 raise ConfigurationError("run.section_changed", path=path, section=name)
         if registers is not None and (new.registers, new.prior) != (old.registers, old.prior):
             raise DeviceFaultError("run.registers_changed", log=path.name)
@@ -246,11 +242,7 @@ class Continuation:
 
     def _compare(self, solution: Solution) -> None:
         solved = to_json(solution_events(solution)[0])
-        recorded = next(
-            event
-            for event in self.log.events
-            if event.get("event") == "StageSolved" and event["stage"] == solution.stage
-        )
+        recorded = next(e for e in self.log.events if e.get("event") == "StageSolved" and e["stage"] == solution.stage)
         if solved["parameters"] != recorded["parameters"]:
             raise InputError("run.solved_differently", path=self.log.path, stage=solution.stage)
 
@@ -272,18 +264,14 @@ def _check_station(log: Log, here: StationConfig) -> None:
     began = log.meta.run.station if log.meta.run is not None else None
     if began is not None and began != here.name:
         raise ConfigurationError("run.other_station", path=log.path, began=began, here=here.name)
-    virtual = _on_bench(log.meta.profiles.get("station", ""))
-    if virtual is not None and virtual != (here.bench is not None):
+    text = log.meta.profiles.get("station", "")
+    try:
+        virtual = "bench" in tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        return
+    if text and virtual != (here.bench is not None):
         code = "run.station_now_hardware" if virtual else "run.station_now_virtual"
         raise ConfigurationError(code, path=log.path, station=here.name)
-
-
-def _on_bench(text: str) -> bool | None:
-    """Whether a station file is that of a virtual bench; None if the log holds no readable one."""
-    try:
-        return "bench" in tomllib.loads(text) if text else None
-    except tomllib.TOMLDecodeError:
-        return None
 
 
 def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
@@ -292,12 +280,8 @@ def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
     return {name: given.get(name) for name in method(stage).schedule.model_fields}
 
 
-def _same(new: Any, old: Any) -> bool:
-    """Whether two sections are equal as a log stores them, without None."""
-    return bool(_stored(new) == _stored(old))
-
-
 def _stored(value: Any) -> Any:
+    """A section as a log stores it, without None."""
     plain = value.model_dump() if hasattr(value, "model_dump") else value
     if isinstance(plain, Mapping):
         return {key: _stored(item) for key, item in plain.items() if item is not None}

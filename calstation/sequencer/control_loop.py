@@ -71,8 +71,15 @@ class ControlLoop:
         asked = clock.now()
         self.status = self.context.table.status()
         self.acquisition.poll(self.status, asked, clock.now())
-        self.flow = self._drained()
-        self._trace()
+        try:
+            self.flow = self.acquisition.drain()
+        except NoFramesError:
+            if not self.patient:
+                raise
+            self.flow = Flow()
+        newest, recent = self.acquisition.newest, self.acquisition.recent
+        if self.flow.count and newest is not None and recent is not None and np.isfinite(recent[0]).all():
+            self._traced.append((newest, recent[0]))
         self.feed_watchdog()
         self._show()
         self._check_table()
@@ -137,14 +144,6 @@ class ControlLoop:
         if self.powered and not self.status.enabled:
             raise DeviceFaultError("motion.switched_off")
 
-    def _drained(self) -> Flow:
-        try:
-            return self.acquisition.drain()
-        except NoFramesError:
-            if not self.patient:
-                raise
-            return Flow()
-
     def _check_data(self) -> None:
         if self.silent:
             raise StepInvalid("no_data")
@@ -154,11 +153,6 @@ class ControlLoop:
             raise StepInvalid("invalid")
         if self.flow.saturated:
             raise StepInvalid("saturated")
-
-    def _trace(self) -> None:
-        newest, recent = self.acquisition.newest, self.acquisition.recent
-        if self.flow.count and newest is not None and recent is not None and np.isfinite(recent[0]).all():
-            self._traced.append((newest, recent[0]))
 
     def _show(self) -> None:
         now, emit = time.monotonic(), self.context.emit

@@ -4,9 +4,9 @@ The same stream feeds progress bar, log, window and database. `to_json` and `fro
 event through a pipe or a log.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, TypeAlias, get_args
+from typing import Any
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
@@ -15,7 +15,12 @@ from calstation.physics import INDEX
 
 
 @dataclass(frozen=True)
-class StateChanged:
+class Event:
+    """Any of the events below."""
+
+
+@dataclass(frozen=True)
+class StateChanged(Event):
     """The run went from state `previous` to `state`."""
 
     state: str
@@ -23,7 +28,7 @@ class StateChanged:
 
 
 @dataclass(frozen=True)
-class StageStarted:
+class StageStarted(Event):
     """Stage number `index` (from 0) of `count` begins; `duration` is that of its plan, s."""
 
     stage: str
@@ -33,7 +38,7 @@ class StageStarted:
 
 
 @dataclass(frozen=True)
-class StageProgress:
+class StageProgress(Event):
     """Progress of a stage: `fraction` 0..1, `remaining` s, `sigma` the largest per group so far, SI."""
 
     stage: str
@@ -43,7 +48,7 @@ class StageProgress:
 
 
 @dataclass(frozen=True)
-class StepStarted:
+class StepStarted(Event):
     """A step begins: `kind` of step, `step` number on its samples, `label` id and values of the plan."""
 
     stage: str
@@ -53,7 +58,7 @@ class StepStarted:
 
 
 @dataclass(frozen=True)
-class StageEnded:
+class StageEnded(Event):
     """The motion of a stage is over because of `reason`: plan, rounds, duration, targets or operator."""
 
     stage: str
@@ -62,7 +67,7 @@ class StageEnded:
 
 
 @dataclass(frozen=True)
-class TableMoved:
+class TableMoved(Event):
     """Encoder angles, rad, and rates, rad/s."""
 
     outer: float
@@ -73,7 +78,7 @@ class TableMoved:
 
 
 @dataclass(frozen=True)
-class SampleStats:
+class SampleStats(Event):
     """Data flow so far, and the mean output of the latest tick: gyro x y z, accel x y z, SI."""
 
     received: int
@@ -84,7 +89,7 @@ class SampleStats:
 
 
 @dataclass(frozen=True)
-class Trace:
+class Trace(Event):
     """Live output since the last trace, a mean per tick: IMU `time`, s, and gyro x y z, accel x y z, SI, for each."""
 
     time: tuple[float, ...]
@@ -92,7 +97,7 @@ class Trace:
 
 
 @dataclass(frozen=True)
-class PositionGuided:
+class PositionGuided(Event):
     """Progress of a position to which the operator carries the unit.
 
     `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is one of
@@ -116,7 +121,7 @@ class PositionGuided:
 
 
 @dataclass(frozen=True)
-class Message:
+class Message(Event):
     """A message for a person: the entry ``event.<id>`` of the catalogue with its values."""
 
     id: str
@@ -124,7 +129,7 @@ class Message:
 
 
 @dataclass(frozen=True)
-class StageSolved:
+class StageSolved(Event):
     """A stage's answer: value and sigma per estimated parameter, SI, and its consistency as in the result."""
 
     stage: str
@@ -133,7 +138,7 @@ class StageSolved:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Verdict(Event):
     """The run is over: `outcome` as in the result JSON, files as text, the result itself."""
 
     outcome: str
@@ -143,7 +148,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Settled:
+class Settled(Event):
     """A register operation is over.
 
     `closing` of the transfer in the journal: done, kept, restored; stopped if an operator's stop ended it. `proof` says
@@ -157,7 +162,7 @@ class Settled:
 
 
 @dataclass(frozen=True)
-class Fault:
+class Fault(Event):
     """The run failed: class of the error (``internal`` for a mistake of the program), text and catalogue entry."""
 
     kind: str
@@ -172,24 +177,7 @@ class Fault:
         return cls(type(error).__name__, str(error), error.exit_code, error.code, error.values)
 
 
-Event: TypeAlias = (
-    StateChanged
-    | StageStarted
-    | StageProgress
-    | StepStarted
-    | StageEnded
-    | TableMoved
-    | SampleStats
-    | Trace
-    | PositionGuided
-    | Message
-    | StageSolved
-    | Verdict
-    | Settled
-    | Fault
-)
-
-_KINDS: dict[str, type[Event]] = {kind.__name__: kind for kind in get_args(Event)}
+_KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event.__subclasses__()}
 
 #: Events that only refresh a display: a slow listener may miss some, and no log keeps them.
 LOSSY = (StageProgress, TableMoved, SampleStats, Trace, PositionGuided)
@@ -223,12 +211,7 @@ def solution_events(solution: Solution) -> tuple[StageSolved | Message, ...]:
         for name in solution.estimated
     }
     parameters |= {name: {"value": e.value, "sigma": e.sigma} for name, e in solution.found.items()}
-    innovations = {
-        "nis_mean": consistency.nis_mean,
-        "nis_low": consistency.nis_low,
-        "nis_high": consistency.nis_high,
-        "passed": consistency.passed,
-        "warning": consistency.warning,
-    }
+    names = ("nis_mean", "nis_low", "nis_high", "passed", "warning")
+    innovations = {name: getattr(consistency, name) for name in names}
     remarks = [Message(message_id, dict(values)) for message_id, values in solution.messages]
     return StageSolved(solution.stage, parameters, innovations), *remarks

@@ -57,12 +57,8 @@ class Preflight:
     def _identify(self) -> None:
         """Identify both devices; refuse a wrong serial number or one outside the pattern."""
         table, imu = self._context.table.identify(), self._context.slot.imu.identify()
-        self._context.emit(
-            Message(
-                "identified",
-                {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial},
-            )
-        )
+        found = {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial}
+        self._context.emit(Message("identified", found))
         check_unit(imu, self._unit.serial)
         pattern = self._limits.serial_pattern
         if not re.fullmatch(pattern, imu.serial):
@@ -135,7 +131,13 @@ class Preflight:
         if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
             raise DeviceFaultError("preflight.gravity_size", measured=size, expected=limits.gravity)
         rates: FloatArray = mean[:3]
-        self._check_rates(rates)
+        # A gyro so far from its profile finds no rest in the data of any stage.
+        for axis, rate, low, high in zip("xyz", rates, limits.rate_low, limits.rate_high, strict=True):
+            if not low <= rate <= high:
+                rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
+                raise DeviceFaultError(
+                    "preflight.gyro_rate", axis=axis, rate_dps=rate_dps, low_dps=low_dps, high_dps=high_dps
+                )
         if by_hand:
             return rates
         up = self._geometry.body_to_home(*self._runner.position()).T @ UP
@@ -144,21 +146,13 @@ class Preflight:
             raise DeviceFaultError("preflight.gravity_direction", away_deg=float(np.rad2deg(away)))
         return rates
 
-    def _check_rates(self, rates: FloatArray) -> None:
-        """A gyro so far from its profile finds no rest in the data of any stage."""
-        for axis, rate, low, high in zip("xyz", rates, self._limits.rate_low, self._limits.rate_high, strict=True):
-            if not low <= rate <= high:
-                rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
-                raise DeviceFaultError(
-                    "preflight.gyro_rate", axis=axis, rate_dps=rate_dps, low_dps=low_dps, high_dps=high_dps
-                )
-
     def _check_signs(self, bias: FloatArray) -> None:
         """Turn each joint a little, there and back: the gyro must measure its size, axis and sign."""
         for joint, axis in enumerate(JOINTS):
             start = self._runner.position()
             target = [0.0, 0.0]
-            target[joint] = self._small_turn(joint)
+            inside = self._geometry.limits.within(joint, self._limits.turn)
+            target[joint] = self._limits.turn if inside else -self._limits.turn
             with self._acquisition.tap() as blocks:
                 self._runner.drive(self._turn_to(*target))
             end = self._runner.position()
@@ -181,10 +175,6 @@ class Preflight:
                     measured_deg=float(np.rad2deg(along)),
                 )
             self._runner.drive(self._turn_to(0.0, 0.0))
-
-    def _small_turn(self, joint: int) -> float:
-        inside = self._geometry.limits.within(joint, self._limits.turn)
-        return self._limits.turn if inside else -self._limits.turn
 
     def _turn_to(self, outer: float, inner: float) -> Move:
         limits = self._geometry.limits

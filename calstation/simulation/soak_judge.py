@@ -164,39 +164,22 @@ def _wrong(
     setup = resolve_configuration(request, with_faults)
     truth = BenchConfig.model_validate(setup.bench_config()).truth().parameters
     if outcome == "failed":
-        if any(_near_limit(check, result, truth) for check in result.failed_checks):
-            return []
+        if any(_outside(check, result, truth, -SIGMAS) for check in result.failed_checks):
+            return []  # the truth is outside, or so near that noise may move the estimate outside
         return [f"a good unit failed: {', '.join(check.name for check in result.failed_checks)}"]
     away = {n: abs(row.value - truth[INDEX[n]]) / row.sigma for n, row in result.parameters.items()}
     wrong = [f"passed with {name} off by {sigmas:.1f} sigma" for name, sigmas in away.items() if sigmas > SIGMAS]
-    outside = [check.subject for check in result.checks if _far_outside(check, result, truth)]
+    outside = [check.subject for check in result.checks if _outside(check, result, truth, SIGMAS)]
     return wrong + [f"passed with {name} outside its limits" for name in outside]
 
 
-def _near_limit(check: Check, result: Result, truth: FloatArray) -> bool:
-    """Whether the truth is outside its limit, or so near that noise may move the estimate outside."""
-    interval = _interval(check, result)
-    if interval is None:
-        return False
-    low, high, margin = interval
-    return not low + margin <= truth[INDEX[check.subject]] <= high - margin
-
-
-def _far_outside(check: Check, result: Result, truth: FloatArray) -> bool:
-    """Whether the truth is outside its limit by more than noise may move the estimate."""
-    interval = _interval(check, result)
-    if interval is None:
-        return False
-    low, high, margin = interval
-    return not low - margin <= truth[INDEX[check.subject]] <= high + margin
-
-
-def _interval(check: Check, result: Result) -> tuple[float, float, float] | None:
-    """Limits and `SIGMAS` sigmas of a check of a value; None for other checks."""
+def _outside(check: Check, result: Result, truth: FloatArray, sigmas: float) -> bool:
+    """Whether the truth is outside the limits of a check of a value, widened by `sigmas`; False for other checks."""
     parameter = result.parameters.get(check.subject)
     if check.kind != "within" or not isinstance(check.limit, tuple) or parameter is None:
-        return None
-    return *check.limit, SIGMAS * parameter.sigma
+        return False
+    (low, high), margin = check.limit, sigmas * parameter.sigma
+    return not low - margin <= truth[INDEX[check.subject]] <= high + margin
 
 
 def _bench_report(path: Path) -> BenchReport | None:

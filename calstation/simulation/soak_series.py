@@ -97,33 +97,24 @@ def soak(
             break
         request = write_request(planned, folder, stages)
         begin = time.monotonic()
-        observed = _observe(request, planned, _HANGS_AFTER * (10.0 if full else 1.0))
+        hung, memory = _observe(request, planned, _HANGS_AFTER * (10.0 if full else 1.0))
         report = folder / "bench" / f"{planned.number}.json"
         seconds = time.monotonic() - begin
-        done.runs.append(judge_run(planned, request, observed.hung, observed.memory, seconds, report))
+        done.runs.append(judge_run(planned, request, hung, memory, seconds, report))
         on_run(done)
-    delivery = deliver_pending(lambda *_, **__: None, folder / "runs", folder / "station.toml")
-    done.undelivered = delivery.waiting
+    done.undelivered = deliver_pending(lambda *_, **__: None, folder / "runs", folder / "station.toml").waiting
     return done
 
 
-@dataclass
-class _Observed:
-    """What was observed during a run, besides its events."""
-
-    hung: bool = False
-    memory: float = 0.0
-
-
-def _observe(request: RunRequest, planned: Planned, patience: float) -> _Observed:
-    observed, drawn = _Observed(), random.Random(planned.seed)
+def _observe(request: RunRequest, planned: Planned, patience: float) -> tuple[bool, float]:
+    """Run the engine; returns whether it did not end within `patience`, s, and its peak memory, MB."""
     kinds = [kind for kind, _ in planned.faults]
-    moment = drawn.randrange(2, 15)
-    steps = 0
+    moment = random.Random(planned.seed).randrange(2, 15)
+    steps, memory = 0, 0.0
     deadline = time.monotonic() + patience
     with Engine.start(request, BenchHooks) as engine:
         while not engine.ended:
-            observed.memory = max(observed.memory, resident_mb(engine.process.pid))
+            memory = max(memory, resident_mb(engine.process.pid))
             for event in engine.poll():
                 if isinstance(event, StepStarted):
                     steps += 1
@@ -132,10 +123,9 @@ def _observe(request: RunRequest, planned: Planned, patience: float) -> _Observe
                     if steps == moment and "window_killed" in kinds:
                         engine.hang_up()
             if time.monotonic() > deadline:
-                observed.hung = True
-                break
+                return True, memory
             time.sleep(0.05)
-    return observed
+    return False, memory
 
 
 def _mean(values: list[float]) -> float:
