@@ -6,19 +6,7 @@ from itertools import islice
 
 import numpy as np
 
-from calstation.physics import (
-    GROUPS,
-    INDEX,
-    PARAMETERS,
-    Carry,
-    Dwell,
-    Finish,
-    FloatArray,
-    Move,
-    RoundEnd,
-    Step,
-    group_indices,
-)
+from calstation.physics import GROUPS, INDEX, Carry, Dwell, Finish, FloatArray, Move, RoundEnd, Step, group_indices
 from calstation.sequencer.events import StageProgress
 
 _MAX_STEPS = 10_000
@@ -99,9 +87,7 @@ def reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
 
 def named(name: str) -> list[int]:
     """Indices of a parameter or of all parameters of a group; empty for an unknown name."""
-    if name in INDEX:
-        return [INDEX[name]]
-    return [i for i, p in enumerate(PARAMETERS) if p.group == name]
+    return [INDEX[name]] if name in INDEX else group_indices(name)
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:

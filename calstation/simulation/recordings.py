@@ -21,11 +21,7 @@ def record_on_bench(progress: ProgressCallback, kind: str, path: Path, grade: st
 
     Raises ConfigurationError if the file cannot be written.
     """
-    from calstation.simulation.bench_recordings import (  # takes long to import
-        GradeName,
-        Kind,
-        make_recording,
-    )
+    from calstation.simulation.bench_recordings import GradeName, Kind, make_recording  # takes long to import
 
     progress(0.0)
     partial = path.with_name(f".{path.name}")

@@ -63,11 +63,7 @@ STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("mute_table", 30),
     ("refuse_table", 4),
     ("interlock", 0),
-    ("drive_fault", None),
-    ("limit_fault", None),
-    ("stall", None),
-    ("trip_watchdog", None),
-    ("jam", None),
+    *((kind, None) for kind in ("drive_fault", "limit_fault", "stall", "trip_watchdog", "jam")),
     ("overshoot", 2),
     ("never_settle", 600),
     ("engine_killed", None),
@@ -82,11 +78,7 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("mounted_otherwise", None),
     ("wrong_latitude", 2.0),
     ("wrong_gravity", None),
-    ("watchdog_off", None),
-    ("interlock_open", None),
-    ("never_ready", None),
-    ("operator_stop", None),
-    ("window_killed", None),
+    *((kind, None) for kind in ("watchdog_off", "interlock_open", "never_ready", "operator_stop", "window_killed")),
 )
 
 #: Kinds that are also injected during the captures around a register transfer.

@@ -14,6 +14,15 @@ from calstation.bench.truth.table import TableTruth, rotation
 ZERO = np.zeros(3)
 
 
+def attitude_of(motion: FreeMotion, time: float) -> np.ndarray:
+    """C_b^n at one time, shape (3, 3)."""
+    C = np.eye(3)
+    for link in motion.links:
+        angle = link.course.states(np.array([time]))[0, 0]
+        C = C @ link.before @ rotation(np.asarray(link.axis) * angle)
+    return C @ motion.mount
+
+
 @pytest.fixture
 def motion() -> FreeMotion:
     random = np.random.default_rng(4)
@@ -51,7 +60,7 @@ def test_rate_is_the_attitudes_derivative_and_acceleration_the_rates(motion):
     times, h = np.linspace(0.1, 3.0, 40), 1e-6
     _, rate, acceleration = motion.states(times, ZERO, ZERO)
     for time, omega in zip(times, rate, strict=True):
-        spin = motion.attitude(time).T @ (motion.attitude(time + h) - motion.attitude(time - h)) / (2.0 * h)
+        spin = attitude_of(motion, time).T @ (attitude_of(motion, time + h) - attitude_of(motion, time - h)) / (2.0 * h)
         assert omega == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=1e-6)
     later, earlier = (motion.states(times + s, ZERO, ZERO)[1] for s in (h, -h))
     assert acceleration == pytest.approx((later - earlier) / (2.0 * h), abs=1e-4)
@@ -65,10 +74,10 @@ def test_force_is_gravity_and_shake_seen_from_the_body(motion):
         here = np.array([time - h, time, time + h])
         places = np.array([course.states(here)[0] for course in motion.shake])
         shaken = places @ [1.0, -2.0, 1.0] / h**2
-        assert motion.attitude(time) @ force[k] == pytest.approx(up + shaken, abs=1e-3)
+        assert attitude_of(motion, time) @ force[k] == pytest.approx(up + shaken, abs=1e-3)
     _, still, _ = motion.states(times, up, ZERO)
     for k, time in enumerate(times):
-        assert motion.attitude(time) @ (rate[k] - still[k]) == pytest.approx([0.0, 5e-5, 4e-5], abs=1e-12)
+        assert attitude_of(motion, time) @ (rate[k] - still[k]) == pytest.approx([0.0, 5e-5, 4e-5], abs=1e-12)
 
 
 def test_at_rest_free_motion_agrees_with_the_table():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from simulated_stages import context_of
+from table_truth import table_attitude
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.kinematics import JointProfile
@@ -31,7 +32,7 @@ def motion():
     block = SampleBlock("excitation", seq, (seq + 1) / 200.0, counts, unknown, seq * 0, ones, unknown[:, 0])
     times = np.arange(0, 36001, STRIDE) / 200.0
     angles = np.column_stack([outer.states(times)[:, 0], inner.states(times)[:, 0]])
-    return truth, stage_data([block], context_of(truth).imu), truth.table.attitude(angles)
+    return truth, stage_data([block], context_of(truth).imu), table_attitude(truth.table, angles)
 
 
 def reference(truth, data, attitude, tilt_sigma=0.02):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from table_truth import rotation_states, table_attitude
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.kinematics import JointProfile
@@ -139,13 +140,13 @@ def test_true_parameters_reproduce_the_true_motion(motion):
     earth, gravity = rotation_rate(table.latitude), normal_gravity(table.latitude, table.height)
     constants = compensation(truth.parameters)
     work = interval_work()
-    work.attitude[:] = table.attitude(states[19, :, 0])[0]
+    work.attitude[:] = table_attitude(table, states[19, :, 0])[0]
     turned, centre = [], []
     for k in range(20, 2000, 20):
         propagate(constants, earth, gravity, 0.005, gyro, accel, k, k + 20, work)
-        true = table.attitude(states[k + 19, :, 0])[0]
+        true = table_attitude(table, states[k + 19, :, 0])[0]
         turned.append(np.linalg.norm(rotation_vector(work.attitude @ true.T)))
-        omega = table.rotation_states(states[k + 19, 0][None], states[k + 19, 1][None])[0][0]
+        omega = rotation_states(table, states[k + 19, 0][None], states[k + 19, 1][None])[0][0]
         arm = np.cross(omega - true.T @ earth, constants.outer_lever)
         centre.append(np.linalg.norm(work.velocity - true @ arm))
     assert np.linalg.norm(states[-1, :, 0] - states[0, :, 0]) > 4.0
@@ -173,7 +174,7 @@ def test_transition_blocks_are_the_derivatives_of_the_navigation(motion, span, a
     truth, table, gyro, accel, states = motion
     point = truth.parameters
     earth, gravity = rotation_rate(table.latitude), normal_gravity(table.latitude, table.height)
-    attitude = table.attitude(states[span[0] - 1, :, 0])[0]
+    attitude = table_attitude(table, states[span[0] - 1, :, 0])[0]
 
     def run(parameters, C=attitude, v=START_VELOCITY):
         return navigate(compensation(parameters), gyro, accel, 0.005, C, v, earth, gravity, span)

@@ -28,7 +28,7 @@ STREAM_SYNC = 0xAA55  # 55 AA on the wire
 COMMAND_SYNC = b"\x55\xa5"
 REPLY_SYNC = b"\x55\x5a"
 
-READY, SATURATED, SELF_TEST_FAILED = 1, 2, 4
+READY, SATURATED = 1, 2
 
 
 def crc16(data: bytes) -> int:

@@ -33,7 +33,7 @@ PAGES = {1: (100, 30), 2: (200, 27)}
 #: Reads of the commit register that still return busy.
 _BUSY_READS = 2
 
-ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, ILLEGAL_VALUE = 1, 2, 3
+ILLEGAL_ADDRESS, ILLEGAL_VALUE = 2, 3
 READ, WRITE, WRITE_MANY = 3, 6, 16
 
 
@@ -53,10 +53,7 @@ def crc16_modbus(data: bytes) -> bytes:
 class DspUnit(ImuUnit):
     """See the module."""
 
-    @property
-    def flash_bytes(self) -> int:
-        """Size of the content of the flash, bytes."""
-        return 2 * sum(count for _, count in PAGES.values())
+    flash_bytes = 2 * sum(count for _, count in PAGES.values())
 
     def _start(self, time: float) -> None:
         self._words = {page: [0] * count for page, (_, count) in PAGES.items()}

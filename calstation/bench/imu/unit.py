@@ -43,6 +43,9 @@ class ImuUnit:
     writing the power fails briefly; None for a sound supply.
     """
 
+    #: Size of the content of the flash, bytes.
+    flash_bytes = 4 * REGISTERS
+
     def __init__(self, config: BenchConfig, scale: FloatArray | None = None) -> None:
         self._config, self._serial = config, config.serial
         self.flash = Flash(self.flash_bytes, config.flash_banks, config.flash_file)
@@ -54,11 +57,6 @@ class ImuUnit:
         self._busy_until, self._refusals = -np.inf, 0
         self.streaming = True
         self._start(0.0)
-
-    @property
-    def flash_bytes(self) -> int:
-        """Size of the content of the flash, bytes."""
-        return 4 * REGISTERS
 
     def _start(self, time: float) -> None:
         self.registers = np.zeros(REGISTERS, np.float32)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.bench.truth.table import rotation
 from calstation.physics import FloatArray
 
 
@@ -120,14 +119,6 @@ class FreeMotion:
             acceleration = acceleration - first[:, None] * np.cross(axis, rate) + second[:, None] * axis
             rate = rate + first[:, None] * axis
         return force @ self.mount, rate @ self.mount, acceleration @ self.mount
-
-    def attitude(self, time: float) -> FloatArray:
-        """C_b^n at one time, shape (3, 3)."""
-        C = np.eye(3)
-        for link in self.links:
-            angle = link.course.states(np.array([time]))[0, 0]
-            C = C @ link.before @ rotation(np.asarray(link.axis) * angle)
-        return C @ self.mount
 
 
 def _turned_back(axis: FloatArray, angle: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -167,17 +167,13 @@ class HandStream:
     def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:
         vibration, noise, own = (np.random.default_rng(part) for part in seed.spawn(3))
         self._samples = FreeStream(imu, Mounting(np.eye(3), np.asarray(rig.arm)), rig.field, vibration, noise)
+        self.interval = self._samples.interval
         self._random = own
         self._base = foot(rig, own)
         self._hands = Hands(rig, own)
         self._motion = self._hands.motion(self._base)
         self._free = 0.0
         self.asked: Pose = (0.0, 0.0)
-
-    @property
-    def interval(self) -> float:
-        """Of a sample, s."""
-        return self._samples.interval
 
     @property
     def produced(self) -> int:

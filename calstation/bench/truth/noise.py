@@ -48,23 +48,6 @@ def vibration_frequency() -> float:
     return float(phase / VIBRATION_INTERVAL / np.sqrt(1.0 - VIBRATION_DAMPING**2))
 
 
-def vibration_steps(velocity_sigma: float, interval: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Exact discretisation of the base's (displacement, velocity) over one sample.
-
-    Returns transition and lower root of the driven covariance, shape (2, 2), and the standard deviations of
-    displacement (m) and velocity (m/s).
-    """
-    frequency = vibration_frequency()
-    transition = expm(np.array([[0.0, 1.0], [-(frequency**2), -2.0 * VIBRATION_DAMPING * frequency]]) * interval)
-    stationary = velocity_sigma * np.array([1.0 / frequency, 1.0])
-    covariance = np.diag(stationary**2)
-    driven = covariance - transition @ covariance @ transition.T
-    scale = np.where(stationary > 0.0, stationary, 1.0)
-    if velocity_sigma > 0.0:
-        driven = np.linalg.cholesky(driven / np.outer(scale, scale)) * scale[:, None]
-    return transition, driven, stationary
-
-
 class Vibration:
     """Velocity of the vibrating base along each axis of n, continued from call to call.
 
@@ -73,9 +56,17 @@ class Vibration:
 
     def __init__(self, velocity_sigma: float, interval: float, random: np.random.Generator) -> None:
         self.active = velocity_sigma > 0.0
-        self._transition, self._root, stationary = vibration_steps(velocity_sigma, interval)
-        if self.active:
-            self._state = stationary[:, None] * random.standard_normal((2, 3))
+        if not self.active:
+            return
+        # Exact discretisation of (displacement, velocity) over one sample, m and m/s.
+        frequency = vibration_frequency()
+        rates = np.array([[0.0, 1.0], [-(frequency**2), -2.0 * VIBRATION_DAMPING * frequency]])
+        self._transition: FloatArray = expm(rates * interval)
+        stationary = velocity_sigma * np.array([1.0 / frequency, 1.0])
+        covariance = np.diag(stationary**2)
+        driven = covariance - self._transition @ covariance @ self._transition.T
+        self._root: FloatArray = np.linalg.cholesky(driven / np.outer(stationary, stationary)) * stationary[:, None]
+        self._state = stationary[:, None] * random.standard_normal((2, 3))
 
     def velocities(self, normals: FloatArray) -> FloatArray:
         """Velocities at the borders of the next n samples, m/s, shape (n + 1, 3), from normals of shape (n, 6)."""

@@ -115,30 +115,6 @@ class TableTruth:
         ]
         return np.array([[*p.T.ravel(), *axis, a, b, phase] for p, axis, a, b, phase in links])
 
-    def attitude(self, angles: FloatArray) -> FloatArray:
-        """C_b^n at true joint angles (rad, shape (n, 2)), shape (n, 3, 3)."""
-        chain = self.chain()
-        basis = np.eye(3)
-        columns = [
-            [to_body(chain, float(outer), float(inner), basis[i]) for i in range(3)]
-            for outer, inner in np.atleast_2d(angles)
-        ]
-        return np.array(columns)
-
-    def rotation_states(self, outer: FloatArray, inner: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """ω_ib (rad/s) and its derivative (rad/s²) in b, each shape (n, 3).
-
-        Parameters
-        ----------
-        outer, inner : angle, rate and acceleration of the joints, rad, rad/s, rad/s², shape (n, 3)
-        """
-        chain, earth = self.chain(), self.earth_rate_n
-        vectors = np.zeros((len(outer), 3, 3))
-        for i in range(len(outer)):
-            vectors[i, 1] = earth
-            body_motion(chain, outer[i], inner[i], vectors[i])
-        return vectors[:, 1], vectors[:, 2]
-
 
 def _unit(vector: FloatArray | tuple[float, float, float]) -> FloatArray:
     array = np.asarray(vector, dtype=np.float64)
