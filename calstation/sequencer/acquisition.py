@@ -64,14 +64,6 @@ def to_si(model: ImuModel) -> FloatArray:
     return np.repeat([model.gyro_lsb * rate, model.accel_lsb * rate], 3)
 
 
-def noise_counts(model: ImuModel) -> FloatArray:
-    """Standard deviation of the white noise of one sample, in counts, shape (6,)."""
-    period = 1.0 / model.sample_rate
-    scale = period**0.5 if model.output == "increment" else period**-0.5
-    noise = np.repeat([model.gyro_arw / model.gyro_lsb, model.accel_vrw / model.accel_lsb], 3)
-    return np.asarray(noise * scale, dtype=np.float64)
-
-
 class Acquisition:
     """Turns what the IMU sends into stamped blocks for log and solver.
 
@@ -105,7 +97,10 @@ class Acquisition:
         self._latest: SampleBatch | None = None
         self._period = 1.0 / unit.model.sample_rate
         self._polls: list[_Poll] = []
-        self._has_noise = noise_counts(unit.model) >= _MIN_NOISE * unit.span.step
+        model = unit.model
+        scale = self._period ** (0.5 if model.output == "increment" else -0.5)
+        noise = np.repeat([model.gyro_arw / model.gyro_lsb, model.accel_vrw / model.accel_lsb], 3) * scale
+        self._has_noise = noise >= _MIN_NOISE * unit.span.step
         self._unchanged = np.zeros(6, np.int64)
         self._previous_counts: FloatArray | None = None
         self._delays: deque[float] = deque(maxlen=CLOCK_WINDOW)
@@ -140,9 +135,14 @@ class Acquisition:
             return Flow()
         now = self._clock.now()
         if self._after is not None and self._last_seq is None:
-            self._shift_to(batch, self._after)
+            # Counter and clock continue after those of the run that is resumed.
+            after, lost = self._after, round(INTERRUPTION / self._period)
+            self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
+            self._time_shift = after.time + INTERRUPTION + self._period - float(batch.time[0])
         batch = self._with_wraps(batch, now)
-        missing = self._missing(batch)
+        before = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq
+        self._last_seq = int(batch.seq[-1])
+        missing = self._last_seq - before - count
         if not self.unlogged:
             self.received += count
             self.gaps += missing > 0
@@ -214,12 +214,6 @@ class Acquisition:
         finally:
             self.unlogged = before
 
-    def _shift_to(self, batch: SampleBatch, after: LastSample) -> None:
-        """Continue counter and clock after those of the run that is resumed."""
-        lost = round(INTERRUPTION / self._period)
-        self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
-        self._time_shift = after.time + INTERRUPTION + self._period - float(batch.time[0])
-
     def _with_wraps(self, batch: SampleBatch, now: float) -> SampleBatch:
         """Counter and clock of this run, with the samples that were lost in whole wraps of the unit's counter."""
         if self._delays and math.isfinite(self._unit.wrap):
@@ -257,11 +251,6 @@ class Acquisition:
             self.breaks += lost
             self.restarts += lost
             self._was_ready = bool(ready[-1])
-
-    def _missing(self, batch: SampleBatch) -> int:
-        first = int(batch.seq[0]) - 1 if self._last_seq is None else self._last_seq
-        self._last_seq = int(batch.seq[-1])
-        return self._last_seq - first - len(batch.seq)
 
     def _angles(self, batch: SampleBatch) -> FloatArray:
         angles = np.full((len(batch.seq), 2), np.nan)

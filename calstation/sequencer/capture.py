@@ -78,7 +78,8 @@ def verification_data(runner: StepRunner, path: VerificationPath) -> Verificatio
         if leg.rest:
             rests.append(_rest(runner))
         here = leg.move.outer, leg.move.inner
-    return VerificationData(tuple(rests), SHORT_REST, tuple(map(_summed, parts)))
+    turns = (Turned(p[0].turn, np.sum([q.angle for q in p], axis=0), sum(q.seconds for q in p)) for p in parts)
+    return VerificationData(tuple(rests), SHORT_REST, tuple(turns))
 
 
 def _rest(runner: StepRunner) -> FloatArray:
@@ -140,11 +141,6 @@ def mean_at_rest(counts: FloatArray) -> FloatArray:
     weight = middle * (n - middle)
     mean: FloatArray = (weight / weight.sum()) @ counts
     return mean
-
-
-def _summed(parts: list[Turned]) -> Turned:
-    angle: FloatArray = np.sum([part.angle for part in parts], axis=0)
-    return Turned(parts[0].turn, angle, sum(p.seconds for p in parts))
 
 
 def carried_data(runner: StepRunner) -> VerificationData:

@@ -91,14 +91,9 @@ def named(name: str) -> list[int]:
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:
-    """Duration of a trapezoidal (or triangular) move from `start` (rad), s; the slower joint decides."""
-    return max(
-        _profile_time(abs(end - begin), move.rate, move.acceleration)
-        for begin, end in zip(start, (move.outer, move.inner), strict=True)
-    )
-
-
-def _profile_time(distance: float, rate: float, acceleration: float) -> float:
+    """Duration of a trapezoidal (or triangular) move from `start` (rad), s; the joint with the longer way decides."""
+    rate, acceleration = move.rate, move.acceleration
+    distance = max(abs(move.outer - start[0]), abs(move.inner - start[1]))
     if distance * acceleration < rate * rate:
         return float(2.0 * (distance / acceleration) ** 0.5)
     return distance / rate + rate / acceleration

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from dataclasses import dataclass, field
 from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from calstation.config import ResolvedConfiguration
 from calstation.connection import BenchClock
 from calstation.runs import RunHooks
 from calstation.sequencer import Emit, Event, Message, StageStarted, StepStarted
-from calstation.simulation.fault_plan import CAPTURES, HOST, FaultPlan, fault_plan, with_faults
+from calstation.simulation.fault_plan import CAPTURES, FaultPlan, fault_plan, with_faults
 
 if TYPE_CHECKING:
     from calstation.connection import Devices
@@ -26,7 +25,9 @@ class BenchHooks(RunHooks):
 
     def __init__(self) -> None:
         self._clock: BenchClock | None = None
-        self._injector: FaultInjector | None = None
+        self._log: RawLogWriter | None = None
+        self._stage, self._step = "", -1
+        self._injected: set[int] = set()
 
     def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
         """The configuration with the changes of the plan of faults."""
@@ -35,15 +36,13 @@ class BenchHooks(RunHooks):
     def listener(self, setup: ResolvedConfiguration, folder: Path, emit: Emit) -> Emit:
         """`emit`, with the operator's motion before an event and the faults after it."""
         plan = fault_plan(setup)
-        if plan.fault:
-            self._injector = FaultInjector(plan, folder)
 
         def accompanied(event: Event) -> None:
             if setup.by_hand:
                 self._move_rig(event)
             emit(event)
-            if self._injector is not None:
-                self._injector.on_event(event)
+            if plan.fault:
+                self._inject(plan, folder, event)
 
         return accompanied
 
@@ -51,13 +50,10 @@ class BenchHooks(RunHooks):
         """Remember the bench's clock, which takes orders."""
         if isinstance(devices.clock, BenchClock):
             self._clock = devices.clock
-            if self._injector is not None:
-                self._injector.clock = devices.clock
 
     def log_opened(self, log: RawLogWriter) -> None:
         """Remember the log, whose disk a fault may fill."""
-        if self._injector is not None:
-            self._injector.log = log
+        self._log = log
 
     def _move_rig(self, event: Event) -> None:
         """Let the simulated operator do what the step asks for."""
@@ -65,21 +61,8 @@ class BenchHooks(RunHooks):
             outer, inner, rest = (float(value) for value in event.label[1:4])
             self._clock.carry(radians(outer), radians(inner), rest)
 
-
-@dataclass
-class FaultInjector:
-    """Injects the faults of a plan when the events of the run that they wait for have been emitted."""
-
-    plan: FaultPlan
-    runs: Path
-    clock: BenchClock | None = None
-    log: RawLogWriter | None = None
-    _stage: str = ""
-    _step: int = -1
-    _injected: set[int] = field(default_factory=set)
-
-    def on_event(self, event: Event) -> None:
-        """Inject the faults that are due at an event."""
+    def _inject(self, plan: FaultPlan, runs: Path, event: Event) -> None:
+        """Inject the faults that wait for this event."""
         if isinstance(event, StageStarted):
             self._stage, self._step = event.stage, -1
         elif isinstance(event, Message) and event.id in CAPTURES:
@@ -88,21 +71,18 @@ class FaultInjector:
             self._step += 1
         else:
             return
-        for i, (fault, time) in enumerate(zip(self.plan.fault, self.plan.times(), strict=True)):
+        for i, (fault, time) in enumerate(zip(plan.fault, plan.times(), strict=True)):
             due = fault.stage == self._stage and (-1 if fault.step is None else fault.step) == self._step
             if not due or i in self._injected:
                 continue
             self._injected.add(i)
-            if fault.kind in HOST:
-                self._hit_computer(fault.kind)
-            elif self.clock is not None:
+            if fault.kind == "engine_killed":
+                os.kill(os.getpid(), signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
+            elif fault.kind == "runs_folder_gone":
+                runs.rename(runs.with_name(f"{runs.name}.gone"))
+            elif fault.kind == "disk_full":
+                if self._log is not None:
+                    self._log.free_space = lambda path: 0
+            elif self._clock is not None:
                 value = {} if fault.value is None else {"value": fault.value}
-                self.clock.order({"order": fault.kind, "after": time, **value})
-
-    def _hit_computer(self, kind: str) -> None:
-        if kind == "engine_killed":
-            os.kill(os.getpid(), signal.SIGTERM if sys.platform == "win32" else signal.SIGKILL)
-        elif kind == "runs_folder_gone":
-            self.runs.rename(self.runs.with_name(f"{self.runs.name}.gone"))
-        elif self.log is not None:
-            self.log.free_space = lambda path: 0
+                self._clock.order({"order": fault.kind, "after": time, **value})

@@ -10,7 +10,6 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import partial
-from typing import Protocol
 
 from pymodbus.constants import ExcCodes
 from pymodbus.pdu import ModbusPDU
@@ -18,7 +17,7 @@ from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
 from calstation.bench.links.lines import open_raw
-from calstation.bench.table import OutOfRange, Refusal
+from calstation.bench.table import Drive, OutOfRange, Refusal, TableRegisters
 
 #: Modbus unit number of a table that has one controller.
 UNIT = 1
@@ -26,17 +25,7 @@ READ = 3
 BAUD = 115200
 
 
-class TableUnit(Protocol):
-    """Registers of one Modbus unit: words from address 0 on, and what may be written as (first, count)."""
-
-    words: list[int]
-    writable: tuple[tuple[int, int], ...]
-
-    def refresh(self) -> None:
-        """Update the registers."""
-
-    def write(self, address: int, values: list[int]) -> None:
-        """Carry out one write request. Raises `machine.Refusal` and stores nothing."""
+TableUnit = TableRegisters | Drive
 
 
 class TableLink:

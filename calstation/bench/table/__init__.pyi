@@ -1,4 +1,5 @@
 from .axes import Axes as Axes
+from .cia402_drives import Drive as Drive
 from .cia402_drives import drives as drives
 from .machine import Clocks as Clocks
 from .machine import Fault as Fault

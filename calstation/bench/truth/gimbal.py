@@ -111,7 +111,7 @@ class GimbalBench:
         increments, joints = np.empty((count, 6)), np.empty((count, 3))
         _drift(self._bank, self._decay, self._driven, driven, drift)
         # (I + K)⁻¹, K without its diagonal
-        inverse = np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction)))
+        inverse = np.asarray(np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction))), dtype=np.float64)
         _simulate(
             self._model,
             self._order,

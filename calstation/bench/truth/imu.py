@@ -100,12 +100,9 @@ def true_increments(
     Integrated by Gauss-Legendre over each sample, cut wherever a joint's command changes its acceleration.
     The accelerometers' second-order term acts on the table's motion, not on the base's vibration.
 
-    Parameters
-    ----------
-    model, chain, field : error model; chain of the table; up force (m/s²) and ω_ie (rad/s) in n, shape (2, 3)
-    outer, inner : segments of the joints' profiles, shape (k, 6), and the times they come to rest, s
-    first, interval : the first sample ends at (first + 1)·interval, s
-    base_velocity : of the centre of rotation in n at the samples' borders, m/s, shape (n + 1, 3)
+    `field` is the up force (m/s²) and ω_ie (rad/s) in n, shape (2, 3); `outer` and `inner` are segments of the joints'
+    profiles, shape (k, 6). The first sample ends at (first + 1)·interval, s. `base_velocity` is that of the centre of
+    rotation in n at the samples' borders, m/s, shape (n + 1, 3).
     """
     count = base_velocity.shape[0] - 1
     result = np.zeros((count, 6))
@@ -174,14 +171,9 @@ def digitise(
 ) -> tuple[FloatArray, BoolArray]:
     """Add noise to the increments and count them: counts, shape (n, 6), and saturation, shape (n,).
 
-    Parameters
-    ----------
-    increments, normals : rad and m/s, shape (n, 6); standard normals, white and then the bank, shape (n, 6 or 6 + 6m)
-    white : sigma of the white noise of an increment, shape (6,)
-    decay, driven, bias : bank of Gauss-Markov processes: shapes (m,), (6, m), (6, m); `bias` is updated
-    lsb, limit : size of a count and the largest count, shape (6,)
-    as_rate : round means over the sample, each alone; otherwise round increments and carry the remainder on
-    remainder : what earlier samples left, in counts, shape (6,), updated
+    `normals` are standard normals, white and then the bank, shape (n, 6 or 6 + 6m). The bank of Gauss-Markov processes
+    has `decay`, `driven` and `bias` of shapes (m,), (6, m), (6, m). With `as_rate` means over the sample are rounded,
+    each alone; otherwise increments, whose remainder in counts is carried on. `bias` and `remainder` are updated.
     """
     count, bank = increments.shape[0], decay.shape[0]
     counts = np.empty((count, 6))

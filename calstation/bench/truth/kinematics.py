@@ -36,12 +36,8 @@ _DAMPED = DRIVE_FREQUENCY * np.sqrt(1.0 - DRIVE_DAMPING**2)
 def joint_state(segments: FloatArray, still: float, time: float) -> tuple[float, float, float]:
     """Angle, rate and acceleration of a joint at one time; rad, rad/s, rad/s².
 
-    Parameters
-    ----------
-    segments : rows (start time s, command angle rad, command rate rad/s, command acceleration rad/s²,
-        deviation rad, deviation rate rad/s) at the start of each segment, shape (k, 6)
-    still : time from which the joint rests rigidly at the last row's angle, s
-    time : s
+    Rows of `segments`, shape (k, 6): start time, s, and there the command's angle, rate and acceleration, the deviation
+    and its rate. From `still` on, s, the joint rests rigidly at the last row's angle.
     """
     last = segments.shape[0] - 1
     if time >= still:
