@@ -145,7 +145,6 @@ class Finalization:
         return wanted | {parameter.name: old[parameter.name] for parameter in kept}
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
-        """Enter the transfer in the unit's journal."""
         log, site = self._run.log.path, journal_folder(self._setup.station)
         purpose = Purpose.of(self._setup, self._imu.identify().model, "run", log.name)
         return register_journal.begin(log.parent, self._run.serial, old, new, purpose, site)

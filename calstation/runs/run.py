@@ -138,7 +138,6 @@ def _resume(run: OpenRun) -> LastSample | None:
 
 
 def _ended(run: OpenRun, error: CalstationError | StopRequested) -> Ended:
-    """How a run ended before its sequencer began."""
     solutions = tuple(run.chain.solutions)
     if isinstance(error, StopRequested):
         return Ended(State.STOPPED, solutions)

@@ -55,7 +55,6 @@ class Preflight:
             self._check_signs(self._check_gravity())
 
     def _identify(self) -> None:
-        """Identify both devices; refuse a wrong serial number or one outside the pattern."""
         table, imu = self._context.table.identify(), self._context.slot.imu.identify()
         found = {"table": table.model, "table_serial": table.serial, "imu": imu.model, "serial": imu.serial}
         self._context.emit(Message("identified", found))

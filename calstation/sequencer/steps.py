@@ -118,7 +118,6 @@ class StepRunner:
         return status.settled and not status.moving and away < ARRIVED
 
     def _why_not(self, target: tuple[float, float]) -> DeviceFaultError:
-        """The error for a table that has not arrived in time."""
         status = self.control_loop.status
         wanted = {"outer_deg": float(np.rad2deg(target[0])), "inner_deg": float(np.rad2deg(target[1]))}
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))

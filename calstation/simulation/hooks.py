@@ -56,7 +56,6 @@ class BenchHooks(RunHooks):
         self._log = log
 
     def _move_rig(self, event: Event) -> None:
-        """Let the simulated operator do what the step asks for."""
         if self._clock is not None and isinstance(event, StepStarted) and event.kind == "carry":
             outer, inner, rest = (float(value) for value in event.label[1:4])
             self._clock.carry(radians(outer), radians(inner), rest)

@@ -150,7 +150,6 @@ def _records(request: RunRequest, died: bool) -> tuple[Result | None, list[str]]
 def _wrong(
     planned: Planned, request: RunRequest, result: Result | None, outcome: str, happened: Collection[str]
 ) -> list[str]:
-    """What is wrong with the verdict."""
     if outcome == "hung":
         return ["it hung"]
     only_mild = {fault for fault in planned.faults if fault[0] in happened} <= set(MILD)

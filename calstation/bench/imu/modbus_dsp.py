@@ -158,32 +158,21 @@ class DspUnit(ImuUnit):
 
     def correction(self) -> Correction:
         """See `ImuUnit.correction`; the module gives formulas and addresses."""
-        gyros, accels = self._words[1], self._words[2]
-        columns = [_float(gyros[2 * k + 1], gyros[2 * k]) for k in range(9)]
-        error = np.array([[columns[3 * column + row] for column in range(3)] for row in range(3)])
-        offset = [struct.unpack(">d", struct.pack(">4H", *gyros[18 + 4 * k : 22 + 4 * k]))[0] for k in range(3)]
-        lower = [_signed(accels[2 * k] << 16 | accels[2 * k + 1], 32) / 2.0**30 for k in range(6)]
+        gyros, accels = (np.array(self._words[page], dtype=">u2") for page in (1, 2))
+        columns = gyros[:18].reshape(9, 2)[:, ::-1].tobytes()
+        error = np.frombuffer(columns, ">f4").astype(np.float64).reshape(3, 3).T
         less = np.zeros((3, 3))
-        less[np.tril_indices(3)] = lower
-        bias = [1e-7 * _signed(accels[13 + 2 * k] << 16 | accels[12 + 2 * k], 32) for k in range(3)]
+        less[np.tril_indices(3)] = np.frombuffer(accels[:12].tobytes(), ">i4") / 2.0**30
+        bias = accels[12:18].reshape(3, 2)[:, ::-1].tobytes()
         return Correction(
             gyro=np.linalg.inv(np.eye(3) + error),
             before=np.zeros(3),
-            after=np.array(offset),
+            after=np.frombuffer(gyros[18:].tobytes(), ">f8").astype(np.float64),
             accel=np.eye(3) - less,
-            bias=np.array(bias),
-            quadratic=np.array([_float(accels[18 + 2 * k], accels[19 + 2 * k]) for k in range(3)]),
-            levers=np.array([5e-5 * _signed(accels[24 + k], 16) for k in range(3)]),
+            bias=1e-7 * np.frombuffer(bias, ">i4"),
+            quadratic=np.frombuffer(accels[18:24].tobytes(), ">f4").astype(np.float64),
+            levers=5e-5 * accels[24:].astype(np.int16),
         )
-
-
-def _float(high: int, low: int) -> float:
-    value: float = struct.unpack(">f", struct.pack(">HH", high, low))[0]
-    return value
-
-
-def _signed(word: int, bits: int) -> int:
-    return word - (1 << bits) if word >> (bits - 1) else word
 
 
 def _request_size(data: bytes) -> int | None:

@@ -252,7 +252,6 @@ class TableMachine:
         return word
 
     def _allow(self, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Raise OutOfRange if the command exceeds the table's limits."""
         limits = self.limits
         if not limits.low[joint] <= target <= limits.high[joint]:
             raise OutOfRange

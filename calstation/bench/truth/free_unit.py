@@ -7,7 +7,7 @@ import numpy as np
 from calstation.bench.truth.free_motion import FreeMotion
 from calstation.bench.truth.imu import Digitiser, ImuTruth, StreamOutput
 from calstation.bench.truth.noise import Vibration
-from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector
+from calstation.physics import FloatArray, group_matrix, group_vector
 
 #: Gauss-Legendre nodes and weights on (0, 1), exact to the fifth degree.
 _NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
@@ -102,25 +102,6 @@ class FreeStream:
         return self._digitiser.digitise(increments, normals)
 
 
-def sampled(
-    imu: ImuTruth,
-    motion: FreeMotion,
-    mounting: Mounting,
-    field: Field,
-    count: int,
-    seed: int | np.random.SeedSequence,
-    *,
-    begin: float = 0.0,
-) -> tuple[FloatArray, BoolArray]:
-    """Counts, shape (count, 6), and saturation, shape (count,), of samples that start at `begin` s of the motion."""
-    random = np.random.default_rng(seed)
-    output = FreeStream(imu, mounting, field, random, random, begin=begin).produce(count, motion)
-    return output.counts, output.saturated
-
-
-AT_POINT = Mounting(np.eye(3), np.zeros(3))
-
-
 @dataclass(frozen=True)
 class SecondaryTruth:
     """A further IMU: the unit, its mounting, and what is added to its time to get the primary's, s."""
@@ -145,13 +126,13 @@ def record_pair(
     field = replace(field, velocity_sigma=0.0)
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
     count = int(duration * primary.sample_rate)
-    seeds = root.spawn(1 + len(secondaries))
-    counts, _ = sampled(primary, motion, AT_POINT, field, count, seeds[0])
-    others = [
-        sampled(s.imu, motion, s.mounting, field, count, own, begin=s.offset)[0]
-        for s, own in zip(secondaries, seeds[1:], strict=True)
-    ]
-    return counts, np.stack(others, axis=1) if others else np.empty((count, 0, 6))
+    units = [SecondaryTruth(primary, Mounting(np.eye(3), np.zeros(3))), *secondaries]
+    counts = []
+    for unit, own in zip(units, root.spawn(len(units)), strict=True):
+        random = np.random.default_rng(own)
+        stream = FreeStream(unit.imu, unit.mounting, field, random, random, begin=unit.offset)
+        counts.append(stream.produce(count, motion).counts)
+    return counts[0], np.stack(counts[1:], axis=1) if secondaries else np.empty((count, 0, 6))
 
 
 def pair_truth(primary: ImuTruth, secondary: SecondaryTruth) -> dict[str, FloatArray]:

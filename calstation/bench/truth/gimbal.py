@@ -95,7 +95,6 @@ class GimbalBench:
         return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, np.zeros(3))
 
     def _begin(self) -> None:
-        """Begin a motion, with a new error of the encoders."""
         self._step += 1
         self._offset = self._encoder_sigma * self._random.standard_normal(3)
 
@@ -112,23 +111,9 @@ class GimbalBench:
         _drift(self._bank, self._decay, self._driven, driven, drift)
         # (I + K)⁻¹, K without its diagonal
         inverse = np.asarray(np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction))), dtype=np.float64)
-        _simulate(
-            self._model,
-            self._order,
-            self._up,
-            self._earth,
-            self.interval,
-            locked,
-            course,
-            stabilised,
-            inverse,
-            self.bias,
-            noise + drift[:, :3] * self.interval,
-            self.joints,
-            self._rate,
-            increments,
-            joints,
-        )
+        gimbal = (self._model, self._order, self._up, self._earth, self.interval)
+        motion = (locked, course, stabilised, inverse, self.bias, noise + drift[:, :3] * self.interval)
+        _simulate(*gimbal, *motion, self.joints, self._rate, increments, joints)
         normals = self._random.standard_normal((count, 6))
         normals[:, :3] = 0.0  # the gyros' noise is already included
         increments[:, 3:] += drift[:, 3:] * self.interval

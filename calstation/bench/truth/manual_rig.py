@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.bench.truth.free_motion import Course, FreeMotion, Link, Pulse, tremor
-from calstation.bench.truth.free_unit import Field, FreeStream, Mounting, sampled
+from calstation.bench.truth.free_unit import Field, FreeStream, Mounting
 from calstation.bench.truth.imu import ImuTruth, StreamOutput
 from calstation.bench.truth.simulate import Simulated
 from calstation.bench.truth.table import earth_rate_n, normal_gravity, rotation
@@ -68,7 +68,9 @@ def record(
     hand_seed, sensor_seed = root.spawn(2)
     motion, duration = push(rig, poses, np.random.default_rng(hand_seed))
     count = int(duration * imu.sample_rate)
-    counts, _ = sampled(imu, motion, Mounting(np.eye(3), np.asarray(rig.arm)), rig.field, count, sensor_seed)
+    random = np.random.default_rng(sensor_seed)
+    stream = FreeStream(imu, Mounting(np.eye(3), np.asarray(rig.arm)), rig.field, random, random)
+    counts = stream.produce(count, motion).counts
     seq, unknown = np.arange(count), np.full((count, 3), np.nan)
     time, step = (seq + 1) / imu.sample_rate, np.zeros(count, np.int64)
     return Simulated("multi_position", seq, time, counts, unknown[:, :2], step, unknown[:, 2]), motion

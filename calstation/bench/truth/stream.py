@@ -35,17 +35,9 @@ class SensorStream:
         normals = self._random.standard_normal((count, self._columns))
         vibration = self._vibration
         velocity = vibration.velocities(normals[:, -6:]) if vibration.active else np.zeros((count + 1, 3))
+        joints = (outer.segments, outer.still, inner.segments, inner.still)
         increments = true_increments(
-            self._model,
-            self._chain,
-            self._field,
-            outer.segments,
-            outer.still,
-            inner.segments,
-            inner.still,
-            self.produced,
-            self.interval,
-            velocity,
+            self._model, self._chain, self._field, *joints, self.produced, self.interval, velocity
         )
         self.produced += count
         return self._digitiser.digitise(increments, normals)
