@@ -40,11 +40,8 @@ class Channel:
         silent_after: float = LISTENER_SILENT_AFTER,
     ) -> None:
         self._connection = connection
-        self._on_command = on_command
-        self._on_lost = on_lost
-        self._on_silent = on_silent
-        self._alive = alive
-        self._silent_after = silent_after
+        self._on_command, self._on_lost, self._on_silent = on_command, on_lost, on_silent
+        self._alive, self._silent_after = alive, silent_after
         self._queue: Queue[dict[str, Any] | None] = Queue(_MAX_WAITING)
         self._unanswered: float | None = None
         self._lost = threading.Event()

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config import ProductConfig, ResolvedConfiguration, RunRequest, computer_user, prepare_run
+from calstation.config import ResolvedConfiguration, RunRequest, computer_user, prepare_run
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX
@@ -106,7 +106,12 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
         emit(Message("incomplete_run", {"log": str(log)}))
     history = History(request.out)
     history.refresh()
-    check_attempts(setup.product, request.serial, history.failures(request.serial), request.beyond_attempts)
+    failures, allowed = history.failures(request.serial), setup.product.attempts_allowed
+    if allowed is not None and failures >= allowed and not request.beyond_attempts:  # only an engineer allows more
+        product, serial = setup.product.name, request.serial
+        raise ConfigurationError(
+            "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product
+        )
     check_flash(setup, request.out, emit)
     check_interrupted(setup, request.out)
     emit = hooks.listener(setup, request.out, emit)
@@ -117,18 +122,6 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     for kind, section in files.items():
         logger.info("%s %s version %s sha256 %s", kind, section.name, section.version, section.sha256)
     return prepared
-
-
-def check_attempts(product: ProductConfig, serial: str, failures: int, beyond: bool) -> None:
-    """Check that the unit may be calibrated again after consecutive failures. Raises ConfigurationError.
-
-    `beyond` : an engineer allows another attempt.
-    """
-    allowed = product.attempts_allowed
-    if allowed is not None and failures >= allowed and not beyond:
-        raise ConfigurationError(
-            "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product.name
-        )
 
 
 def _check_folder(folder: Path) -> None:

@@ -49,15 +49,6 @@ class Flow:
     stuck: str = ""
 
 
-@dataclass(frozen=True)
-class _Poll:
-    """One poll of the table: station time of the angles, rad, and rates, rad/s."""
-
-    time: float
-    angles: FloatArray
-    rates: FloatArray
-
-
 def to_si(model: ImuModel) -> FloatArray:
     """Factor from counts to rad/s (gyro) and m/s² (accel), shape (6,)."""
     rate = model.sample_rate if model.output == "increment" else 1.0
@@ -88,15 +79,13 @@ class Acquisition:
         latency: float = 0.0,
         after: LastSample | None = None,
     ) -> None:
-        self._imu = imu
-        self._clock = clock
-        self._sink = sink
+        self._imu, self._unit, self._clock, self._sink = imu, unit, clock, sink
         self._latency = latency
-        self._unit = unit
         self.scale = to_si(unit.model)
         self._latest: SampleBatch | None = None
         self._period = 1.0 / unit.model.sample_rate
-        self._polls: list[_Poll] = []
+        #: Station time, angles and rates of each poll of the table, s, rad, rad/s.
+        self._polls: list[tuple[float, FloatArray, FloatArray]] = []
         model = unit.model
         scale = self._period ** (0.5 if model.output == "increment" else -0.5)
         noise = np.repeat([model.gyro_arw / model.gyro_lsb, model.accel_vrw / model.accel_lsb], 3) * scale
@@ -125,7 +114,7 @@ class Acquisition:
         if answered - asked > SLOWEST_POLL:
             return
         middle = 0.5 * (asked + answered) - self._latency
-        self._polls.append(_Poll(middle, np.array(status.angles), np.array(status.rates)))
+        self._polls.append((middle, np.array(status.angles), np.array(status.rates)))
 
     def drain(self) -> Flow:
         """Take all samples that have come, stamp them and pass them on."""
@@ -257,11 +246,12 @@ class Acquisition:
         delay, half = min(self._delays), 0.5 * self._period
         waiting = []
         for poll in self._polls:
-            moment = poll.time - delay
+            time, polled, rates = poll
+            moment = time - delay
             if moment > batch.time[-1] + half:
                 waiting.append(poll)
             elif moment >= batch.time[0] - half:
                 i = int(np.argmin(np.abs(batch.time - moment)))
-                angles[i] = snap_angles(poll.angles + poll.rates * (batch.time[i] - moment))
+                angles[i] = snap_angles(polled + rates * (batch.time[i] - moment))
         self._polls = waiting
         return angles

@@ -175,7 +175,8 @@ class Driving:
         for _ in range(_CAPTURES):
             if not there:
                 # A polled angle is not the commanded one; so short a move ends before it shows.
-                self.runner.drive(path.to_start)
+                first = path.legs[0].move
+                self.runner.drive(replace(first, outer=path.start[0], inner=path.start[1]))
                 self.control_loop.rested(_SETTLED)
                 if self.stream.broken:
                     self.stream.restore()

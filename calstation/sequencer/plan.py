@@ -56,11 +56,8 @@ class StageTrack:
     """Progress of one stage; `duration` is what its plan takes, s."""
 
     def __init__(self, stage: str, duration: float) -> None:
-        self._stage = stage
-        self._duration = duration
-        self._done = 0.0
-        self._begun = 0.0
-        self._step = 0.0
+        self._stage, self._duration = stage, duration
+        self._done = self._begun = self._step = 0.0
         self._sigma: dict[str, float] = {}
 
     def begin(self, now: float, seconds: float) -> None:

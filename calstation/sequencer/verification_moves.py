@@ -48,17 +48,11 @@ class Turn:
 
 @dataclass(frozen=True)
 class VerificationPath:
-    """Poses from `start` (rad), where the first rest is, and back to it; `to_start` brings the table there."""
+    """Poses from `start` (rad), where the first rest is, and back to it."""
 
     start: tuple[float, float]
     legs: tuple[Leg, ...]
     turns: tuple[Turn, ...]
-
-    @property
-    def to_start(self) -> Move:
-        """The move to the first pose."""
-        move = self.legs[0].move
-        return Move(*self.start, move.rate, move.acceleration, ("verify",))
 
 
 def verification_path(

@@ -60,21 +60,18 @@ def summary(units: list[UnitResult], true_covariance_ratio: FloatArray | None) -
     bound = _rms(over_bound)
     limit = max(BOUND_RATIO_LIMIT, rms_band(correlations)[1])
     groups_passed = all(g["passed"] for g in groups.values())
+    nis = {}
+    for stage in units[0].nis:
+        means, lows, highs = np.array([unit.nis[stage] for unit in units]).T
+        nis[stage] = {"mean": float(np.mean(means)), "inside": float(np.mean((lows <= means) & (means <= highs)))}
     return {
         "units": len(units),
         "groups": groups,
         "nees": nees,
         "bound_ratio": bound,
         "bound_limit": limit,
-        "nis": {stage: _nis([unit.nis[stage] for unit in units]) for stage in units[0].nis},
+        "nis": nis,
         "passed": groups_passed and (true_covariance_ratio is not None or (nees["passed"] and bound <= limit)),
-    }
-
-
-def _nis(stages: list[tuple[float, float, float]]) -> dict[str, float]:
-    return {
-        "mean": float(np.mean([mean for mean, _, _ in stages])),
-        "inside": float(np.mean([low <= mean <= high for mean, low, high in stages])),
     }
 
 

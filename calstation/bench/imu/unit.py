@@ -134,28 +134,23 @@ class ImuUnit:
 
     def answer(self, op: int, payload: bytes, time: float) -> bytes:
         """Reply frame to one command at `time`, s; empty if the power fails."""
-        handlers = {
-            IDENTIFY: self._identify,
-            READ: self._read,
-            WRITE: self._write,
-            COMMIT: self._commit,
-            RESET: self._reset,
-            STREAM: self._stream,
-        }
+        handlers = {READ: self._read, WRITE: self._write, COMMIT: self._commit, STREAM: self._stream}
         if self.axes is not None:
             handlers |= {READ_WORDS: self._read_words, WRITE_WORDS: self._write_words}
-        handler = handlers.get(op)
         try:
-            result = BAD_OP if handler is None else handler(payload, time)
+            if op == IDENTIFY:
+                result: bytes | int = f"{MODEL};{self._serial};{FIRMWARE}".encode("ascii", "replace")
+            elif op == RESET:
+                self.restart(time)
+                result = b"\x00"
+            else:
+                result = handlers[op](payload, time) if op in handlers else BAD_OP
         except PowerCut:
             self.restart(time)
             return b""
         if isinstance(result, int):
             return pack(REPLY_SYNC, ERROR, bytes([result]))
         return pack(REPLY_SYNC, op, result)
-
-    def _identify(self, payload: bytes, time: float) -> bytes | int:
-        return f"{MODEL};{self._serial};{FIRMWARE}".encode("ascii", "replace")
 
     def _read(self, payload: bytes, time: float) -> bytes | int:
         if len(payload) != 3:
@@ -213,10 +208,6 @@ class ImuUnit:
         self._busy_until, self._refusals = time + FLASH_TIME, FLASH_REFUSALS
         self._burn()
         return struct.pack("<BI", 0, self.flash.cycles)
-
-    def _reset(self, payload: bytes, time: float) -> bytes | int:
-        self.restart(time)
-        return b"\x00"
 
     def _stream(self, payload: bytes, time: float) -> bytes | int:
         if len(payload) != 1:

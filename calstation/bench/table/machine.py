@@ -253,9 +253,8 @@ class TableMachine:
 
     def _allow(self, joint: int, target: float, rate: float, acceleration: float) -> None:
         limits = self.limits
-        if not limits.low[joint] <= target <= limits.high[joint]:
-            raise OutOfRange
-        if not (0.0 < rate <= limits.rate and 0.0 < acceleration <= limits.acceleration):
+        inside = limits.low[joint] <= target <= limits.high[joint]
+        if not (inside and 0.0 < rate <= limits.rate and 0.0 < acceleration <= limits.acceleration):
             raise OutOfRange
 
     def _permit(self, time: float, end: float | None = None) -> None:

@@ -23,11 +23,9 @@ from calstation.physics import FloatArray
 EARTH_RATE = 7.292115e-5
 #: Semi-major axis, m.
 SEMI_MAJOR = 6378137.0
-#: Flattening.
 FLATTENING = 1.0 / 298.257223563
 #: Gravity at the equator, m/s².
 EQUATOR_GRAVITY = 9.7803253359
-#: Somigliana's constant.
 SOMIGLIANA = 1.931852652458e-3
 #: Centrifugal over gravitational acceleration at the equator, ω²a²b/GM.
 CENTRIFUGAL_RATIO = 3.449786506841e-3
