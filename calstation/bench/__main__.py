@@ -17,12 +17,9 @@ from calstation.schema import validate
 
 def read_config(text: str) -> dict[str, Any]:
     """Configuration from JSON text, or from a .json or .toml file. Raises ValueError, OSError."""
-    if not text.lstrip().startswith("{"):
-        path = Path(text)
-        content = path.read_text(encoding="utf-8")
-        values = tomllib.loads(content) if path.suffix == ".toml" else json.loads(content)
-    else:
-        values = json.loads(text)
+    path, is_json = Path(text), text.lstrip().startswith("{")
+    content = text if is_json else path.read_text(encoding="utf-8")
+    values = tomllib.loads(content) if not is_json and path.suffix == ".toml" else json.loads(content)
     if not isinstance(values, dict):
         raise ValueError("the configuration is not a table of names and values")
     return values

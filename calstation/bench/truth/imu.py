@@ -232,6 +232,7 @@ class Digitiser:
 
     def digitise(self, increments: FloatArray, normals: FloatArray) -> StreamOutput:
         """Counts of increments, rad and m/s, shape (n, 6), with standard normals of shape (n, `columns` or more)."""
+        lsb, limit, remainder = self._lsb, self._limit, self._remainder
         noise = (self._white, self._decay, self._driven, self._bias)
-        counting = (self._lsb, self._limit, self._interval, self._as_rate, self._remainder)
-        return StreamOutput(*digitise(increments, normals, *noise, *counting))
+        counts, saturated = digitise(increments, normals, *noise, lsb, limit, self._interval, self._as_rate, remainder)
+        return StreamOutput(counts, saturated)
