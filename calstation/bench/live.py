@@ -85,10 +85,6 @@ class LiveBench:
         answer = self.unit.conversation()
         return lambda data: answer(data, self.device_time)
 
-    def watch(self) -> None:
-        """Let the table's watchdog check the host's clock."""
-        self.machine.watch(self.clocks.host(), self.device_time)
-
     def advance(self, now: float) -> bytes:
         """Advance to `now`, s; returns the frames that the unit sends meanwhile."""
         parts = []

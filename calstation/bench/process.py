@@ -100,7 +100,7 @@ class BenchProcess:
             await asyncio.sleep(0.0 if due > PACED_SLICE else TICK)
             for _ in range(_TURNS):
                 await asyncio.sleep(0)
-            self._bench.watch()
+            self._bench.machine.watch(self._bench.clocks.host(), self._bench.device_time)
             if speed > 0.0:
                 passed, last = time.monotonic() - last, time.monotonic()
                 due = min(due + passed * speed, BACKLOG * speed)

@@ -10,7 +10,7 @@ import numpy as np
 
 from calstation.devices import Imu, SampleBatch, TableStatus
 from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
-from calstation.physics import BoolArray, FloatArray
+from calstation.physics import FloatArray
 from calstation.sequencer.context import Clock, LastSample, UnitTask
 
 #: Ticks over which the least delay between IMU clock and station clock is sought.
@@ -143,7 +143,8 @@ class Acquisition:
             self._delays.clear()
         self._delays.append(now - self.newest)
         finite = np.isfinite(batch.counts).all(axis=1)
-        saturated = self._saturated(batch)
+        ends = (batch.counts <= self._unit.span.low) | (batch.counts >= self._unit.span.high)
+        saturated = (batch.status & self._unit.masks.saturated != 0) | ends.any(axis=1)
         # What follows an invalid sample belongs to a step that is about to be repeated.
         sound = np.logical_and.accumulate(finite & ~saturated)
         block = SampleBlock(
@@ -212,12 +213,6 @@ class Acquisition:
             self._seq_shift += round(wraps * self._unit.wrap)
             self._time_shift += wraps * seconds
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
-
-    def _saturated(self, batch: SampleBatch) -> BoolArray:
-        """Samples whose status says saturated, or with a channel at the end of its range, shape (n,)."""
-        flagged = batch.status & self._unit.masks.saturated != 0
-        ends = (batch.counts <= self._unit.span.low) | (batch.counts >= self._unit.span.high)
-        return np.asarray(flagged | ends.any(axis=1))
 
     def _stuck(self, counts: FloatArray) -> str:
         """The first channel whose noise should have changed it long ago."""

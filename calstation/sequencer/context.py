@@ -185,11 +185,6 @@ class Slot:
         if block.stage and self.solving is not None:
             self.solving.feed(block)
 
-    def service(self) -> None:
-        """Let the log write out what is due."""
-        if self.journal is not None:
-            self.journal.service()
-
 
 @dataclass(frozen=True)
 class RunContext:

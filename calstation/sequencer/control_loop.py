@@ -28,7 +28,6 @@ _SLOW_TICK = 1.0
 #: Ticks kept for a trace: a bench faster than its listener shows the latest.
 _MAX_TRACED = 400
 
-
 logger = logging.getLogger(__name__)
 
 
@@ -102,7 +101,9 @@ class ControlLoop:
 
     def feed_watchdog(self) -> None:
         """Feed the table's watchdog every quarter of its time (host time); let the log write."""
-        self.context.slot.service()
+        journal = self.context.slot.journal
+        if journal is not None:
+            journal.service()
         now = time.monotonic()
         if self.status.watchdog > 0.0 and now - self._fed > 0.25 * self.status.watchdog:
             self.context.table.heartbeat()

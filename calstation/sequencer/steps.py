@@ -26,7 +26,6 @@ _REST_BEFORE_REPEAT = 5.0
 
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
-
 logger = logging.getLogger(__name__)
 
 

@@ -107,10 +107,11 @@ class _PathBuilder:
 
     def turn(self, joint: int, amount: float) -> None:
         """Turn a joint, with a rest wherever gravity has a new direction in the body."""
-        if self._still(joint) is None and not self._passes_new(joint, amount):
+        number, left, step = len(self.turns), amount, float(np.sign(amount) * _STOP)
+        stops = range(1, round(abs(amount) / _STOP) + 1)
+        if self._still(joint) is None and not any(self._is_new(self._after(joint, k * step)) for k in stops):
             self.legs[-1] = Leg(self.legs[-1].move, self.legs[-1].turn, True)
             self._rest()
-        number, left, step = len(self.turns), amount, float(np.sign(amount) * _STOP)
         while abs(left) > 1e-12:
             leg = step
             while abs(leg) < abs(left) - 1e-12 and not self._is_new(self._after(joint, leg)):
@@ -122,11 +123,6 @@ class _PathBuilder:
         if still is None:
             raise RuntimeError("a turn without a rest to compare with")
         self.turns.append(Turn(joint, float(amount), still))
-
-    def _passes_new(self, joint: int, amount: float) -> bool:
-        count = round(abs(amount) / _STOP)
-        step = float(np.sign(amount) * _STOP)
-        return any(self._is_new(self._after(joint, k * step)) for k in range(1, count + 1))
 
     def _still(self, joint: int) -> int | None:
         """The rest at which the other joint stood as it does now, apart from full turns."""

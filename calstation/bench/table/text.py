@@ -211,9 +211,9 @@ class Mn(TextController):
         if name == "STS":
             motion = ",".join(f"{axes.position(j):.5f},{axes.speed(j):.5f}" for j in (0, 1))
             return f",{motion},{axes.state(0):04X},{axes.fault}"
+        if name == "CLR":
+            axes.reset()
         if name in ("REM", "CLR"):
-            if name == "CLR":
-                axes.reset()
             return ""
         joint = _joint(rest[0])
         if name in ("ENB", "DIS"):
