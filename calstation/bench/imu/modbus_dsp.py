@@ -165,13 +165,13 @@ class DspUnit(ImuUnit):
         less[np.tril_indices(3)] = np.frombuffer(accels[:12].tobytes(), ">i4") / 2.0**30
         bias = accels[12:18].reshape(3, 2)[:, ::-1].tobytes()
         return Correction(
-            gyro=np.linalg.inv(np.eye(3) + error),
+            gyro=np.asarray(np.linalg.inv(np.eye(3) + error), dtype=np.float64),
             before=np.zeros(3),
             after=np.frombuffer(gyros[18:].tobytes(), ">f8").astype(np.float64),
             accel=np.eye(3) - less,
             bias=1e-7 * np.frombuffer(bias, ">i4"),
             quadratic=np.frombuffer(accels[18:24].tobytes(), ">f4").astype(np.float64),
-            levers=5e-5 * accels[24:].astype(np.int16),
+            levers=5e-5 * accels[24:].astype(np.int16).astype(np.float64),
         )
 
 

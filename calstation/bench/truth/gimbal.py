@@ -111,8 +111,8 @@ class GimbalBench:
         _drift(self._bank, self._decay, self._driven, driven, drift)
         # (I + K)⁻¹, K without its diagonal
         inverse = np.asarray(np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction))), dtype=np.float64)
-        gimbal = (self._model, self._order, self._up, self._earth, self.interval)
-        motion = (locked, course, stabilised, inverse, self.bias, noise + drift[:, :3] * self.interval)
+        gimbal = (self._model, self._order, self._up, self._earth, self.interval, locked)
+        motion = (course, stabilised, inverse, self.bias, noise + drift[:, :3] * self.interval)
         _simulate(*gimbal, *motion, self.joints, self._rate, increments, joints)
         normals = self._random.standard_normal((count, 6))
         normals[:, :3] = 0.0  # the gyros' noise is already included
