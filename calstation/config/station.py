@@ -230,7 +230,7 @@ def _limit_of(product: ProductConfig, parameter: str) -> str | None:
 
 
 def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit, profile: str) -> Iterator[EntryError]:
-    where = {"parameter": name, "register": str(register), "profile": profile}
+    where = {"parameter": name, "register": register.address, "profile": profile}
     if limit.interval is not None:
         least, most = _needed(register, name, limit.interval)
         low, high = register.range

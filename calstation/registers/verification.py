@@ -54,6 +54,9 @@ _NONLINEARITY = 5e-4
 #: Largest cosine between the forces of two rests that are upside down to each other.
 _OPPOSITE = -0.9
 
+#: Checks that compare the output with that under the old registers.
+_DIFFERENCES = frozenset({"force_difference", "rate_difference", "turn_difference"})
+
 
 @dataclass(frozen=True)
 class VerificationCheck:
@@ -136,7 +139,7 @@ def verified_on(data: VerificationData) -> str:
 
 def output_error(check: VerificationCheck) -> DeviceFaultError:
     """The fault of a unit whose output with new registers is wrong and whose old registers were restored."""
-    return _check_error("verification.differs" if check.name.endswith("_difference") else "verification.wrong", check)
+    return _check_error("verification.differs" if check.name in _DIFFERENCES else "verification.wrong", check)
 
 
 def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:

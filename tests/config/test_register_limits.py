@@ -54,7 +54,7 @@ def test_limits_that_registers_cannot_hold_are_refused(
         resolve_configuration(site_folder.request("rate"))
     assert complaint(caught.value) == f"limits.gyro_bias.{found}"
     values = caught.value.values["what"].values["what"].values
-    assert (values["parameter"], values["register"]) == ("gyro_bias_x", "register 0")
+    assert (values["parameter"], values["register"]) == ("gyro_bias_x", 0)
     (problem,) = settings.check("products", site_folder.product.read_text(encoding="utf-8"))
     assert f"{site_folder.product}: {problem.text}" == str(caught.value)
     assert problem.line > 1
