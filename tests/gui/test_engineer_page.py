@@ -341,7 +341,7 @@ def test_registers_are_read_compared_and_written_after_confirmation(engineer: En
     assert engineer.widget("stop_button", QPushButton).isEnabled()
     engineer.until(lambda: "being written" in engineer.says())
     assert "being written" in engineer.why_not("engineer_start_button")
-    engineer.until(lambda: "verified with a turn of the table" in engineer.says())
+    engineer.until(lambda: "Verified with a turn of the table" in engineer.says())
     assert "written and read back" in engineer.says()
     engineer.until_ended()
     assert (engineer.run.state, engineer.run.fault) == ("idle", None), "a register write has no verdict"
