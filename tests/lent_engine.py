@@ -1,9 +1,12 @@
 """Preloaded by the server of engine processes (`lent`): what every engine and job worker imports."""
 
+import importlib
+
 import lent
 
-import calstation.jobs.queue
-import calstation.runs.engine
-import calstation.runs.run  # noqa: F401
+for name in ("connection", "devices", "jobs", "records", "registers", "results", "runs", "sequencer", "simulation"):
+    package = importlib.import_module(f"calstation.{name}")
+    for public in package.__all__:
+        getattr(package, public)
 
 lent.lend_benches()

@@ -340,7 +340,7 @@ def test_resume_asks_on_the_operator_page_first(window: MainWindow, folder: Path
     write_dead_log(folder)
     window.app.runs_folder = folder
     window.show_page("history_page")
-    history, operator = (window.findChild(QWidget, name) for name in ("history_page", "operator_page"))
+    history, operator = window.findChild(HistoryPage), window.operator_page
     assert isinstance(history, HistoryPage)
     qtbot.waitUntil(lambda: button(history, "history_resume_button").isVisible(), timeout=WAIT)
     button(history, "history_resume_button").click()

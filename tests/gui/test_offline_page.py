@@ -441,9 +441,8 @@ def test_a_cancelled_export_leaves_nothing(page: OfflinePage, long_log: Path, tm
 def test_the_history_page_opens_a_log_on_the_offline_page(window: MainWindow, run_log: Path, qtbot: QtBot) -> None:
     window.app.runs_folder = run_log.parent
     window.show_page("history_page")
-    history, offline = (window.findChild(QWidget, name) for name in ("history_page", "offline_page"))
+    history, offline = window.findChild(HistoryPage), window.offline_page
     assert isinstance(history, HistoryPage)
-    assert isinstance(offline, OfflinePage)
     qtbot.waitUntil(lambda: history.table.run is not None, timeout=WAIT)
     button(history, "history_log_button").click()
     assert offline.isVisible()

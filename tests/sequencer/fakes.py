@@ -52,7 +52,7 @@ UNIT = UnitTask("SN-1", MODEL, PreflightLimits(r"SN-\d+", GRAVITY))
 class FakeClock:
     """Time that passes only during a sleep; `scripts` act at their time."""
 
-    tick = 0.05
+    tick = 0.2
 
     def __init__(self) -> None:
         self.time = 0.0
@@ -163,10 +163,11 @@ class FakeTable:
         return
 
 
-@lru_cache(maxsize=8)
-def _body_to_home(angles: tuple[float, float]) -> np.ndarray:
-    """Rotation of the body at these joint angles; at rest, and from sample to sample, they are asked for again."""
-    return GEOMETRY.body_to_home(*angles)
+@lru_cache(maxsize=1000)
+def _motion(before: tuple[float, float], now: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation vector of the body between joint angles, rad, and the vertical in the body there."""
+    first, last = GEOMETRY.body_to_home(*before), GEOMETRY.body_to_home(*now)
+    return rotation_vector(first.T @ last), last.T @ np.array([0.0, 0.0, 1.0])
 
 
 @dataclass
@@ -234,12 +235,13 @@ class FakeImu:
         return SampleBatch(seq, seq / RATE, counts, np.full(len(seq), 25.0), status, np.zeros(len(seq)))
 
     def _counts(self, time: float) -> np.ndarray:
-        before = _body_to_home(self.table.angles_at(time - 1.0 / RATE))
-        now = _body_to_home(self.table.angles_at(time))
-        gyro = rotation_vector(before.T @ now) * RATE * self.sign * (self.gain if self.corrected else 1.0)
-        force = now.T @ np.array([0.0, 0.0, -GRAVITY if self.upside_down else GRAVITY])
-        mount = rotation_matrix(np.array([0.0, 0.0, self.twist]))
-        return np.concatenate([mount @ gyro / MODEL.gyro_lsb, mount @ force / MODEL.accel_lsb])
+        turn, vertical = _motion(self.table.angles_at(time - 1.0 / RATE), self.table.angles_at(time))
+        gyro = turn * RATE * self.sign * (self.gain if self.corrected else 1.0)
+        force = vertical * (-GRAVITY if self.upside_down else GRAVITY)
+        if self.twist:
+            mount = rotation_matrix(np.array([0.0, 0.0, self.twist]))
+            gyro, force = mount @ gyro, mount @ force
+        return np.concatenate([gyro / MODEL.gyro_lsb, force / MODEL.accel_lsb])
 
     def identify(self) -> ImuIdentity:
         return ImuIdentity("fake imu", self.serial, "1")

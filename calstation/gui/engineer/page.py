@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Qt, Signal
+from PySide6.QtCore import QCoreApplication, Qt, Signal
 from PySide6.QtWidgets import QFileDialog, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
@@ -61,9 +61,10 @@ class EngineerPage(Page):
         on_language_change(self, self._show_texts)
         self._read_options()
 
-    def title(self) -> str:
+    @staticmethod
+    def title() -> str:
         """The page's name on its tab."""
-        return self.tr("Engineer")
+        return QCoreApplication.translate("EngineerPage", "Engineer")
 
     def _lay_out(self) -> None:
         self._tabs = ViewTabs("engineer_views")

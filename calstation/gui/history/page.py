@@ -3,7 +3,7 @@
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QUrl, SignalInstance
+from PySide6.QtCore import QCoreApplication, Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 
 from calstation.errors import CalstationError, InputError
@@ -42,9 +42,10 @@ class HistoryPage(Page):
         self._connect()
         on_language_change(self, self._show_nothing)
 
-    def title(self) -> str:
+    @staticmethod
+    def title() -> str:
         """The page's name on its tab."""
-        return self.tr("History")
+        return QCoreApplication.translate("HistoryPage", "History")
 
     @property
     def busy(self) -> bool:

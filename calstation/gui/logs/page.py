@@ -6,7 +6,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QMimeData, Qt
+from PySide6.QtCore import QCoreApplication, QMimeData, Qt
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import QSplitter, QWidget
 
@@ -66,9 +66,10 @@ class OfflinePage(Page):
         self._connect()
         on_language_change(self, self._refresh)
 
-    def title(self) -> str:
+    @staticmethod
+    def title() -> str:
         """The page's name on its tab."""
-        return self.tr("Offline")
+        return QCoreApplication.translate("OfflinePage", "Offline")
 
     @property
     def panel(self) -> "MethodPanel | None":
@@ -149,7 +150,6 @@ class OfflinePage(Page):
         return split((left, 10), (right, 10))
 
     def _connect(self) -> None:
-        self.app.open_log.connect(self.open)
         self.source.chosen.connect(self._open_chosen)
         self.methods.chosen.connect(self._show_method)
         self.plot.range_moved.connect(self.range.set_range)

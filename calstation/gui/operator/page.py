@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from PySide6.QtCore import QCoreApplication
 from PySide6.QtGui import QShowEvent
 
 from calstation.config import (
@@ -69,9 +70,10 @@ class OperatorPage(Page):
         self._read_products()
         on_language_change(self, self._refresh)
 
-    def title(self) -> str:
+    @staticmethod
+    def title() -> str:
         """The text of the tab."""
-        return self.tr("Operator")
+        return QCoreApplication.translate("OperatorPage", "Operator")
 
     def showEvent(self, event: QShowEvent) -> None:
         """Be ready for a scan; when first shown, offer interrupted runs."""

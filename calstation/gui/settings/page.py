@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QSignalBlocker, QSize, Qt
+from PySide6.QtCore import QCoreApplication, QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QStackedWidget, QWidget
 
@@ -70,9 +70,10 @@ class StationPage(Page):
         on_language_change(self, self._fill)
         on_language_change(self, self._lock)
 
-    def title(self) -> str:
+    @staticmethod
+    def title() -> str:
         """The page's name on its tab."""
-        return self.tr("Station")
+        return QCoreApplication.translate("StationPage", "Station")
 
     def _make_header(self) -> QWidget:
         self.station_box = QComboBox()

@@ -104,7 +104,8 @@ class Page(QWidget):
         super().__init__()
         self.app = app
 
-    def title(self) -> str:
+    @staticmethod
+    def title() -> str:
         """The text of the page's tab in the current language."""
         raise NotImplementedError
 

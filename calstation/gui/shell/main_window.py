@@ -2,6 +2,8 @@
 
 from functools import partial
 from itertools import pairwise
+from pathlib import Path
+from typing import cast
 
 from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
@@ -18,11 +20,51 @@ from calstation.gui.shell.context import AppContext, Page
 from calstation.gui.shell.role import RolePanel
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.text import bind, language, on_language_change
-from calstation.gui.widgets import PANEL, button, label, padlock_icon, row, theme, theme_icon
+from calstation.gui.widgets import PANEL, button, column, label, padlock_icon, row, theme, theme_icon
 
 #: Height of the strip with STOP at the top of every page, px.
 _STRIP = theme.BIG_BUTTON + 2 * theme.GRID
 _ICON = QSize(24, 24)
+
+_PAGES: dict[str, type[Page]] = {
+    "operator_page": OperatorPage,
+    "engineer_page": EngineerPage,
+    "offline_page": OfflinePage,
+    "history_page": HistoryPage,
+    "station_page": StationPage,
+}
+#: Pages that follow a run from its beginning or that programs reach unseen; the others are made when first shown.
+_AT_ONCE = ("operator_page", "engineer_page", "offline_page")
+
+
+class _Tab(QWidget):
+    """Place of a page, below the strip, and of its header; makes the page when it is first needed."""
+
+    def __init__(self, app: AppContext, kind: type[Page]) -> None:
+        super().__init__()
+        self._app, self._kind = app, kind
+        self._page: Page | None = None
+        self.header = QWidget()
+
+    @property
+    def page(self) -> Page:
+        return self._page or self.make_page()
+
+    def make_page(self) -> Page:
+        self._page = page = self._kind(self._app)
+        column((page, 1), on=self, margins=(0, _STRIP, 0, 0))
+        column((page.header or RunStrip(self._app.run), 1), on=self.header)
+        return page
+
+    def title(self) -> str:
+        """The text of the tab in the current language."""
+        return self._kind.title()
+
+    def setVisible(self, visible: bool) -> None:
+        """Make the page before it is shown."""
+        if visible and self._page is None:
+            self.make_page()
+        super().setVisible(visible)
 
 
 class MainWindow(QMainWindow):
@@ -55,19 +97,14 @@ class MainWindow(QMainWindow):
         )
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
-        self.operator_page, self.offline_page = OperatorPage(app), OfflinePage(app)
-        self.pages: list[Page] = [
-            self.operator_page,
-            EngineerPage(app),
-            self.offline_page,
-            HistoryPage(app),
-            StationPage(app),
-        ]
-        for page in self.pages:
-            page.setContentsMargins(0, _STRIP, 0, 0)
-            page.installEventFilter(self)
-            self.page_tabs.addTab(page, page.title())
-            self._headers.addWidget(page.header or RunStrip(app.run))
+        self._tabs = {name: _Tab(app, kind) for name, kind in _PAGES.items()}
+        for page, tab in self._tabs.items():
+            tab.setObjectName(page)
+            tab.installEventFilter(self)
+            if page in _AT_ONCE:
+                tab.make_page()
+            self.page_tabs.addTab(tab, tab.title())
+            self._headers.addWidget(tab.header)
         self._role_panel = RolePanel(app.role, self)
         self._order_tabs()
         self._connect()
@@ -91,21 +128,36 @@ class MainWindow(QMainWindow):
         app.engine_link.running_changed.connect(self._running_changed)
         app.page_wanted.connect(self.show_page)
         for signal, page in (
-            (app.open_log, "offline_page"),
             (app.open_run, "engineer_page"),
             (app.resume_run, "operator_page"),
         ):
             signal.connect(lambda *_, page=page: self.show_page(page))
+        app.open_log.connect(self._open_log)
+
+    @property
+    def operator_page(self) -> OperatorPage:
+        return cast("OperatorPage", self._tabs["operator_page"].page)
+
+    @property
+    def offline_page(self) -> OfflinePage:
+        return cast("OfflinePage", self._tabs["offline_page"].page)
 
     def show_page(self, name: str) -> None:
         """Show a page by its object name."""
-        for page in self.pages:
-            if page.objectName() == name:
-                self.page_tabs.setCurrentWidget(page)
+        self.page_tabs.setCurrentWidget(self._tabs[name])
+
+    def _open_log(self, log: Path) -> None:
+        self.show_page("offline_page")
+        self.offline_page.open(log)
+
+    @property
+    def _page(self) -> Page:
+        """The page shown."""
+        return list(self._tabs.values())[self._shown].page
 
     def _show_titles(self) -> None:
-        for index, page in enumerate(self.pages):
-            self.page_tabs.setTabText(index, page.title())
+        for index, tab in enumerate(self._tabs.values()):
+            self.page_tabs.setTabText(index, tab.title())
         with QSignalBlocker(self.language_combo):
             self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
 
@@ -135,7 +187,7 @@ class MainWindow(QMainWindow):
             self.show_page("operator_page")
             self.operator_page.ask_close(self.stop_and_close, self._close_now)
             return
-        if not self._closing and not self.pages[self._shown].may_leave(self.close):
+        if not self._closing and not self._page.may_leave(self.close):
             event.ignore()
             return
         self.app.settings.setValue("geometry", self.saveGeometry())
@@ -184,8 +236,7 @@ class MainWindow(QMainWindow):
             QWidget.setTabOrder(before, after)
 
     def _page_changed(self, index: int) -> None:
-        left = self.pages[self._shown]
-        if index != self._shown and not left.may_leave(partial(self.page_tabs.setCurrentIndex, index)):
+        if index != self._shown and not self._page.may_leave(partial(self.page_tabs.setCurrentIndex, index)):
             self.page_tabs.setCurrentIndex(self._shown)
             return
         self._shown = index
