@@ -130,7 +130,7 @@ def install() -> None:
     real = multiprocessing.get_context
 
     def get_context(method: str | None = None) -> Any:
-        return engines if method == "spawn" else real(method)
+        return engines if method == "spawn" and not _needs_own_process() else real(method)
 
     multiprocessing.get_context = get_context  # type: ignore[assignment]
 
@@ -149,9 +149,14 @@ def lend_benches(path: Path | None = None) -> None:
 
 def popen(args: list[str], **options: Any) -> Any:
     """`subprocess.Popen`, with benches lent."""
-    if args[1 : 1 + len(_BENCH)] == _BENCH and _SOCKET in os.environ:
+    if args[1 : 1 + len(_BENCH)] == _BENCH and _SOCKET in os.environ and not _needs_own_process():
         return LentBench(args, stderr=options.get("stderr") == subprocess.PIPE)
     return subprocess.Popen(args, **options)
+
+
+def _needs_own_process() -> bool:
+    """Whether processes load a library at their start, which a fork does not."""
+    return "LD_PRELOAD" in os.environ
 
 
 def _connect(path: Path) -> socket.socket:

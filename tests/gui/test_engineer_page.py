@@ -112,10 +112,10 @@ class Engineer(Operator):
     def check_disabled(self) -> None:
         """Check that a run disables its settings and that their tooltips say why."""
         for name in ("engineer_start_button", "read_registers_button", "write_registers_button"):
-            assert "going on" in self.why_not(name)
+            assert "in progress" in self.why_not(name)
         for name in ("stage_check_rate", "schedule_six_position_dwell_s"):
             assert not self.widget(name).isEnabled()
-            assert "going on" in self.widget(name).toolTip()
+            assert "in progress" in self.widget(name).toolTip()
 
     @property
     def page(self) -> EngineerPage:
@@ -401,8 +401,8 @@ def test_a_result_of_another_profile_requires_its_own_product(engineer: Engineer
 def test_registers_can_be_written_with_the_table_at_rest(engineer: Engineer) -> None:
     ask_to_write(engineer)
     engineer.press("confirm_at_rest_button")
-    engineer.until(lambda: "written and read back" in engineer.says())
-    assert "Verified at rest; no turn was made." in engineer.says()
+    engineer.until(lambda: "Verified at rest; no turn was made." in engineer.says())
+    assert "written and read back" in engineer.says()
     (entry,) = register_journal.history(engineer.site_folder.runs, SERIAL)
     assert (entry.closing, entry.steps[-1]) == ("done", "at_rest")
 
