@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -95,17 +96,32 @@ def validate(
 
     Raises CalstationError of class `error`, with the first wrong entry and its remedy.
     """
-    found = problems_of(model, data)
-    if len(found) > 1:
-        raise error("entry.in_file_and_more", file=source, what=found[0].as_text, more=len(found) - 1)
-    if found:
-        raise error("entry.in_file", file=source, what=found[0].as_text)
-    return model.model_validate(data)
+    try:
+        return model.model_validate(data)
+    except ValidationError as exc:
+        first, *more = _problems(exc, data, model)
+        if more:
+            raise error("entry.in_file_and_more", file=source, what=first.as_text, more=len(more)) from None
+        raise error("entry.in_file", file=source, what=first.as_text) from None
 
 
 def load(model: type[Model], path: Path, error: type[CalstationError] = ConfigurationError) -> Model:
     """Read and check a TOML file; raises `error` as `read_toml` and `validate`."""
     return validate(model, read_toml(path, error), path, error)
+
+
+def load_once(model: type[Model], path: Path) -> Model:
+    """Read and check a TOML file as `load`, but not again while its content is the same.
+
+    For models whose checks depend on nothing but the file.
+    """
+    checked: Model = _unchanged(model, path, path.read_bytes() if path.is_file() else b"")
+    return checked
+
+
+@lru_cache(maxsize=32)
+def _unchanged(model: type[BaseModel], path: Path, content: bytes) -> Any:
+    return load(model, path)
 
 
 @dataclass(frozen=True)
@@ -145,10 +161,14 @@ def problems_of(model: type[BaseModel], data: Any) -> list[Problem]:
     try:
         model.model_validate(data)
     except ValidationError as exc:
-        details = exc.errors(include_url=False, include_context=True)
-        details.sort(key=lambda d: d["type"] != "extra_forbidden")
-        return [_problem(d, data, model) for d in details]
+        return _problems(exc, data, model)
     return []
+
+
+def _problems(error: ValidationError, data: Any, model: type[BaseModel]) -> list[Problem]:
+    details = error.errors(include_url=False, include_context=True)
+    details.sort(key=lambda d: d["type"] != "extra_forbidden")
+    return [_problem(d, data, model) for d in details]
 
 
 def field_name(place: KeyPath) -> str:

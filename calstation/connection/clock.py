@@ -12,8 +12,8 @@ from calstation.messages import os_reason
 #: Interval at which the devices are polled, s.
 TICK = 0.05
 
-#: The same at full speed, where a longer interval halves the work and is not noticed.
-_FAST_TICK = 0.2
+#: The same at full speed: longer, since each tick costs work, but shorter than the shortest rest whose angles are used.
+_FAST_TICK = 0.4
 
 #: Host time allowed for an answer of the bench at its fastest, s.
 _ANSWER_WITHIN = 20.0

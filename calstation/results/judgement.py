@@ -105,7 +105,7 @@ def build_result(
             "schema": SCHEMA,
             "unit": {"serial": meta.imu.serial},
             "stages": [solution.stage for solution in solutions],
-            "part": is_partial(meta),
+            "partial": is_partial(meta),
             "passed": judgement.passed,
             "parameters": solved_parameters(solutions),
             "unobservable": unobservable(prior, solutions),

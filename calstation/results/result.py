@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, PlainSerializer
+from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field, JsonValue, PlainSerializer
 
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
@@ -142,7 +142,9 @@ class Result(_Section):
     schema_name: Literal["calstation.result/1"] = Field(alias="schema")
     unit: Unit
     stages: list[str]  #: Solved stages.
-    partial: bool = Field(default=False, alias="part")  #: The run left out stages of the product.
+    partial: bool = Field(
+        default=False, validation_alias=AliasChoices("partial", "part")
+    )  #: The run left out stages of the product.
     passed: bool | None = None  #: None without limits.
     parameters: dict[str, Parameter]
     unobservable: list[str] = Field(default_factory=list)  #: Parameters that the data did not determine.

@@ -54,7 +54,16 @@ def mip_reference(data: bytes) -> list[tuple[int, dict[int, bytes]]]:
     return packets
 
 
-@pytest.mark.parametrize("cut", [0, 1, 17, 4096])
+def test_microstrain_mip_byte_by_byte() -> None:
+    frame = load_imu_profile(IMUS / "microstrain_mip.toml").frame
+    data = (CAPTURES / "microstrain_mip" / "mip_data.bin").read_bytes()[:30_000]
+    (_, whole), (_, pieces) = decode(frame, data), decode(frame, data, 1)
+    assert len(whole) == len(pieces) > 100
+    for name, values in whole.columns.values.items():
+        np.testing.assert_array_equal(pieces.columns.values[name], values)
+
+
+@pytest.mark.parametrize("cut", [0, 17, 4096])
 def test_microstrain_mip(cut: int) -> None:
     data = (CAPTURES / "microstrain_mip" / "mip_data.bin").read_bytes()
     fields: list[dict[str, Any]] = [

@@ -436,7 +436,7 @@ def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engi
         "schema": "calstation.result/1",
         "unit": {"serial": SERIAL},
         "stages": ["rate", "six_position"],
-        "part": True,
+        "partial": True,
         "parameters": {"gyro_scale_x": row, "gyro_scale_y": row},
         "unobservable": [],
         "checks": [],

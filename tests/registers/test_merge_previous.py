@@ -85,7 +85,7 @@ def test_a_partial_run_keeps_registers_and_reports_it(site_folder: SiteFolder, m
     whole = {"stages": ["six_position"]}
     site_folder.write(whole, flash_file=str(site_folder.folder / "flash.bin"))
     first = site_folder.run()
-    assert (first.outcome, first.result["part"]) == ("passed", False)
+    assert (first.outcome, first.result["partial"]) == ("passed", False)
     path = Path(first.result_file)
     result = json.loads(path.read_text(encoding="utf-8"))
     result["parameters"]["accel_scale_x"]["sigma"] /= 3.0  # as a longer run would have found it
@@ -96,7 +96,7 @@ def test_a_partial_run_keeps_registers_and_reports_it(site_folder: SiteFolder, m
     monkeypatch.setattr(site_folder, "request", lambda *_: asked)
     second = site_folder.run("six_position")
     assert second.result["operator"] == computer_user()
-    assert (second.outcome, second.result["part"]) == ("passed", True)
+    assert (second.outcome, second.result["partial"]) == ("passed", True)
     registers = second.result["registers"]
     assert set(registers["kept"]) == {"accel_scale_x"}
     assert registers["new"]["accel_scale_x"] == registers["old"]["accel_scale_x"]

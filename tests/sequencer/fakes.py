@@ -228,11 +228,23 @@ class FakeImu:
         if self.drop and len(seq) > self.drop:
             seq, self.drop = seq[self.drop :], 0
         status = np.where(seq / RATE >= self.ready_at, 1, 0) | (2 if self.saturated else 0)
-        counts = np.array([self._counts(s / RATE) for s in seq]).reshape(-1, 6)
+        counts = self._all_counts(seq / RATE)
         if self.nan and len(counts):
             counts[0, 4], self.nan = math.nan, False
         self.saturated = False
         return SampleBatch(seq, seq / RATE, counts, np.full(len(seq), 25.0), status, np.zeros(len(seq)))
+
+    def _all_counts(self, times: np.ndarray) -> np.ndarray:
+        """Counts at these times, shape (n, 6); at rest they are all the same."""
+        if len(times) and self._rests(times[0] - 1.0 / RATE, times[-1]):
+            return np.tile(self._counts(times[0]), (len(times), 1))
+        return np.array([self._counts(time) for time in times]).reshape(-1, 6)
+
+    def _rests(self, begin: float, end: float) -> bool:
+        """Whether the unit does not move from `begin` to `end`."""
+        table = self.table
+        first = table.angles_at(begin)
+        return first == table.angles_at(end) and (first == table.target or table.begun >= end)
 
     def _counts(self, time: float) -> np.ndarray:
         turn, vertical = _motion(self.table.angles_at(time - 1.0 / RATE), self.table.angles_at(time))

@@ -63,6 +63,9 @@ class CarriedImu(FakeImu):
         batch = super().read()
         return replace(batch, counts=batch.counts + self.random.normal(0.0, 50.0, batch.counts.shape))
 
+    def _rests(self, begin: float, end: float) -> bool:
+        return not any(begin < start + 1.0 and start < end for start, _ in self.way)
+
     def _counts(self, time: float) -> np.ndarray:
         before, now = (GEOMETRY.body_to_home(*self.pose(t)) for t in (time - 1.0 / RATE, time))
         gyro = rotation_vector(before.T @ now) * RATE

@@ -34,7 +34,7 @@ def outside(study: dict) -> list:
     ("grade", "seeds", "names"),
     [
         ("nav", 2, ("full", "full, no outer lever")),
-        ("nav", 12, ("rate", "six_position", "scale factors")),
+        ("nav", 5, ("rate", "six_position", "scale factors")),
         ("tactical", 2, ("full", "excitation")),
         ("mems", 3, ("full", "azimuth_flip")),
     ],

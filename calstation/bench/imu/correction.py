@@ -27,17 +27,20 @@ class Correction:
 
     def applied(self, measured: FloatArray) -> FloatArray:
         """Rate (rad/s) and force (m/s²) of samples of both, shape (n, 6)."""
-        result = np.empty_like(measured)
-        for n, sample in enumerate(measured):
-            w = self.gyro @ (sample[:3] - self.before) + self.after
-            straight = sample[3:] - self.bias
-            f = self.accel @ straight
-            for _ in range(_ROUNDS):
-                f = self.accel @ (straight - self.quadratic * f * f)
-            # An accelerometer displaced along its own axis senses the centripetal acceleration about the two others.
-            outwards = np.array([w[1] ** 2 + w[2] ** 2, w[2] ** 2 + w[0] ** 2, w[0] ** 2 + w[1] ** 2])
-            result[n, :3], result[n, 3:] = w, f + self.levers * outwards
-        return result
+        rate = _times(self.gyro, measured[:, :3] - self.before) + self.after
+        straight = measured[:, 3:] - self.bias
+        force = _times(self.accel, straight)
+        for _ in range(_ROUNDS):
+            force = _times(self.accel, straight - self.quadratic * force * force)
+        # An accelerometer displaced along its own axis senses the centripetal acceleration about the two others.
+        squares = rate * rate
+        outwards = squares[:, [1, 2, 0]] + squares[:, [2, 0, 1]]
+        return np.hstack([rate, force + self.levers * outwards])
+
+
+def _times(matrix: FloatArray, rows: FloatArray) -> FloatArray:
+    """Multiply each row by a matrix; unlike BLAS, to the same bits in blocks of any length."""
+    return np.asarray((rows[:, None, :] * matrix).sum(axis=2))
 
 
 class Requantiser:
@@ -51,9 +54,9 @@ class Requantiser:
         exact = values / scale
         if not carry:
             return np.asarray(np.floor(exact + 0.5))
-        whole = np.empty_like(exact)
-        for n, row in enumerate(exact):
-            wanted = row + self._left
-            whole[n] = np.floor(wanted + 0.5)
-            self._left = np.where(np.isfinite(wanted), wanted - whole[n], 0.0)
-        return whole
+        finite = np.isfinite(exact)
+        total = self._left + np.cumsum(np.where(finite, exact, 0.0), axis=0)
+        rounded = np.floor(total + 0.5)
+        whole = np.diff(rounded, axis=0, prepend=0.0)
+        self._left = total[-1] - rounded[-1]
+        return np.where(finite, whole, exact)

@@ -3,6 +3,7 @@
 import re
 import struct
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Literal
 
 import numpy as np
@@ -121,6 +122,7 @@ class Number:
         return places if byte_order == "big" else places[::-1]
 
 
+@cache
 def number(name: str) -> Number:
     """The number of a type's name; raises EntryError for an unknown one."""
     if match := _INTEGER.fullmatch(name):

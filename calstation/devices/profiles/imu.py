@@ -24,7 +24,7 @@ from calstation.devices.profiles.imu_sections import (
 from calstation.devices.profiles.registers import RegisterEntry, check_registers
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.physics import GROUPS, NAMES, PARAMETERS
-from calstation.schema import EntryError, StrictModel, entry, load, near_miss
+from calstation.schema import EntryError, StrictModel, entry, load_once, near_miss
 
 #: The section that each protocol needs.
 _SECTIONS = {"framed": "commands", "modbus": "modbus", "vectornav": "vectornav"}
@@ -307,4 +307,4 @@ def _span(begin: int, end: int) -> str:
 
 def load_imu_profile(path: Path) -> ImuProfile:
     """Read and check an IMU profile; raises ConfigurationError naming file, entry and remedy."""
-    return load(ImuProfile, path)
+    return load_once(ImuProfile, path)

@@ -22,6 +22,9 @@ OPS = {
     "error": 255,
 }
 
+#: The usual error code of the framed link for "flash busy".
+FLASH_BUSY = 3
+
 
 def check_lines(lines: list[str]) -> list[str]:
     """Check lines to a VectorNav, without $ and check; raises EntryError naming the line."""
@@ -98,7 +101,7 @@ class CommandSection(CommandTimes):
 
     @property
     def busy_codes(self) -> tuple[int, ...]:
-        return tuple(self.busy) if self.busy is not None else () if self.errors else (3,)
+        return tuple(self.busy) if self.busy is not None else () if self.errors else (FLASH_BUSY,)
 
     @field_validator("errors")
     @classmethod

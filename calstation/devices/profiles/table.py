@@ -13,7 +13,7 @@ from calstation.devices.profiles.table_registers import JOINTS, Bit, JointSectio
 from calstation.devices.profiles.text import TextSection
 from calstation.errors import ConfigurationError
 from calstation.physics import JointLimits, TableGeometry
-from calstation.schema import EntryError, StrictModel, load
+from calstation.schema import EntryError, StrictModel, load_once
 
 #: Largest rounding of an angle in a line, in sigmas of the encoder.
 _COARSEST = 3.0
@@ -255,4 +255,4 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 def load_table_profile(path: Path) -> TableProfile:
     """Read and check a table profile; raises ConfigurationError naming file, entry and remedy."""
-    return load(TableProfile, path)
+    return load_once(TableProfile, path)

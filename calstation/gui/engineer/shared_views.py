@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, TypeVar
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QSignalBlocker, Qt
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QShowEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
@@ -95,7 +95,7 @@ class StackedPlots(QWidget, Generic[Data]):
                 plot.getAxis("bottom").setHeight(4)
             if number:
                 plot.setXLink(self.plots[0])
-        on_language_change(self, self.refresh)
+        theme.on_appearance_change(self, self.refresh)
 
     def show_data(self, data: Data) -> None:
         """Show these data."""
@@ -117,12 +117,6 @@ class StackedPlots(QWidget, Generic[Data]):
         super().showEvent(event)
         if self._outdated:
             self._redraw()
-
-    def changeEvent(self, event: QEvent) -> None:
-        """Draw in the colours of another theme."""
-        super().changeEvent(event)
-        if event.type() == QEvent.Type.PaletteChange:
-            self.refresh()
 
     def add(self, plot: ThemedPlot, item: pg.GraphicsObject, *, scaled: bool = True) -> None:
         """Add an item until the next drawing; one that is not `scaled` does not change the range shown."""

@@ -1,5 +1,6 @@
 """The main window: top bar, pages, and STOP at the same position on all of them."""
 
+from collections.abc import Callable
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -60,6 +61,10 @@ class _Tab(QWidget):
         """The text of the tab in the current language."""
         return self._kind.title()
 
+    def may_leave(self, go: Callable[[], object]) -> bool:
+        """See `Page.may_leave`."""
+        return self._page is None or self._page.may_leave(go)
+
     def setVisible(self, visible: bool) -> None:
         """Make the page before it is shown."""
         if visible and self._page is None:
@@ -98,10 +103,10 @@ class MainWindow(QMainWindow):
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
         self._tabs = {name: _Tab(app, kind) for name, kind in _PAGES.items()}
-        for page, tab in self._tabs.items():
-            tab.setObjectName(page)
+        for key, tab in self._tabs.items():
+            tab.setObjectName(key)
             tab.installEventFilter(self)
-            if page in _AT_ONCE:
+            if key in _AT_ONCE:
                 tab.make_page()
             self.page_tabs.addTab(tab, tab.title())
             self._headers.addWidget(tab.header)
@@ -150,10 +155,9 @@ class MainWindow(QMainWindow):
         self.show_page("offline_page")
         self.offline_page.open(log)
 
-    @property
-    def _page(self) -> Page:
-        """The page shown."""
-        return list(self._tabs.values())[self._shown].page
+    def _may_leave(self, go: Callable[[], object]) -> bool:
+        """Whether the page shown may be left; see `Page.may_leave`."""
+        return list(self._tabs.values())[self._shown].may_leave(go)
 
     def _show_titles(self) -> None:
         for index, tab in enumerate(self._tabs.values()):
@@ -187,7 +191,7 @@ class MainWindow(QMainWindow):
             self.show_page("operator_page")
             self.operator_page.ask_close(self.stop_and_close, self._close_now)
             return
-        if not self._closing and not self._page.may_leave(self.close):
+        if not self._closing and not self._may_leave(self.close):
             event.ignore()
             return
         self.app.settings.setValue("geometry", self.saveGeometry())
@@ -236,7 +240,7 @@ class MainWindow(QMainWindow):
             QWidget.setTabOrder(before, after)
 
     def _page_changed(self, index: int) -> None:
-        if index != self._shown and not self._page.may_leave(partial(self.page_tabs.setCurrentIndex, index)):
+        if index != self._shown and not self._may_leave(partial(self.page_tabs.setCurrentIndex, index)):
             self.page_tabs.setCurrentIndex(self._shown)
             return
         self._shown = index
