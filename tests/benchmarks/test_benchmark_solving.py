@@ -1,6 +1,7 @@
-"""Solving time of a live 2 kHz stream and of an hour's log."""
+"""Time to follow a live 2 kHz stream, to simulate and read a log, and to solve one of an hour."""
 
 from itertools import pairwise
+from pathlib import Path
 from time import perf_counter, process_time
 
 import numpy as np
@@ -11,12 +12,14 @@ from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import NAMES
+from calstation.records.log import open_log
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.results.resolving import resolve
 from calstation.results.solver_chain import one_blas_thread
 from procedures import method
 
+PRACTICE = Path(__file__).parents[3] / "shared" / "data" / "practice"
 #: Time between blocks and between looks at the sigmas, s of the stream.
 TICK, LOOK = 0.05, 1.0
 HOUR = {
@@ -51,6 +54,26 @@ def test_a_2_khz_stream_is_followed_in_a_fraction_of_its_time(benchmark, figures
         share = (process_time() - begin) / seconds
     figures(stream_s=round(seconds), share_of_real_time=round(share, 4), longest_block_ms=round(longest * 1e3, 1))
     assert share < 0.5
+
+
+def test_half_an_hour_is_simulated_in_a_fraction_of_its_time(benchmark, figures):
+    truth = BenchConfig(grade="nav", seed=1, sample_rate_hz=100.0).truth()
+    simulate(Simulator(truth, 1), truth, "azimuth_flip", rounds=1)
+    begin = process_time()
+    found = benchmark.pedantic(lambda: simulate(Simulator(truth, 1), truth, "azimuth_flip", rounds=8), rounds=1)
+    share = (process_time() - begin) / (len(block_of(found)) / 100.0)
+    figures(share_of_real_time=round(share, 5))
+    assert share < 0.005
+
+
+@pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice logs are not beside the project")
+def test_a_text_log_is_read_in_a_fraction_of_its_time(benchmark, figures):
+    log = open_log(PRACTICE / "nav_full.csv.gz")
+    begin = process_time()
+    count = benchmark.pedantic(lambda: sum(len(block) for block in log.blocks()), rounds=1)
+    share = (process_time() - begin) / (count / 200.0)
+    figures(share_of_real_time=round(share, 5))
+    assert share < 0.01
 
 
 @pytest.fixture(scope="module")

@@ -378,9 +378,9 @@ def test_a_serial_number_unlike_the_products_is_shown(tmp_path: Path) -> None:
     unit = FakeImu()
     with terminal(unit.answer, unit.sends) as port:
         report = check_imu_link(tell, order(product, imu={"port": port}))
-    assert report.state == "look"
     unlike = report.find("serial_unlike")
     assert unlike is not None
+    assert unlike.state == "look"
     assert unlike.values == {"serial": "SN-000042", "pattern": "X.*"}
 
 

@@ -83,7 +83,8 @@ class SiteFolder:
     def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
         """Write both files, with changes to the product and to the settings of the bench."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        settings = {"seed": 5, "start_deg": [1.0, -1.0], **bench}
+        patient = {"watchdog_ms": 10_000}  # host time, and a busy computer may stand still for a second
+        settings = {"seed": 5, "start_deg": [1.0, -1.0], **patient, **bench}
         self.station.write_text(tomli_w.dumps({**STATION, "bench": settings}), encoding="utf-8")
 
 

@@ -1,6 +1,7 @@
 """The register map of a profile (`[[registers]]`), checked as a whole: names, overlaps, ranges, missing parameters."""
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from itertools import pairwise
 from typing import Literal
 
@@ -69,7 +70,7 @@ class RegisterEntry(StrictModel):
     convention: Convention | None = None
     _row: int = PrivateAttr(default=0)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Content of each register, groups replaced by their names."""
         return tuple(name for listed in self.parameters for name in self._members(listed))
