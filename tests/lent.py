@@ -26,6 +26,8 @@ from typing import IO, Any
 _SOCKET = "CALSTATION_TEST_BENCHES"
 _BENCH = ["-m", "calstation.bench"]
 _POLL = 0.005
+#: The server's process where this one started it.
+_started: list[subprocess.Popen[bytes]] = []
 
 os.environ.setdefault("CALSTATION_LOG_FOLDER", "")  # tests keep no application log
 
@@ -126,7 +128,9 @@ def install() -> None:
     owner = os.getppid() if "PYTEST_XDIST_WORKER" in os.environ else os.getpid()
     lend_benches(Path("/tmp") / f"calstation-benches-{owner}")
     engines = _EngineContext()
-    engines.set_forkserver_preload(["lent_engine"])
+    engines.set_forkserver_preload(["lent_engine"])  # found by this path; one that is not found is left out silently
+    here = str(Path(__file__).parent)
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (here, os.environ.get("PYTHONPATH"))))
     real = multiprocessing.get_context
 
     def get_context(method: str | None = None) -> Any:
@@ -167,7 +171,8 @@ def _connect(path: Path) -> socket.socket:
         if line is None:
             owner = path.name.rpartition("-")[2]
             command = [sys.executable, __file__, str(path), owner]
-            os.posix_spawn(sys.executable, command, os.environ, setsid=True)
+            # Without this process's descriptors, which would stay open as long as the server.
+            _started.append(subprocess.Popen(command, start_new_session=True))
             while (line := _try(path)) is None:
                 time.sleep(_POLL)
         return line

@@ -9,4 +9,5 @@ for name in ("connection", "devices", "jobs", "records", "registers", "results",
     for public in package.__all__:
         getattr(package, public)
 
+importlib.import_module("calstation.estimation.navigation.stage").warm_up()
 lent.lend_benches()
