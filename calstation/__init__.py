@@ -8,5 +8,5 @@ try:
 except PackageNotFoundError:  # run from a source tree that was never installed
     __version__ = "0+source"
 
-# Programs that use the package without its application log see nothing of it.
+# Programs that use the package without configuring its application log get no log output.
 logging.getLogger(__name__).addHandler(logging.NullHandler())

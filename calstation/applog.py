@@ -1,7 +1,7 @@
-"""The application log: what the program did, for support; never sample data.
+"""The application log records what the program did, for support; it never contains sample data.
 
-Every process writes a file of its own, named after kind, start and process; the oldest are deleted. Child processes
-find folder and level in their environment.
+Each process writes its own file, named after its kind, start time and process id; the oldest files are deleted. Child
+processes read folder and level from their environment.
 """
 
 import logging
@@ -14,7 +14,7 @@ from enum import StrEnum
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 
-#: Names of the environment variables that hand folder and level to child processes.
+#: Names of the environment variables that pass folder and level to child processes.
 FOLDER, LEVEL = "CALSTATION_LOG_FOLDER", "CALSTATION_LOG_LEVEL"
 
 
@@ -27,7 +27,7 @@ class Level(StrEnum):
     ERROR = "error"
 
 
-#: Size at which a process begins a second file, and files kept of each kind.
+#: File size at which a process starts a second file, bytes, and number of files kept of each kind.
 _MAX_BYTES, _KEPT = 2_000_000, 30
 
 _FORMAT = "%(asctime)s.%(msecs)03dZ %(levelname)-7s [%(run)s] %(name)s: %(message)s"
@@ -41,10 +41,10 @@ def _add_run(record: logging.LogRecord) -> bool:
 
 
 def configure(process: str, folder: Path | None = None, level: Level | None = None) -> None:
-    """Begin to log in a process of a kind, such as ``engine``.
+    """Start logging in a process of the given kind, such as ``engine``.
 
-    The environment's folder has precedence; nothing is written without a folder, or if the environment names an empty
-    one. Without a level, the environment's or ``info`` applies.
+    A folder set in the environment takes precedence; nothing is written if no folder is given, or if the environment
+    variable is empty. Without `level`, the environment's level applies, or else ``info``.
     """
     if folder is not None:
         os.environ.setdefault(FOLDER, str(folder))
@@ -61,7 +61,7 @@ def configure(process: str, folder: Path | None = None, level: Level | None = No
 
 @contextmanager
 def run(name: str) -> Iterator[None]:
-    """Put a run's id into every line while the context is open."""
+    """Add a run's id to every line while the context is open."""
     token = _run.set(name)
     try:
         yield
@@ -77,7 +77,7 @@ def _handler(process: str, folder: str | None) -> logging.Handler:
         path.parent.mkdir(parents=True, exist_ok=True)
         _prune(path.parent, process)
         handler = RotatingFileHandler(path, maxBytes=_MAX_BYTES, backupCount=1, encoding="utf-8", delay=True)
-    except OSError:  # a log that cannot be written must stop nothing
+    except OSError:  # a log that cannot be written must not stop the program
         return logging.NullHandler()
     formatter = logging.Formatter(_FORMAT, "%Y-%m-%dT%H:%M:%S")
     formatter.converter = time.gmtime
@@ -87,7 +87,7 @@ def _handler(process: str, folder: str | None) -> logging.Handler:
 
 
 def _prune(folder: Path, process: str) -> None:
-    """Delete the oldest files of a kind."""
+    """Delete the oldest log files of a kind."""
     files = sorted(folder.glob(f"{process}_*.log*"), reverse=True)
     for file in files[_KEPT:]:
         with suppress(OSError):  # still open in another process

@@ -1,4 +1,4 @@
-"""The errors that a person can meet: a catalogue code with values, and the exit code of the command line."""
+"""Errors shown to users: a catalogue code with values, and the exit code of the command line."""
 
 from functools import partial
 from typing import Any
@@ -7,12 +7,12 @@ from calstation.messages import Language, Rendered, Text, entry, render
 
 
 class CalstationError(Exception):
-    """Base of every error that a person reads: a code of the message catalogue, and the values of its sentences."""
+    """Base class of all errors shown to users: a code of the message catalogue, and the values of its sentences."""
 
     exit_code = 2
 
     def __init__(self, code: str, **values: Any) -> None:
-        """Raise KeyError for a code that the catalogue lacks."""
+        """Create an error. Raises KeyError for a code that is not in the catalogue."""
         super().__init__(code)
         self.code = entry(code).code
         self.values = values
@@ -25,7 +25,7 @@ class CalstationError(Exception):
 
     @property
     def as_text(self) -> Text:
-        """Code and values, to stand inside another message or to travel."""
+        """Code and values as a message, for use inside another message or for serialisation."""
         return Text(self.code, self.values)
 
     @property
@@ -34,7 +34,7 @@ class CalstationError(Exception):
         return entry(self.code).resettable
 
     def render(self, language: Language = "en", *, window: bool = False) -> Rendered:
-        """Source, text and remedy in a language."""
+        """Render source, text and remedy in a language."""
         return render(self.code, self.values, language, window=window)
 
 
@@ -43,11 +43,11 @@ class ConfigurationError(CalstationError):
 
 
 class InputError(CalstationError):
-    """A log or CSV cannot be used as it is (exit code 2)."""
+    """A log or CSV file cannot be used (exit code 2)."""
 
 
 class InsufficientDataError(InputError):
-    """Too little data for a stage (exit code 2)."""
+    """A stage has too little data (exit code 2)."""
 
 
 class DeviceFaultError(CalstationError):

@@ -1,4 +1,4 @@
-"""Reads TOML into checked pydantic models and reports what is wrong: file, entry, remedy."""
+"""Read TOML files into validated pydantic models, and report errors with file, entry and remedy."""
 
 import difflib
 import tomllib
@@ -21,15 +21,15 @@ KeyPath = tuple[str | int, ...]
 
 
 class StrictModel(BaseModel):
-    """Base of every configuration model: frozen, no unknown keys, no NaN, no silent conversions."""
+    """Base class of all configuration models: frozen, no unknown keys, no NaN, no silent conversions."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class EntryError(ValueError):
-    """An entry of a file breaks a rule: a code of the message catalogue, and the values of its sentences.
+    """An entry of a file violates a rule, given by a code of the message catalogue and the values of its sentences.
 
-    `place` are the keys and element numbers from where the rule is checked to the wrong entry.
+    `place` is the path (keys and element numbers) to the wrong entry, starting where the rule is checked.
     """
 
     def __init__(self, code: str, *place: str | int, **values: Any) -> None:
@@ -44,7 +44,7 @@ class EntryError(ValueError):
 
 @contextmanager
 def entry(*place: str | int) -> Iterator[None]:
-    """Attribute every rule broken inside the block to the entry at `place`."""
+    """Attribute every rule violation inside the block to the entry at `place`."""
     try:
         yield
     except EntryError as exc:
@@ -55,15 +55,15 @@ def entry(*place: str | int) -> Iterator[None]:
 
 Model = TypeVar("Model", bound=BaseModel)
 
-#: Keys of pydantic's bounds by kind of error.
+#: Keys of the bounds in pydantic's error context, by error type.
 _BOUNDS = {"greater_than": "gt", "greater_than_equal": "ge", "less_than": "lt", "less_than_equal": "le"}
-#: Codes whose sentences need the wrong value and pydantic's context only, by its kind of error.
+#: Message codes that need only the wrong value and pydantic's error context, by error type.
 _CODES = {
     "missing": "entry.missing",
     "literal_error": "entry.not_one_of",
     "string_pattern_mismatch": "entry.misspelt",
 }
-#: Codes of the wanted kind of value by pydantic's kind of error.
+#: Message codes of the expected type of value, by pydantic's error type.
 _TYPES = {
     "float_type": "entry.a_number",
     "int_type": "entry.a_whole_number",
@@ -92,9 +92,9 @@ def read_toml(path: Path, error: type[CalstationError] = ConfigurationError) -> 
 def validate(
     model: type[Model], data: Any, source: str | Path, error: type[CalstationError] = ConfigurationError
 ) -> Model:
-    """Check parsed TOML or JSON against a model; `source` names the file in messages.
+    """Validate parsed TOML or JSON with a model; `source` is the file name in messages.
 
-    Raises CalstationError of class `error`, with the first wrong entry and its remedy.
+    Raises `error` with the first wrong entry and its remedy.
     """
     try:
         return model.model_validate(data)
@@ -106,7 +106,7 @@ def validate(
 
 
 def load(model: type[Model], path: Path, error: type[CalstationError] = ConfigurationError) -> Model:
-    """Read and check a TOML file; raises `error` as `read_toml` and `validate`."""
+    """Read and validate a TOML file; raises `error` like `read_toml` and `validate`."""
     return validate(model, read_toml(path, error), path, error)
 
 
@@ -128,15 +128,15 @@ def _unchanged(model: type[BaseModel], path: Path, content: bytes) -> Any:
 class Problem:
     """One error in the data or text of a file."""
 
-    place: KeyPath  #: The entry; () for the whole file.
-    #: Pydantic's, e.g. ``missing`` or ``greater_than``; ``toml`` for invalid TOML, ``value_error`` for other rules.
+    place: KeyPath  #: Path of the entry; () for the whole file.
+    #: Pydantic's error type, e.g. ``missing``; ``toml`` for invalid TOML, ``value_error`` for other rules.
     kind: str
     what: Text  #: The message without the name of the entry.
-    line: int = 0  #: Counts from 1.
+    line: int = 0  #: Line number, counted from 1.
 
     @classmethod
     def of(cls, error: EntryError, *prefix: str | int) -> "Problem":
-        """The problem of a broken rule; `prefix` leads to where the rule was checked."""
+        """Create the problem of a violated rule; `prefix` is the path to where the rule was checked."""
         return cls((*prefix, *error.place), "value_error", Text(error.code, error.values))
 
     @property
@@ -152,12 +152,12 @@ class Problem:
 
     @property
     def text(self) -> str:
-        """The message in English, in one line."""
+        """The message in English, on one line."""
         return sentence(self.as_text)
 
 
 def problems_of(model: type[BaseModel], data: Any) -> list[Problem]:
-    """All that `model` finds wrong with `data`; a misspelt name comes before the missing one it stands for."""
+    """Return all errors of `data` found by `model`; a misspelt name precedes the missing name that was meant."""
     try:
         model.model_validate(data)
     except ValidationError as exc:
@@ -172,7 +172,7 @@ def _problems(error: ValidationError, data: Any, model: type[BaseModel]) -> list
 
 
 def field_name(place: KeyPath) -> str:
-    """Name of an entry as a reader of the file knows it, e.g. ``frame.fields[2].type``."""
+    """Return the name of an entry as it is written in messages, e.g. ``frame.fields[2].type``."""
     text = ""
     for part in place:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else part
@@ -180,7 +180,7 @@ def field_name(place: KeyPath) -> str:
 
 
 def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) -> Text:
-    """The remedy for an unknown name: the most similar known one, else `otherwise` (to remove it)."""
+    """Return the remedy for an unknown name: the most similar known name, else `otherwise` (default: remove it)."""
     near = difflib.get_close_matches(name, list(known), n=1)
     if near:
         return Text.of("entry.did_you_mean", near=near[0])
@@ -219,7 +219,7 @@ def _pydantic_message(detail: ErrorDetails, data: Any, model: type[BaseModel]) -
 
 
 def _siblings(data: Any, location: KeyPath, model: type[BaseModel]) -> list[str]:
-    """Field names that the table at `location` could have but lacks, as far as plain nesting shows."""
+    """Return the allowed field names that the table at `location` does not contain, following plain nesting only."""
     present = data
     for part in location[:-1]:
         inner = getattr(model.model_fields.get(str(part)), "annotation", None)

@@ -1,4 +1,4 @@
-"""Calibration methods, one file each; a new method is a new file here with an object `METHOD`."""
+"""Calibration methods, one file per method; to add a method, add a file with an object `METHOD`."""
 
 from functools import cache
 from importlib import import_module
@@ -12,7 +12,7 @@ DEFAULT_STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
 @cache
 def method(name: str) -> Method:
-    """The method called `name`. Raises ConfigurationError, which lists the known methods."""
+    """Return the method `name`. Raises ConfigurationError, which lists the known methods, if there is none."""
     names = sorted((m.name for m in iter_modules(__path__)), key=lambda n: (n not in DEFAULT_STAGES, n))
     if name not in names:
         raise ConfigurationError("plan.no_such_stage", stage=name, known=names)

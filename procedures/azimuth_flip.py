@@ -1,4 +1,4 @@
-"""Azimuth flips: half turns about the vertical, +, −, −, +, with long rests; a 12-state filter estimates the biases."""
+"""Azimuth flips: half turns about the vertical, +, −, −, +, with long rests; the biases are estimated (12 states)."""
 
 from collections.abc import Iterator
 
@@ -15,7 +15,7 @@ WAYS = (1.0, -1.0, -1.0, 1.0)
 
 
 class Schedule(RepeatedSchedule):
-    """Rests in s, rates in °/s, °/s², and when to stop."""
+    """Duration of rests (s), rate and acceleration of moves (°/s, °/s²), and the stop rule."""
 
     dwell_s: float = Field(60.0, ge=2.0, le=3600.0, description="rest after every half turn")
     rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
@@ -24,7 +24,7 @@ class Schedule(RepeatedSchedule):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Endless rounds of four half turns with `RoundEnd` after each. Raises ConfigurationError on too short a travel."""
+    """Plan endless rounds of four half turns and `RoundEnd`. Raises ConfigurationError if the travel is too short."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     joint, pose = geometry.vertical_joint((0.0, 0.0))
     joints = list(pose)

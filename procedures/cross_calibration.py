@@ -1,6 +1,6 @@
-"""Cross-calibration: secondary IMUs on one body against a primary one, from any motion that they share.
+"""Cross-calibration of secondary IMUs against a primary IMU on the same body, from any common motion.
 
-By command it fits the whole recording; with triggers it fits only secondaries that a check finds out of tolerance.
+On command the whole recording is fitted; with triggers, only secondaries that a check finds out of tolerance.
 """
 
 from collections.abc import Iterator
@@ -37,17 +37,17 @@ from calstation.messages import values_to_json
 from calstation.physics import PAIR_PARAMETERS, FloatArray, Step, TableGeometry, pair_name
 
 NOTHING = Consistency(0.0, 0.0, 0.0, 0)
-#: A value with a larger sigma was not determined by the motion; for the clock offset the limit is half a sample.
+#: A value with a larger sigma is not determined by the motion; for the clock offset the limit is half a sample.
 UNDETERMINED = {"secondary_gyro_matrix": 0.02, "secondary_accel_matrix": 0.02, "secondary_lever": 0.05}
 
 
 def plan(geometry: TableGeometry, schedule: PairSchedule) -> Iterator[Step]:
-    """Raises ConfigurationError: a run on the table records one IMU."""
+    """Raise ConfigurationError, because a run on the table records only one IMU."""
     raise ConfigurationError("plan.needs_joint_recording")
 
 
 class PairStage:
-    """A `StageSolver` over the whole recording, or over the parts that its triggers select."""
+    """A `StageSolver` for the whole recording, or for the parts selected by triggers."""
 
     def __init__(self, context: SolveContext, prior: Belief, schedule: PairSchedule) -> None:
         if not context.secondaries:
@@ -61,14 +61,14 @@ class PairStage:
             self._watch = PairWatch(context.imu, context.secondaries, self._calibration)
 
     def feed(self, block: SampleBlock) -> None:
-        """Take further samples of the stage."""
+        """Add samples of the stage."""
         if self._watch is None:
             self._spool.append(block)
             return
         self._events += self._watch.feed(block)
 
     def sigma(self) -> FloatArray:
-        """The prior's standard deviations, SI, shape (30,); none of the 30 parameters is estimated."""
+        """Return the standard deviations of the prior, SI, shape (30,); none of the 30 parameters is estimated."""
         return self._prior.sigma
 
     def finish(self, progress: Progress | None = None) -> Solution:
@@ -145,7 +145,7 @@ def _estimates(number: int, calibrated: PairResult, sample_rate: float) -> dict[
     fit = calibrated.fit
     sigma = np.sqrt(np.diag(fit.covariance))
     limits = {**UNDETERMINED, "clock_offset": 0.5 / sample_rate}
-    # if only the bias was fitted the matrix is listed too, because the bias belongs to it
+    # if only the bias was fitted, the matrix is listed too, because the bias is valid only with it
     fixed = {
         f"secondary_{s}_matrix" for s, place in (("gyro", GYRO_BIAS), ("accel", ACCEL_BIAS)) if fit.fitted[place].any()
     }

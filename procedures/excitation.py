@@ -1,6 +1,6 @@
-"""Excitation: whole turns about y, x, z, then z, x, y, in quarters with rests; the 39-state filter estimates all.
+"""Excitation: revolutions about y, x, z, then z, x, y in quarter turns with rests; the 39-state filter estimates all.
 
-The inner axis turns while horizontal, so that gravity observes its turns; joints unwind only if their travel requires.
+The inner axis is horizontal when used, so that gravity observes its rotation. Joints unwind only if the travel ends.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ QUARTERS = 4
 
 
 class Schedule(RepeatedSchedule):
-    """Rests in s, rates in °/s and °/s², and the stop rule; `place_dwell_s` is the rest after positioning moves."""
+    """Durations of rests (s), rate and acceleration of moves (°/s, °/s²), and the stop rule."""
 
     dwell_s: float = Field(20.0, ge=2.0, le=600.0, description="rest after every quarter turn")
     place_dwell_s: float = Field(5.0, ge=1.0, le=600.0, description="rest after an axis was brought into place")
@@ -27,7 +27,7 @@ class Schedule(RepeatedSchedule):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Endless rounds of y, x, z, z, x, y with `RoundEnd` after each."""
+    """Plan endless rounds of y, x, z, z, x, y, each followed by `RoundEnd`."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     joints = [0.0, 0.0]
     yield Move(0.0, 0.0, rate, acceleration, ("start",))
@@ -59,14 +59,14 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _unwound(geometry: TableGeometry, joint: int, angle: float, sign: int) -> float:
-    """The same attitude as many whole turns back as the travel allows, so that a quarter turn fits."""
+    """Return the joint angle of the same attitude, as many full turns back as the travel allows, rad."""
     end = geometry.limits.low[joint] if sign > 0 else geometry.limits.high[joint]
     turns = np.floor(abs(end - angle) / (2.0 * np.pi) + 1e-9)
     return float(geometry.nearest(joint, angle, angle - sign * 2.0 * np.pi * max(turns, 1.0)))
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:
-    """All 30 parameters; the outer lever only if the table has one."""
+    """Return the names of all 30 parameters, or of 27 without the outer lever if the table fixes it."""
     return tuple(n for n in NAMES if context.table.outer_lever == "estimated" or not n.startswith("outer"))
 
 

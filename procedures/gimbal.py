@@ -1,6 +1,6 @@
-"""Gimbal: gyro misalignment from the joints of a gimbal that stabilises on the corrected rates, turn by turn.
+"""Gimbal: gyro misalignment from the joints of a gimbal that stabilises on the corrected rates, after each turn.
 
-A recording is replayed: its joints give the same corrections as online, and a least-squares solution for comparison.
+A recording is replayed: its joints give the same corrections as online. A least-squares fit is made for comparison.
 """
 
 from collections.abc import Iterator
@@ -31,23 +31,23 @@ from calstation.physics import INDEX, NAMES, FloatArray, Step, TableGeometry
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
-#: Share of its size that a drift keeps if the rates were not corrected, after turns that should have halved it.
+#: Ratio of last to first drift above which the rates were not corrected, if the turns should have halved the drift.
 STUCK = 0.7
 
 
 class Schedule(BaseModel):
-    """The iteration and the gimbal."""
+    """Settings of the iteration and the gimbal."""
 
     model_config = ConfigDict(extra="forbid")
-    angle_deg: float = Field(30.0, ge=5.0, le=80.0)  #: Of every turn.
-    gain: float = Field(1.5, gt=0.0, le=50.0)  #: α, rad of correction per rad of drift.
+    angle_deg: float = Field(30.0, ge=5.0, le=80.0)  #: Angle of every turn.
+    gain: float = Field(1.5, gt=0.0, le=50.0)  #: Gain α, rad of correction per rad of drift.
     iterations: int = Field(10, ge=1, le=200)  #: Largest number of turns per axis.
-    threshold_arcsec: float = Field(20.0, ge=0.0)  #: Drift below which an axis is done.
-    alternate: bool = True  #: Whether every second turn goes the other way.
-    order: str = "zxy"  #: Joints from the base to the unit.
+    threshold_arcsec: float = Field(20.0, ge=0.0)  #: Drift below which an axis is complete.
+    alternate: bool = True  #: Whether every second turn is in the opposite direction.
+    order: str = "zxy"  #: Order of the joints from the base to the unit.
     dwell_s: float = Field(4.0, ge=2.0, le=600.0)  #: Stabilised rest before and after a turn.
-    rate_dps: float = Field(30.0, gt=0.0, le=360.0)  #: Of every turn.
-    #: Of b, as the accelerometers define it, relative to the joints' axes; 0 if the joints define b.
+    rate_dps: float = Field(30.0, gt=0.0, le=360.0)  #: Rate of every turn.
+    #: Sigma of b, as defined by the accelerometers, relative to the joint axes; 0 if the joint axes define b.
     mount_sigma_deg: float = Field(0.0, ge=0.0, le=10.0)
 
     @field_validator("order")
@@ -58,7 +58,7 @@ class Schedule(BaseModel):
         return order
 
     def iteration(self) -> GimbalIteration:
-        """A new iteration."""
+        """Return a new iteration with these settings."""
         return GimbalIteration(
             self.gain,
             float(np.deg2rad(self.angle_deg)),
@@ -69,12 +69,12 @@ class Schedule(BaseModel):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Raises ConfigurationError: a table does not stabilise on the unit's rates."""
+    """Raise ConfigurationError, because a table does not stabilise on the rates of the unit."""
     raise ConfigurationError("plan.needs_gimbal")
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
-    """Replay the turns and fit them. Raises InputError if the recording is unusable."""
+    """Replay and fit the turns. Raises InputError if the recording is unusable."""
     _require_channels(data)
     motions = find_motions(data, context.imu)
     _require_joints(data, motions)
@@ -107,7 +107,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
 
 
 def _replayed(motions: list[Motion], schedule: Schedule) -> tuple[GimbalIteration, list[list[Motion]]]:
-    """The iteration as it went online, with the axes in the order of the recording."""
+    """Reproduce the online iteration, with the axes in the order of the recording."""
     iteration = schedule.iteration()
     iteration.courses = []
     turns: list[list[Motion]] = []
@@ -133,7 +133,7 @@ def _require_channels(data: StageData) -> None:
 
 
 def _require_joints(data: StageData, motions: list[Motion]) -> None:
-    """Check that the gyros sense the turns about the same axes and by the same angles as the joints."""
+    """Check that the gyros measure the turns about the same axes and by the same angles as the joints."""
     for m in motions:
         if m.axis is None:
             continue
@@ -154,9 +154,9 @@ class _AxisSolution:
     """Solution of one axis."""
 
     values: dict[str, float]  #: Misalignments by name, rad.
-    covariance: FloatArray  #: Of `values`, rad², shape (2, 2).
-    remaining: float  #: Share of the first error that all turns leave.
-    drift_sigma: float  #: Of the last drift by noise alone, rad.
+    covariance: FloatArray  #: Covariance of `values`, rad², shape (2, 2).
+    remaining: float  #: Fraction of the initial error that remains after all turns.
+    drift_sigma: float  #: Sigma of the last drift due to noise alone, rad.
 
 
 def _axis_solution(
@@ -164,8 +164,8 @@ def _axis_solution(
 ) -> _AxisSolution:
     """Propagate the noise of every drift through the recursion.
 
-    A commanded pure rotation makes N's column parallel to the axis, so off the diagonal K = M / (1 + scale). The part
-    of the first error that the last turn leaves counts as uncertainty.
+    A commanded pure rotation makes the column of N parallel to the axis, so off the diagonal K = M / (1 + scale). The
+    part of the initial error that remains after the last turn is added to the uncertainty.
     """
     noise, name = filter_noise(context), AXES[course.axis]
     P, left, drift = np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
@@ -192,7 +192,7 @@ def _axis_solution(
 
 
 def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
-    """Check that drifts have shrunk as the gain predicts; if not, the rates were not corrected by K."""
+    """Check that the drifts decreased as the gain predicts; otherwise the rates were not corrected with K."""
     first, last = (float(np.linalg.norm(course.drifts[k])) for k in (0, -1))
     if solved.remaining < 0.5 * STUCK and last > STUCK * first and last > 6.0 * solved.drift_sigma:
         raise InputError(
@@ -205,7 +205,7 @@ def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
 
 
 def _measured(prior: Belief, solved: list[_AxisSolution]) -> Belief:
-    """The prior with the misalignments observed (Kalman update)."""
+    """Update the prior with the observed misalignments (Kalman update)."""
     belief = prior
     for axis in solved:
         places, z = [INDEX[name] for name in axis.values], np.array(list(axis.values.values()))
@@ -218,7 +218,7 @@ def _measured(prior: Belief, solved: list[_AxisSolution]) -> Belief:
 
 
 def _axis(course: AxisTurns, schedule: Schedule) -> dict[str, Any]:
-    """Convergence of one axis, JSON-ready."""
+    """Return the convergence of an axis as JSON values."""
     angle = float(np.mean(np.abs(course.angles)))
     return {
         "axis": AXES[course.axis],

@@ -1,6 +1,6 @@
-"""Multi-position: gyros and accelerometers together on a simple or manual rig, without accurate angles.
+"""Multi-position: joint calibration of gyros and accelerometers on a simple or manual rig without accurate angles.
 
-Rests and motions are found from the data alone. Every body axis turns about the horizontal, observed by gravity.
+Rests and motions are found from the data alone. Gravity observes the rotation of every body axis about the horizontal.
 """
 
 from collections.abc import Iterator
@@ -34,30 +34,30 @@ from calstation.physics import INNER, JOINTS, NAMES, OUTER, PARAMETERS, Carry, D
 
 GROUPS = ("gyro_bias", "gyro_scale", "gyro_misalign", "accel_bias", "accel_scale", "accel_misalign")
 ESTIMATED = tuple(p.name for p in PARAMETERS if p.group in GROUPS)
-#: Joint angles outer and inner, rad.
+#: Outer and inner joint angle, rad.
 Pose = tuple[float, float]
-#: Time that an operator needs to read an instruction and to let go of a rail, s.
+#: Time that an operator needs to read an instruction and to release a rail, s.
 HESITATION = 3.0
 
 
 class Schedule(BaseModel):
-    """Rests in s, angles in degrees, rates in °/s and °/s²."""
+    """Durations of rests (s), angles (°), and rate and acceleration of moves (°/s, °/s²)."""
 
     model_config = ConfigDict(extra="forbid")
-    initial_rest_s: float = Field(30.0, ge=2.0, le=3600.0)  #: At level before the first motion.
-    rest_s: float = Field(8.0, ge=2.0, le=600.0)  #: At each position.
-    step_deg: float = Field(45.0, ge=15.0, le=120.0)  #: From position to position.
+    initial_rest_s: float = Field(30.0, ge=2.0, le=3600.0)  #: Level rest before the first motion.
+    rest_s: float = Field(8.0, ge=2.0, le=600.0)  #: Rest at each position.
+    step_deg: float = Field(45.0, ge=15.0, le=120.0)  #: Angle between positions.
     rate_dps: float = Field(20.0, gt=0.0, le=360.0)
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0)
-    manual: bool = False  #: An operator turns the rails, guided by the program; `rate_dps` is then the expected rate.
-    #: A shorter rest in the data is a pause in a motion and not a position.
+    manual: bool = False  #: Whether an operator, guided by the program, turns the rails at about `rate_dps`.
+    #: A rest shorter than this is a pause during a motion and not a position.
     shortest_rest_s: float = Field(1.0, ge=0.5, le=60.0)
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Inner rail around and back, outer rail the same, outer rail once more with the inner one a quarter turn on.
+    """Plan a revolution and back of the inner joint, of the outer joint, and of the outer joint with the inner at 90°.
 
-    Raises ConfigurationError if the travel allows no position but the first.
+    Raises ConfigurationError if the travel allows only the first position.
     """
     poses = _poses(geometry, schedule)
     if schedule.manual:
@@ -72,7 +72,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _poses(geometry: TableGeometry, schedule: Schedule) -> Iterator[Pose]:
-    """Joint angles (rad) of the positions after the first, which is (0, 0)."""
+    """Yield the joint angles, rad, of the positions after the first, which is (0, 0)."""
     level = geometry.level_inner((0.0, 0.0))
     for joint, other in ((INNER, level), (OUTER, 0.0), (OUTER, 0.5 * np.pi)):
         for angle in _around(geometry, joint, np.deg2rad(schedule.step_deg)):
@@ -80,7 +80,7 @@ def _poses(geometry: TableGeometry, schedule: Schedule) -> Iterator[Pose]:
 
 
 def _manual_steps(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
-    """Every position once; positions at which the rails already are give no step."""
+    """Yield a step for each position; positions equal to the preceding one are omitted."""
     way: list[Pose] = [(0.0, 0.0)]
     for pose in poses:
         if max(abs(a - b) for a, b in zip(pose, way[-1], strict=True)) > 1e-6:
@@ -94,7 +94,7 @@ def _manual_steps(schedule: Schedule, poses: list[Pose]) -> Iterator[Step]:
 
 
 def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]:
-    """Joint angles (rad) once round and back to 0, or to both ends of a shorter travel."""
+    """Yield joint angles, rad, for one revolution and back to 0, or to both ends of a shorter travel."""
     whole = round(2.0 * np.pi / step)
     for way in (1.0, -1.0):
         if geometry.limits.within(joint, way * whole * step):
@@ -108,7 +108,7 @@ def _around(geometry: TableGeometry, joint: int, step: float) -> Iterator[float]
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
-    """Solve from rests and motions. Raises InputError if the recording is unusable."""
+    """Solve the stage from its rests and motions. Raises InputError if the recording is unusable."""
     shortest = schedule.shortest_rest_s
     still = find_stillness(data, context.imu, shortest)
     links = valid_links(data, still, context.imu, context.site.local_gravity, prior, shortest)

@@ -1,6 +1,6 @@
-"""Rate: whole turns about each gyro axis in both directions against the table's angle; gyro scale factors.
+"""Rate: gyro scale factors from whole turns about each gyro axis in both directions, measured by the table encoders.
 
-Mount, table axes, misalignments and every encoder reading at rest are unknowns with their prior.
+Mounting, table axes, misalignments and every encoder reading at rest are unknowns with a prior.
 """
 
 import itertools
@@ -44,16 +44,16 @@ from calstation.physics import (
 )
 
 ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
-#: A smaller rotation between two rests is a positioning move, rad.
+#: A rotation between two rests smaller than this, rad, is a positioning move.
 SMALLEST_TURN = np.deg2rad(300.0)
-#: Largest deviation of a turn from a whole number of turns, rad.
+#: Largest deviation of a rotation from a whole number of turns, rad.
 WHOLE = np.deg2rad(5.0)
-#: Standard deviation of a table's axes from its profile: non-orthogonality and wobble, rad.
+#: Sigma of the table axes relative to the profile, rad: non-orthogonality and wobble.
 AXIS_SIGMA = np.deg2rad(0.1)
 
 
 class Schedule(BaseModel):
-    """Whole turns each way; rates in °/s and °/s², times in s."""
+    """Number of turns, rate and acceleration of moves (°/s, °/s²), and duration of rests (s)."""
 
     model_config = ConfigDict(extra="forbid")
     turns: int = Field(2, ge=1, le=50, description="whole turns each way about every axis")
@@ -64,19 +64,19 @@ class Schedule(BaseModel):
 
 @dataclass(frozen=True)
 class Turn:
-    """A whole turn between two rests."""
+    """A rotation by whole turns between two rests."""
 
-    start: int  #: Sample in the middle of the rest before.
-    stop: int  #: Sample in the middle of the rest after.
+    start: int  #: Sample in the middle of the rest before the rotation.
+    stop: int  #: Sample in the middle of the rest after the rotation.
     total: FloatArray  #: Integral of the raw rate, rad, shape (3,).
-    joint: int  #: 0 outer, 1 inner
+    joint: int  #: Index of the joint: 0 outer, 1 inner.
     angles: FloatArray  #: Encoder angles before and after, rad, shape (2, 2).
     rest: tuple[int, int]  #: Indices of the two rests.
     duration: float  #: s
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """About x, y and z: positioning move, rest, whole turns one way, rest, whole turns back, rest."""
+    """Plan, for x, y and z: positioning move, rest, whole turns, rest, whole turns back, rest."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     joints = [0.0, 0.0]
     for axis in range(3):
@@ -93,7 +93,7 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, turns: int) -> tuple[float, float]:
-    """Start angle nearest `at` and first rotation, rad: positive about the body axis if the travel allows.
+    """Return start angle nearest `at` and first rotation, rad; positive about the body axis if the travel allows.
 
     Raises ConfigurationError if the travel is too short for the turns.
     """
@@ -114,14 +114,14 @@ def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, t
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
-    """Solve from the whole turns. Raises InsufficientDataError if some are missing."""
+    """Solve the stage from its whole turns. Raises InsufficientDataError if some are missing."""
     turns, assumed = find_turns(data, context, prior)
     _require_turns(turns, data.gaps)
     return _solve(data, turns, context, prior, assumed)
 
 
 def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[list[Turn], bool]:
-    """Whole turns between rests, and whether their angle was assumed whole for lack of encoder angles."""
+    """Find whole turns between rests; also return whether, without encoder angles, they were assumed to be whole."""
     geometry = context.table.geometry
     bias = group_indices("gyro_bias")
     found, assumed, rest_count = [], False, 0
@@ -149,7 +149,7 @@ def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[l
 
 
 def _whole_turn(geometry: TableGeometry, turned: FloatArray) -> tuple[FloatArray, FloatArray, int]:
-    """Joint angles of a turn without encoder: the nearest whole number of turns about the nearest body axis, rad."""
+    """Return joint angles before and after, rad, and joint, of the whole turns nearest to a measured rotation."""
     axis = np.eye(3)[int(np.argmax(np.abs(turned)))]
     body_turn = geometry.body_turn(axis, 0.0)
     before = np.array([0.0, body_turn.inner or 0.0])
@@ -178,7 +178,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     earth = rotation_rate(site.latitude)
     earths = [_earth_integral(data, t, geometry, earth, site.azimuth or 0.0) for t in turns]
 
-    # nuisances: mount (3), azimuth (1), directions of outer and inner axis (3 + 3), encoders at each rest (2)
+    # nuisances: mounting (3), azimuth (1), directions of outer and inner axis (3 + 3), encoders at each rest (2)
     azimuth_sigma = table.azimuth_sigma if site.azimuth is not None and not assumed else FREE_AZIMUTH_SIGMA
     sigma = np.concatenate(
         [[table.mount_sigma] * 3, [azimuth_sigma], [AXIS_SIGMA] * 6, [table.encoder_sigma] * (2 * len(places))]
@@ -232,9 +232,9 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
 def _earth_integral(
     data: StageData, turn: Turn, geometry: TableGeometry, earth: FloatArray, azimuth: float
 ) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
-    """Integral of earth rate in b over a turn: vertical part, and north as cosine and sine of a heading error, rad.
+    """Integrate earth rate in b over a rotation, rad: vertical part, and cosine and sine parts of a heading error.
 
-    The joint angle follows the gyros' integral between the encoder's end points. Each has shape (3,).
+    The joint angle is interpolated between encoder readings by the integrated gyro rate. Each part has shape (3,).
     """
     progress = np.cumsum(np.linalg.norm(data.gyro[turn.start : turn.stop], axis=1))
     progress = progress / progress[-1]

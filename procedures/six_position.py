@@ -1,6 +1,6 @@
-"""Six positions: each accelerometer axis up and down; the modulus of gravity gives scale factors and bias.
+"""Six positions: each accelerometer axis up and down; the magnitude of gravity gives scale factors and biases.
 
-No face is assumed level: the direction of gravity in the body is an unknown of every rest.
+The faces are not assumed to be level: the direction of gravity in b is an unknown at every rest.
 """
 
 from collections.abc import Iterator
@@ -39,11 +39,11 @@ from calstation.physics import (
 )
 
 ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") for axis in "xyz")
-#: A shorter rest, s, is a pause in a turn and not a position.
+#: A rest shorter than this, s, is a pause during a rotation and not a position.
 SHORTEST_REST = 1.0
-#: Prior sigma of an unknown direction about the measured one, rad.
+#: Prior sigma of an unknown direction of gravity about the measured one, rad.
 FREE_DIRECTION_SIGMA = 1.0
-#: Largest angle of a rest from a face, rad; other rests support the fit but count as no face.
+#: Largest angle between gravity and an axis at a face, rad; other rests are used in the fit but are not faces.
 ON_FACE = np.deg2rad(30.0)
 
 
@@ -58,7 +58,7 @@ class Schedule(BaseModel):
 
 @dataclass(frozen=True)
 class Position:
-    """One rest: samples, mean raw specific force (m/s², shape (3,)), its variance, encoder angles or None."""
+    """A rest: samples, mean raw specific force (m/s², shape (3,)) and its variance, encoder angles (rad) or None."""
 
     start: int
     stop: int
@@ -68,7 +68,7 @@ class Position:
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """z up, z down, y up, y down, x up, x down, each at the joint angles nearest to the last."""
+    """Plan z up, z down, y up, y down, x up, x down, each at the joint angles nearest to the previous ones."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     pose = (0.0, 0.0)
     for axis in (2, 1, 0):
@@ -82,14 +82,14 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
-    """Solve from the rests. Raises InsufficientDataError if faces are missing."""
+    """Solve the stage from its rests. Raises InsufficientDataError if faces are missing."""
     positions = find_positions(data, context, prior)
     _require_faces(positions, prior)
     return _solve(data, positions, context, prior)
 
 
 def find_positions(data: StageData, context: SolveContext, prior: Belief) -> list[Position]:
-    """The rests of a stage, found from the data, with their mean force."""
+    """Find the rests of a stage in its data and compute their mean force."""
     bias = group_indices("gyro_bias")
     stride = max(round(filter_noise(context).interval / data.dt), 1)
     found = []
@@ -167,7 +167,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
 
 
 def _tangents(direction: FloatArray) -> FloatArray:
-    """Two unit vectors perpendicular to `direction` and each other, as rows, shape (2, 3)."""
+    """Return two unit vectors perpendicular to `direction` and to each other, as rows, shape (2, 3)."""
     other = np.zeros(3)
     other[int(np.argmin(np.abs(direction)))] = 1.0
     first = np.cross(direction, other)

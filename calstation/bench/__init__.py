@@ -1,6 +1,6 @@
-"""The virtual bench: a table and a unit with a truth of their own and the real protocols.
+"""The virtual bench: a simulated table and unit with known true values and the real protocols.
 
-It shares only constants, units and parameter names with the rest; no estimator may use its mathematics.
+It shares only constants, units and parameter names with the other packages; estimators must not use its equations.
 """
 
 import lazy_loader as lazy

@@ -1,4 +1,4 @@
-"""`python -m calstation.bench --config FILE_OR_JSON`: one virtual bench; its links come as one JSON line."""
+"""`python -m calstation.bench --config FILE_OR_JSON` runs one virtual bench and prints its links as one JSON line."""
 
 import argparse
 import json
@@ -16,7 +16,7 @@ from calstation.schema import validate
 
 
 def read_config(text: str) -> dict[str, Any]:
-    """Configuration from JSON text, or from a .json or .toml file. Raises ValueError, OSError."""
+    """Read the configuration from JSON text, or from a .json or .toml file. Raises ValueError or OSError."""
     path, is_json = Path(text), text.lstrip().startswith("{")
     content = text if is_json else path.read_text(encoding="utf-8")
     values = tomllib.loads(content) if not is_json and path.suffix == ".toml" else json.loads(content)
@@ -26,7 +26,7 @@ def read_config(text: str) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Exit code 0, or 2 where the configuration cannot be used."""
+    """Run the command; return exit code 0, or 2 if the configuration cannot be used."""
     about = "Virtual calibration bench; prints its ports and lives until its standard input closes."
     parser = argparse.ArgumentParser(prog="calstation.bench", description=about)
     parser.add_argument("--config", default="{}", help="JSON text, or a .json or .toml file")
@@ -42,7 +42,7 @@ def main() -> int:
         return 2
     serve(config)
     sys.stdout.flush()
-    # The thread that waits on standard input may still hold it: leave without asking it.
+    # The thread that reads standard input may still be blocked: exit without waiting for it.
     os._exit(0)
 
 

@@ -38,9 +38,9 @@ OrderName = Literal[_Trip, _Motion, _Frames, _Samples, _Unit, _TableLink, "brown
 
 
 class Order(BaseModel):
-    """An ordered fault; `docs/reference/bench.md` explains the orders and their values.
+    """An order to inject a fault; `docs/reference/bench.md` explains the orders and their values.
 
-    `at` is a device time, s; `after` is counted from when the order is given, s.
+    `at` is a device time, s; `after` is a delay from the time of the order, s.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -111,7 +111,7 @@ class BenchConfig(BaseModel):
     report_file: Path | None = None
 
     def truth(self) -> BenchTruth:
-        """The bench that this configuration and its seed draw."""
+        """Draw the true values of the bench from this configuration and its seed."""
         unit_seed, table_seed = np.random.SeedSequence(self.seed).spawn(2)
         imu = draw_imu(
             self.grade,
@@ -154,7 +154,7 @@ class BenchConfig(BaseModel):
         return BenchTruth(imu, table, encoder, self.grade, azimuth, self.outer_lever)
 
     def rig(self) -> ManualRig:
-        """The manual rig at this site."""
+        """Return the manual rig at this site."""
         return ManualRig(
             latitude=radians(self.latitude_deg),
             height=self.height_m,
@@ -165,7 +165,7 @@ class BenchConfig(BaseModel):
         )
 
     def limits(self) -> TableLimits:
-        """Travel and speeds of the table."""
+        """Return the limits of the table's travel, rates and acceleration."""
         return TableLimits(
             low=_radians(self.low_deg),
             high=_radians(self.high_deg),
@@ -176,7 +176,7 @@ class BenchConfig(BaseModel):
 
 
 class BenchReport(BaseModel):
-    """How a bench was left, and which orders it has obeyed; see `BenchConfig.report_file`."""
+    """Final state of a bench, and the orders that it carried out; see `BenchConfig.report_file`."""
 
     model_config = ConfigDict(frozen=True)
 

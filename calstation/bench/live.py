@@ -1,4 +1,4 @@
-"""The bench over time: joints, controller, stream and unit advance together; faults occur at their times."""
+"""The bench over time: joints, controller, stream and unit advance together, and faults occur at their times."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from calstation.bench.truth import HandStream, SensorStream, TableDrive
 
 TABLE_MODEL = "bench-table"
 
-#: Units by protocol.
+#: Classes of units by protocol.
 UNITS = {"framed": ImuUnit, "modbus": DspUnit, "vectornav": VectorNavUnit}
 
 _FAULTS = {
@@ -22,15 +22,15 @@ _FAULTS = {
     "trip_watchdog": Fault.WATCHDOG,
 }
 
-#: Largest joint angle at power-on where it is drawn, rad.
+#: Largest joint angle at power-on if drawn at random, rad.
 _START = np.deg2rad(15.0)
 
 
 class LiveBench:
-    """All devices on one time, without links.
+    """All devices on a common time, without their links.
 
-    `host_time` is the clock of the watchdog, `now` the time of the clock service, s. Orders that concern the links go
-    to `on_link`.
+    `host_time` is the clock of the watchdog, `now` the time of the clock service, s. Orders that concern the links are
+    passed to `on_link`.
     """
 
     def __init__(self, config: BenchConfig, host_time: Callable[[], float]) -> None:
@@ -77,31 +77,31 @@ class LiveBench:
 
     @property
     def sampled(self) -> int:
-        """Samples produced so far."""
+        """Number of samples produced so far."""
         return self._stream.produced
 
     def talk(self) -> Callable[[bytes], list[bytes]]:
-        """A parser for one connection: takes received bytes, returns the unit's replies."""
+        """Return a parser for one connection, which converts received bytes to the unit's replies."""
         answer = self.unit.conversation()
         return lambda data: answer(data, self.device_time)
 
     def advance(self, now: float) -> bytes:
-        """Advance to `now`, s; returns the frames that the unit sends meanwhile."""
+        """Advance to `now`, s; return the frames that the unit sends in this interval."""
         parts = []
         while self._orders and self._orders[0].at <= now * self._gain:
             due = self._orders.pop(0)
-            parts += self._stretch(max(due.at / self._gain, self.now))
+            parts += self._advance_in_steps(max(due.at / self._gain, self.now))
             self.obey(due)
-        parts += self._stretch(now)
+        parts += self._advance_in_steps(now)
         return b"".join(parts)
 
-    def _stretch(self, now: float) -> list[bytes]:
-        """Advance to `now`, s, in steps that end with timed faults: their effect is independent of the caller."""
+    def _advance_in_steps(self, now: float) -> list[bytes]:
+        """Advance to `now`, s, in steps that end with timed faults; their effect then does not depend on the caller."""
         ends = (end / self._gain for end in self.faults.until.values())
         return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
 
     def obey(self, order: Order) -> None:
-        """Carry out an order at once."""
+        """Carry out an order immediately, or schedule it if `after` is positive."""
         time, value, faults, machine = self.device_time, order.value, self.faults, self.machine
         if order.after > 0.0:
             later = order.model_copy(update={"after": 0.0, "at": time + order.after})
@@ -136,7 +136,7 @@ class LiveBench:
             self.on_link(order)
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Ask the operator of a manual rig for rail angles, rad, and a rest, s; no effect on a driven table."""
+        """Request rail angles, rad, and a rest, s, from the operator of a manual rig; no effect on a driven table."""
         if isinstance(self._stream, HandStream):
             self._stream.carry((outer, inner), rest, self.device_time)
 

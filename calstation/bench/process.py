@@ -1,4 +1,4 @@
-"""The bench as a process: opens the devices' links, announces them, runs until its standard input closes."""
+"""The bench process: opens the device links, announces them, and runs until its standard input closes."""
 
 import asyncio
 import json
@@ -16,23 +16,23 @@ from calstation.bench.table import LANGUAGES, Axes, Power, TextController, drive
 from calstation.bench.truth import Simulator
 from calstation.physics import Dwell, Move, Step
 
-#: Host time between checks of the watchdog, and between steps of a bench that follows host time, s.
+#: Interval between watchdog checks, and between steps of a bench that follows host time, in host time, s.
 TICK = 0.005
-#: Device time produced at once, s: limits the samples in memory during a long advance.
+#: Largest step of device time, s; limits the number of samples in memory during a long advance.
 SLICE = 0.5
-#: The same for a bench that follows host time, s: requests are answered in between.
+#: Largest step of a bench that follows host time, s; requests are answered between steps.
 PACED_SLICE = 0.1
-#: Largest backlog of host time, s; a slower computer lets device time pass more slowly.
+#: Largest backlog of host time, s; if the computer is too slow, device time passes more slowly.
 BACKLOG = 1.0
-#: Turns of the event loop before the watchdog is checked: a request that waits on the table's line is served first,
-#: since the computer and not the client may have been late.
-_TURNS = 3
-#: Device time for the table to come to rest after the last client has gone, s.
+#: Iterations of the event loop before the watchdog is checked: a request waiting on the table's link is served first,
+#: because the computer, not the client, may have been late.
+_LOOP_ITERATIONS = 3
+#: Device time allowed for the table to come to rest after the last client has disconnected, s.
 COASTING = 2.0
 
 
 class BenchProcess:
-    """Runs a bench on an event loop until `stop`; announces its ports, and again when one changes its name."""
+    """Runs a bench on an event loop until `stop`; announces its ports at the start and whenever a port name changes."""
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
@@ -57,11 +57,11 @@ class BenchProcess:
         self._stopped = asyncio.Event()
 
     def stop(self) -> None:
-        """End the process soon."""
+        """Request the end of the process."""
         self._stopped.set()
 
     async def run(self) -> None:
-        """Open everything, announce it on standard output, serve until stopped."""
+        """Open all links, announce them on standard output, and serve until stopped."""
         if self._modbus is not None:
             await (self._modbus.serve_rtu() if self._config.table_transport == "rtu" else self._modbus.serve_tcp())
         if self._text_line is not None:
@@ -73,7 +73,7 @@ class BenchProcess:
         try:
             await self._stopped.wait()
             if self._config.report_file is not None:
-                await self._outlive()
+                await self._wait_for_watchdog()
         finally:
             ticking.cancel()
             for link in (self._clock, self._line, self._modbus, self._text_line):
@@ -82,7 +82,7 @@ class BenchProcess:
             self._write_report()
 
     def _announce(self) -> None:
-        """Print the links: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
+        """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
         table = self._modbus or self._text_line or self._line
         endpoints = {
             "table": table.endpoint if table is self._line else table.endpoint.removeprefix("socket://"),
@@ -94,11 +94,11 @@ class BenchProcess:
         print(json.dumps(endpoints), flush=True)
 
     async def _tick(self) -> None:
-        """Check the watchdog on host time, and advance device time if it follows host time."""
+        """Check the watchdog in host time, and advance device time if it follows host time."""
         speed, last, due = self._config.speed, time.monotonic(), 0.0
         while True:
             await asyncio.sleep(0.0 if due > PACED_SLICE else TICK)
-            for _ in range(_TURNS):
+            for _ in range(_LOOP_ITERATIONS):
                 await asyncio.sleep(0)
             self._bench.machine.watch(self._bench.clocks.host(), self._bench.device_time)
             if speed > 0.0:
@@ -148,8 +148,8 @@ class BenchProcess:
         elif order.order == "refuse_table":
             table.refuse = int(order.value)
 
-    async def _outlive(self) -> None:
-        """Let the table run on after its client, until its watchdog has acted."""
+    async def _wait_for_watchdog(self) -> None:
+        """Keep the table running after its client has disconnected, until its watchdog has tripped."""
         machine, deadline = self._bench.machine, time.monotonic() + self._bench.machine.watchdog + 1.0
         while machine.power is Power.ENABLED and machine.watchdog > 0.0 and time.monotonic() < deadline:
             await asyncio.sleep(TICK)
@@ -171,7 +171,7 @@ class BenchProcess:
 
 
 def warm_up(config: BenchConfig) -> None:
-    """Compile, or load from the cache, the code that would delay the first samples."""
+    """Compile the code that would otherwise delay the first samples, or load it from the cache."""
     steps: list[Step] = [Move(0.01, 0.01, 1.0, 1.0), Dwell(0.1)]
     Simulator(config.truth(), 0).run(steps, "")
 

@@ -1,12 +1,12 @@
-"""The clock service: JSON lines over TCP that move the bench's time, ask for it, or order a fault.
+"""The clock service: JSON lines over TCP that advance or query the bench's time, or order a fault.
 
     {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": n}
-    {"now": null}                        -> the same at once
+    {"now": null}                        -> the same, immediately
     {"order": name, "value": number}     -> the same, once carried out
-    {"carry": [outer, inner], "rest": s} -> the same; the operator of the manual rig is asked for rail angles, rad
+    {"carry": [outer, inner], "rest": s} -> the same; requests rail angles, rad, from the operator of the manual rig
     anything else                        -> {"error": text}
 
-`samples` counts all samples produced, `bytes` what was handed to the IMU link's present client.
+`samples` counts all samples produced, `bytes` the bytes sent to the current client of the IMU link.
 """
 
 import asyncio
@@ -22,10 +22,10 @@ from calstation.bench.live import LiveBench
 
 
 class ClockService:
-    """TCP listener of the clock.
+    """TCP server of the clock service.
 
-    `advance` lets seconds pass and returns when the samples are handed over, `report` gives the fields of an answer,
-    `on_deserted` is called when the last connection has ended.
+    `advance` advances time by some seconds and returns when the samples have been sent, `report` returns the fields of
+    a reply, and `on_deserted` is called when the last connection has closed.
     """
 
     def __init__(

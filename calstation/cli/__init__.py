@@ -4,7 +4,7 @@ import sys
 
 
 def main() -> None:
-    """Run the command line and leave with the contract's exit code."""
+    """Run the command line and exit with the exit code of the contract."""
     from calstation.cli.app import run_app
 
     sys.exit(run_app(sys.argv[1:]))

@@ -1,4 +1,4 @@
-"""The commands and their options; their functions are imported when called, so that --help is fast."""
+"""The commands and their options; each command imports its implementation when called, so that --help is fast."""
 
 import io
 import logging
@@ -39,7 +39,7 @@ JsonOption = Annotated[
 
 
 def _given(kind: str) -> Callable[[Path | None], Path | None]:
-    """Find an option's file by its path or its name. Raises ConfigurationError."""
+    """Return a callback that finds the file of an option by its path or name. It raises ConfigurationError."""
 
     def look_up(path: Path | None) -> Path | None:
         from calstation.config import locate
@@ -352,7 +352,7 @@ def reset(station: StationOption = None, product: ProductOption = None, json: Js
 
 
 def run_app(arguments: list[str]) -> int:
-    """Run a command; returns the exit code. Errors are shown in one line on standard error."""
+    """Run a command and return the exit code. Errors are shown as one line on standard error."""
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
     for stream in (sys.stdout, sys.stderr):
@@ -375,7 +375,7 @@ def run_app(arguments: list[str]) -> int:
         return 4
     except BrokenPipeError:
         return 2
-    except Exception as error:  # the last resort: a person reads this, not a traceback
+    except Exception as error:  # last resort: show one line instead of a traceback
         logger.exception("the command ended by a mistake of the program")
         if debug:
             traceback.print_exc()
@@ -402,12 +402,12 @@ def _window(*, debug: bool) -> int:
 
 
 def has_screen() -> bool:
-    """Whether a window can be opened here."""
+    """Whether a window can be opened on this computer."""
     if sys.platform in ("win32", "darwin"):
         return True
     if not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")):
         return False
-    # If a library or the screen is missing, Qt ends its process without an error.
+    # If a library or the screen is missing, Qt aborts its process without an exception, so try it in another process.
     probed = "from PySide6.QtWidgets import QApplication; QApplication([])"
     try:
         probe = subprocess.run([sys.executable, "-c", probed], capture_output=True, timeout=60.0, check=False)
@@ -417,7 +417,7 @@ def has_screen() -> bool:
 
 
 def _stages(text: str | None) -> tuple[str, ...] | None:
-    """The stages of an option's comma-separated list. Raises ConfigurationError."""
+    """Return the stages of an option's comma-separated list, None without the option. Raises ConfigurationError."""
     if text is None:
         return None
     stages = tuple(part.strip() for part in text.split(",") if part.strip())

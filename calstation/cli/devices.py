@@ -1,4 +1,4 @@
-"""`test`, `table` and `check`: test links and tables without motion, and check files as a run reads them."""
+"""`test`, `table` and `check`: test links and show or reset the table without motion, and check configuration files."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -27,7 +27,7 @@ _MARKS = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
 
 
 def link_command(device: str, station: Path | None, product: Path | None, json: str | None) -> int:
-    """Test a link and show every finding; the exit code of a device fault if a run would not start."""
+    """Test a link and show every finding; return the exit code of a device fault if a run would not start."""
     check_json(json)
     if device not in _TESTS:
         raise ConfigurationError("cli.unknown_choice", option="DEVICE", value=device, choices=list(_TESTS))
@@ -57,7 +57,7 @@ def link_command(device: str, station: Path | None, product: Path | None, json: 
 
 
 def check_command(path: Path, json: str | None) -> int:
-    """Show all that is wrong in a station, table, IMU or product file; the exit code of a wrong configuration then."""
+    """Show every error in a station, table, IMU or product file; return 0 or the exit code of a configuration error."""
     check_json(json)
     path = library.locate_any(path)
     text = read_text(path)
@@ -73,7 +73,7 @@ def check_command(path: Path, json: str | None) -> int:
 
 
 def status_command(station: Path | None, product: Path | None, json: str | None) -> int:
-    """Show the table's state; the exit code of a device fault if one is latched."""
+    """Show the state of the table; return the exit code of a device fault if one is latched."""
     check_json(json)
     request = LinkTestRequest(load_station(station)[1], product)
     state, name = read_table(ignore_progress, request), request.station.name
@@ -82,7 +82,7 @@ def status_command(station: Path | None, product: Path | None, json: str | None)
 
 
 def reset_command(station: Path | None, product: Path | None, json: str | None) -> int:
-    """Reset what the table has latched; the exit code of a device fault if it persists."""
+    """Reset a fault that the table has latched; return the exit code of a device fault if it persists."""
     check_json(json)
     request = LinkTestRequest(load_station(station)[1], product)
     reset, name = reset_table(ignore_progress, request), request.station.name

@@ -1,4 +1,4 @@
-"""Errors on the command line: wrong usage, and faults with the commands that correct them."""
+"""Errors on the command line: incorrect usage, and errors with the commands that correct them."""
 
 import shlex
 import sys
@@ -16,12 +16,12 @@ _USAGE = {"int_parsing": "cli.not_whole", "float_parsing": "cli.not_a_number", "
 
 
 def complain(text: str) -> None:
-    """Write an error in one line to standard error."""
+    """Write an error as one line to standard error."""
     sys.stderr.write(f"calstation: {text}\n")
 
 
 def usage_error(error: typer.TyperException, arguments: list[str]) -> CalstationError:
-    """Convert an error of the parser; `arguments` name the command if the parser does not."""
+    """Convert an error of the parser; `arguments` name the command if the error does not."""
     context, parameter, cause = getattr(error, "ctx", None), getattr(error, "param", None), error.__cause__
     program, command = "calstation", ""
     if context is not None:
@@ -39,20 +39,20 @@ def usage_error(error: typer.TyperException, arguments: list[str]) -> Calstation
 
 
 def _needed(parameter: Any) -> str:
-    """An option with its value, or an argument as the help names it."""
+    """Return an option with the placeholder of its value, or an argument, as shown in the help."""
     if parameter.param_type_name == "option":
         return f"{parameter.opts[0]} {parameter.metavar or 'FILE'}"
     return str(parameter.metavar or parameter.name.upper())
 
 
 def station_options(station: Path | None, product: Path | None) -> str:
-    """The options that name a station and a product unless they are the default."""
+    """Return the options that name the station and the product, without those that are None."""
     named = (("--station", station), ("--product", product))
     return shlex.join(word for option, path in named if path is not None for word in (option, str(path)))
 
 
 def command_options(station: Path | None, product: Path | None, out: Path | None = None) -> dict[str, str]:
-    """Values that complete the commands in a remedy: files of station and product, and folder of the runs."""
+    """Return the values that complete the commands in a remedy: station file, product file and runs folder."""
     where = station_options(station, product)
     return {
         "station_options": f" {where}" if where else "",
@@ -62,7 +62,7 @@ def command_options(station: Path | None, product: Path | None, out: Path | None
 
 @contextmanager
 def complete_commands(options: dict[str, str]) -> Iterator[None]:
-    """Complete the commands in remedies of the errors that are raised inside."""
+    """Complete the commands in the remedies of errors that are raised in the context."""
     try:
         yield
     except CalstationError as error:

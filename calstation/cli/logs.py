@@ -1,4 +1,4 @@
-"""`resolve`, `import`, `export`, `record` and `watch`: work on logs and recordings."""
+"""`resolve`, `import`, `export`, `record` and `watch`: operations on logs and recordings."""
 
 import sys
 from pathlib import Path
@@ -21,9 +21,9 @@ from calstation.simulation import GradeName, Kind, make_recording
 def resolve_command(
     log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
 ) -> int:
-    """Solve a log again, or chosen stages between two sequence numbers, and show the result.
+    """Solve a log again, or selected stages between two sequence numbers, and show the result.
 
-    Returns 1 if it is outside the limits. Raises InsufficientDataError, after showing the rest, if a stage lacks data.
+    Returns 1 if it is outside the limits. Raises InsufficientDataError after showing the result if a stage lacks data.
     """
     check_json(json)
     console = Console(stderr=True)
@@ -72,7 +72,7 @@ def export_command(log: Path, target: Path) -> int:
 
 
 def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
-    """Write a recording of the virtual bench as the raw log `target`, and its truth as NAME.truth.json."""
+    """Write a recording of the virtual bench as the raw log `target`, and its true values as NAME.truth.json."""
     for option, value, choices in (("KIND", kind, get_args(Kind)), ("--grade", grade, get_args(GradeName))):
         if value not in choices:
             raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)
@@ -86,7 +86,7 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
 
 
 def watch_command(log: Path, folder: Path | None, command: bool) -> int:
-    """Follow a log of IMUs on one body, calibrate what is out of tolerance, store the result.
+    """Follow a log of IMUs on one body, calibrate the IMUs that are out of tolerance, and store the results.
 
     Returns 0 if every secondary IMU is within its thresholds at the end or has been calibrated, 1 otherwise.
     """
@@ -115,19 +115,19 @@ def watch_command(log: Path, folder: Path | None, command: bool) -> int:
 
 
 def _unit(sensor: str, limit: float) -> tuple[float, str]:
-    """SI size and name of a readable unit for a threshold."""
+    """Return the SI size and the name of a readable unit for a threshold."""
     if sensor == "gyro":
         return (DEGREE_PER_HOUR, "°/h") if limit < 0.1 * DEGREE else (DEGREE, "°/s")
     return (MICRO_G, "µg") if limit < 10_000 * MICRO_G else (1.0, "m/s²")
 
 
 def _imus(value: Any) -> Any:
-    """Replace numbers of IMUs in a list by names."""
+    """Replace IMU numbers in a list by IMU names."""
     if not isinstance(value, list | tuple):
         return value
     return [f"imu{item}" if isinstance(item, int) else str(item) for item in value]
 
 
 def _plain(value: float) -> str:
-    """Three digits, without an exponent."""
+    """Format a number with three significant digits."""
     return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"

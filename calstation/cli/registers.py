@@ -1,4 +1,4 @@
-"""`registers`: shows what a unit holds and what was written, finishes or restores interrupted transfers."""
+"""`registers`: reads a unit's registers, lists transfers, completes interrupted ones, and restores earlier values."""
 
 import sys
 from collections.abc import Iterator
@@ -29,12 +29,12 @@ _STATIONS: dict[Kind, str] = {
     "unknown": "(written before the station was recorded: counts for hardware and the virtual bench)",
 }
 _CLOSED = {"done": "new registers", "kept": "nothing was written: old registers", "restored": "old registers"}
-_PROOFS = {Step.TURNED: "turn", Step.AT_REST: "rest", Step.READ_BACK: "read_back"}
+_VERIFICATIONS = {Step.TURNED: "turn", Step.AT_REST: "rest", Step.READ_BACK: "read_back"}
 
 
 @dataclass(frozen=True)
 class _UnitTransfers:
-    """Transfers to the units of a serial number at one kind of station, oldest first."""
+    """Transfers to the unit with a serial number at one kind of station, oldest first."""
 
     serial: str
     kind: Kind
@@ -42,12 +42,12 @@ class _UnitTransfers:
 
     @property
     def cycles(self) -> int:
-        """Flash cycles that they took."""
+        """Number of flash cycles that the transfers used."""
         return sum(transfer.cycles for transfer in self.transfers)
 
 
 def list_command(runs: Path, serial: str | None, json: str | None) -> int:
-    """Show the transfers to one unit, or to every unit that the site or the folder of runs knows."""
+    """Show the transfers to one unit, or to every unit with a journal in the site's folder or the runs folder."""
     check_json(json)
     site = site_folder()
     known = sorted({*journal.serials(runs), *journal.serials(site)})
@@ -68,7 +68,7 @@ def list_command(runs: Path, serial: str | None, json: str | None) -> int:
 
 
 def read_command(request: RunRequest, json: str | None) -> int:
-    """Show what a unit holds now; nothing moves, nothing is written."""
+    """Show the current registers of a unit; nothing moves and nothing is written."""
     check_json(json)
     unit = read_unit(ignore_progress, request, request.out)
     if unit.serial != request.serial:
@@ -109,7 +109,7 @@ def operate_command(operation: RegisterOperation, json: str | None, *, yes: bool
 
 
 def _confirm(operation: RegisterOperation, yes: bool) -> None:
-    """Announce the operation; on hardware ask before anything is written or moved. Raises StoppedError."""
+    """Announce the operation and, on hardware, ask for confirmation. Raises StoppedError if the user declines."""
     moves = moves_table(operation)
     _, station = load_station(operation.request.station)
     values = {"station": station.name, "serial": operation.request.serial}
@@ -122,7 +122,7 @@ def _confirm(operation: RegisterOperation, yes: bool) -> None:
 
 
 def _lines(unit: _UnitTransfers) -> Iterator[str]:
-    """Lines of a unit's transfers, each id on a short line of its own."""
+    """Yield the lines that describe a unit's transfers, each id on a separate short line."""
     yield f"unit {unit.serial} {_STATIONS[unit.kind]}, {unit.cycles} flash cycles by this station"
     for t in unit.transfers:
         yield f"  {t.id}  {_closing(t)}"
@@ -134,9 +134,9 @@ def _lines(unit: _UnitTransfers) -> Iterator[str]:
 
 
 def _closing(transfer: Transfer) -> str:
-    """How the transfer ended and, if recorded, how its output was verified."""
+    """Return how the transfer ended and, if recorded, how the output was verified."""
     closing = say(f"cli.registers_{transfer.closing or 'open'}")
-    proofs = [name for step, name in _PROOFS.items() if step in transfer.steps]
+    proofs = [name for step, name in _VERIFICATIONS.items() if step in transfer.steps]
     if transfer.closing is None or not proofs:
         return closing
     return f"{closing}, {term('proof', proofs[-1])}"
@@ -151,7 +151,7 @@ def _change(transfer: Transfer) -> str:
 
 
 def largest_change(transfer: Transfer) -> str | None:
-    """The parameter that changes most relative to the prior sigma of the unit's profile; None if nothing changes."""
+    """Return the parameter with the largest change relative to the profile's prior sigma, None if nothing changes."""
     sigmas = {p.name: p.prior_sigma for p in PARAMETERS} | _prior_sigmas(transfer.unit_type.profile)
     changes = {
         name: abs(value - transfer.old.get(name, 0.0)) / sigmas[name]

@@ -1,4 +1,4 @@
-"""`run`: shows a run's events as progress bars and messages, and turns Ctrl-C into a safe stop."""
+"""`run`: shows the events of a run as progress bars and messages, and turns Ctrl-C into a safe stop."""
 
 import shlex
 from collections.abc import Iterator
@@ -33,7 +33,7 @@ from calstation.simulation import BenchHooks
 
 
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
-    """Run a calibration; returns the exit code. Raises ConfigurationError for a wrong request."""
+    """Run a calibration and return the exit code. Raises ConfigurationError for an invalid request."""
     check_json(json)
     setup = prepare_run(filled(request), BenchHooks().adjust)
     _, station = load_station(request.station)
@@ -54,7 +54,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
 
 
 def complete_request(request: RunRequest) -> RunRequest:
-    """Complete the request of a command line with the operator, and with the serial number if it is empty.
+    """Complete the request from the command line with the operator, and with the serial number if it is empty.
 
     Raises ConfigurationError if the serial number is missing, or if an option contradicts the resumed run.
     """
@@ -74,7 +74,7 @@ def complete_request(request: RunRequest) -> RunRequest:
 def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | None = None) -> Iterator[Event]:
     """Run the engine, show its events and yield them; Ctrl-C requests a safe stop.
 
-    `work` is the request itself unless it is given.
+    `work` is the job for the engine, by default the request itself.
     """
     options = command_options(request.station, request.product, request.out)
     display = _Display(Console(stderr=True))
@@ -90,7 +90,7 @@ def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | No
 
 
 def complain_fault(fault: Fault, request: RunRequest, *, debug: bool) -> int:
-    """Show what ended the engine's work, with its remedy; returns the exit code."""
+    """Show the fault that ended the engine's job, with its remedy, and return the exit code."""
     if fault.code:
         options = command_options(request.station, request.product, request.out)
         complain(render(fault.code, {**fault.values, **options}).line)
@@ -126,7 +126,7 @@ def _outcome(outcome: str, result: Result) -> Text:
 
 
 class _Display:
-    """Shows a bar per stage with the time left and the current step; plain lines without a terminal."""
+    """Shows a bar per stage with the remaining time and the current step, or plain lines without a terminal."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -175,7 +175,7 @@ class _Display:
 
 
 def _guided(event: PositionGuided) -> str:
-    """What the operator does next, and the state of the current position."""
+    """Return the operator's next task and the state of the current position."""
     task = say("step.carry", outer=degrees(event.outer), inner=degrees(event.inner))
     state = say(f"guided.{event.state}", rest=event.rest, wanted=event.wanted)
     return f"{event.index}/{event.count} {task}: {state}"

@@ -1,4 +1,4 @@
-"""Results and messages on the terminal: a table in display units, and JSON on request."""
+"""Shows results and messages on the terminal: a table in display units, and JSON on request."""
 
 import json as json_module
 import math
@@ -22,7 +22,7 @@ from calstation.results import Result, write_json
 
 
 def say(code: str, **values: Value) -> str:
-    """The English sentences of a catalogue entry."""
+    """Return the English sentences of a catalogue entry."""
     return render(code, values).sentences
 
 
@@ -32,11 +32,11 @@ def show_line(console: Console, text: str) -> None:
 
 
 def ignore_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Ignore the progress of work that takes seconds."""
+    """Ignore the progress of a job that takes only seconds."""
 
 
 def check_json(target: str | None) -> None:
-    """Refuse a result file that cannot be written, before the work is done. Raises ConfigurationError."""
+    """Check in advance that the result file can be written. Raises ConfigurationError if it cannot."""
     if target is None or target == "-":
         return
     path = Path(target)
@@ -45,7 +45,7 @@ def check_json(target: str | None) -> None:
 
 
 def emit_json(result: Mapping[str, Any], target: str | None) -> None:
-    """Write the JSON to a file or, for ``-``, to standard output; nothing for None."""
+    """Write the JSON to a file or, for ``-``, to standard output; do nothing for None."""
     if target == "-":
         sys.stdout.write(json_module.dumps(result, indent=1, allow_nan=False) + "\n")
         sys.stdout.flush()
@@ -54,7 +54,7 @@ def emit_json(result: Mapping[str, Any], target: str | None) -> None:
 
 
 def report(result: Mapping[str, Any], target: str | None, lines: Iterable[str]) -> None:
-    """Write the JSON as `emit_json`, and the lines to standard output unless the JSON goes there."""
+    """Write the JSON like `emit_json`, and the lines to standard output unless the JSON is written there."""
     emit_json(result, target)
     if target != "-":
         console = Console(file=sys.stdout)
@@ -73,7 +73,7 @@ def on_interrupt(action: Callable[[], object]) -> Iterator[None]:
 
 
 def result_table(console: Console, result: Result) -> None:
-    """Show every parameter with sigma, unit, limit and verdict, then the other checks."""
+    """Show every parameter with its sigma, unit, limit and verdict, then the other checks."""
     table = Table(title=f"unit {result.serial}", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("parameter", no_wrap=True, min_width=19)
     for heading in ("value", "sigma", "unit", "limit", "≤ sigma"):

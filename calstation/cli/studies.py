@@ -1,4 +1,4 @@
-"""`study` and `soak`: simulated units compared with truth and bound, calibrations with random faults."""
+"""`study` and `soak`: Monte Carlo studies of simulated units, and calibrations with random faults."""
 
 import sys
 import tempfile
@@ -32,7 +32,7 @@ _TOTALS = (
 
 
 def study_command(grade: str | None, seeds: int | None, json: str | None) -> int:
-    """Run the study; 0 if every number is inside its band, 1 otherwise."""
+    """Run the study; return 0 if every statistic is within its band, 1 otherwise."""
     _check_options(grade, seeds, tuple(SEEDS))
     check_json(json)
     with _units_bar() as bar:
@@ -54,7 +54,7 @@ def study_command(grade: str | None, seeds: int | None, json: str | None) -> int
 
 
 def method_study_command(method: str, grade: str | None, seeds: int | None, json: str | None) -> int:
-    """Run the study of one method; 0 if every number is inside its band, 1 otherwise."""
+    """Run the study of one method; return 0 if every statistic is within its band, 1 otherwise."""
     grades = get_args(GradeName)
     _check_options(grade, seeds, grades)
     check_json(json)
@@ -75,7 +75,7 @@ def method_study_command(method: str, grade: str | None, seeds: int | None, json
 def soak_command(runs: int | None, seed: int, json: str | None, *, full: bool, keep: Path | None) -> int:
     """Run calibrations with random faults and show the outcome.
 
-    Returns 0 if nothing was wrong, lost, unsafe or hung, else 1; 4 if Ctrl-C ended it early.
+    Returns 0 if no verdict was wrong and nothing was lost, unsafe or hung, else 1; 4 if Ctrl-C ended it early.
     """
     check_json(json)
     runs = 20 if runs is None else runs

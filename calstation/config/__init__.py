@@ -1,4 +1,4 @@
-"""Stations, products, profile library, resolved configuration of a run, editing, versions and access rights."""
+"""Stations, products, profile library, resolved run configuration, editing, versions and access rights."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""The engineer's PIN, required for whatever changes results; its salted hash is in the site's folder."""
+"""The engineer's PIN, required for everything that changes results; its salted hash is in the site's folder."""
 
 import hashlib
 import hmac
@@ -16,13 +16,13 @@ from calstation.messages import os_reason
 from calstation.records import write_atomic
 from calstation.schema import StrictModel, validate
 
-#: Fewest characters of a PIN.
+#: Minimum number of characters of a PIN.
 SHORTEST = 4
 
-#: Wrong PINs before the first delay.
+#: Number of wrong PINs before the first delay.
 _FREE_FAILURES = 2
 
-#: Longest delay, s; delays double from one second.
+#: Maximum delay, s; delays start at one second and double.
 _LONGEST_DELAY = 300.0
 
 #: Cost of scrypt (RFC 7914): 8 MiB and about 20 ms.
@@ -30,7 +30,7 @@ _N, _R, _P = 2**13, 8, 1
 
 
 class _Stored(StrictModel):
-    """The file: the hash with its salt and cost, and the number and time of wrong PINs since the last right one."""
+    """The stored hash with its salt and cost, and the number and last time of wrong PINs since the last correct one."""
 
     salt: str = Field(pattern="^[0-9a-f]{32}$")
     hash: str = Field(pattern="^[0-9a-f]{64}$")
@@ -47,7 +47,7 @@ def has_pin() -> bool:
 
 
 def set_pin(old: str, new: str) -> None:
-    """Set a new PIN; `old` is ignored without a present one. Raises ConfigurationError."""
+    """Set a new PIN; `old` is ignored if no PIN is set. Raises ConfigurationError."""
     if len(new) < SHORTEST:
         raise ConfigurationError("access.pin_too_short", shortest=SHORTEST)
     if has_pin() and not check(old):
@@ -60,7 +60,7 @@ def set_pin(old: str, new: str) -> None:
 
 
 def check(pin: str) -> bool:
-    """Whether `pin` is right; no PIN is accepted during the delay after wrong ones. Raises ConfigurationError."""
+    """Whether `pin` is correct; no PIN is accepted during the delay after wrong ones. Raises ConfigurationError."""
     if not has_pin():
         return False
     stored = _load()
@@ -76,7 +76,7 @@ def check(pin: str) -> bool:
 
 
 def wait() -> float:
-    """Seconds until the next PIN may be tried; the delay outlives the program."""
+    """Return the time until the next PIN may be tried, s; the delay continues after a restart of the program."""
     return _wait(_load()) if has_pin() else 0.0
 
 
@@ -85,7 +85,7 @@ def _wait(stored: _Stored) -> float:
         return 0.0
     delay = min(2.0 ** min(stored.failures - _FREE_FAILURES - 1, 30), _LONGEST_DELAY)
     left = stored.failed_at + delay - time.time()
-    return min(max(0.0, left), delay)  # a clock that was set back costs one delay only
+    return min(max(0.0, left), delay)  # a clock that was set back causes at most one delay
 
 
 def _hash(pin: str, salt: bytes, n: int, r: int, p: int) -> bytes:

@@ -1,4 +1,4 @@
-"""Editing of a site's files: listing, checking a text as it is typed, changing values without losing comments."""
+"""Editing of a site's files: lists them, checks a text during editing, and changes values without losing comments."""
 
 import re
 import tomllib
@@ -29,7 +29,7 @@ MODELS: dict[str, type[BaseModel]] = {
     "products": ProductConfig,
 }
 
-#: Patterns of lines that only files of a kind have.
+#: Patterns of lines that occur only in files of one kind.
 _SIGNATURES = {
     "stations": (r"\[site\]",),
     "imus": (r"\[frame\]", r"\[stream\]", r"\[noise\]"),
@@ -37,7 +37,7 @@ _SIGNATURES = {
     "tables": (r"\[outer\]", r"\[inner\]", r"\[modbus\]", r"\[text\]", r"outer_axis\s*="),
 }
 
-#: Replaces a value to find its line; a private-use character that no file contains.
+#: Temporary value used to find a line: a private-use character that no file contains.
 _MARKER = "\ue000"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
@@ -46,7 +46,7 @@ _TOML_POSITION = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)"
 
 @dataclass(frozen=True)
 class ConfigFile:
-    """A file of a kind; `shipped` for a default that the site has not replaced."""
+    """A configuration file; `shipped` is True for a default that the site has not replaced."""
 
     name: str
     path: Path
@@ -54,13 +54,13 @@ class ConfigFile:
 
 
 def list_files(kind: str) -> list[ConfigFile]:
-    """All files of a kind, sorted; a site's file hides the shipped one of the same name."""
+    """Return all files of a kind, sorted; a site's file hides the shipped one with the same name."""
     files, shipped = {name: library.find(kind, name) for name in library.names(kind)}, library.shipped_folder()
     return [ConfigFile(name, path, path.is_relative_to(shipped)) for name, path in files.items()]
 
 
 def detect_kind(path: Path, text: str) -> str:
-    """The kind of a file, by its folder or else by its tables. Raises ConfigurationError if neither tells."""
+    """Return the kind of a file from its folder or, failing that, its tables. Raises ConfigurationError if unknown."""
     folder = path.absolute().parent.name
     if folder in MODELS:
         return folder
@@ -71,7 +71,7 @@ def detect_kind(path: Path, text: str) -> str:
 
 
 def check(kind: str, text: str) -> list[Problem]:
-    """All errors in the text of a file, by the rules with which it is loaded; [] if it may be saved."""
+    """Return all errors in the text of a file, by the same rules as for loading; [] if it may be saved."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as exc:
@@ -83,7 +83,7 @@ def check(kind: str, text: str) -> list[Problem]:
 
 
 def check_data(kind: str, data: Mapping[str, Any]) -> list[Problem]:
-    """All errors in the data of a file, without lines."""
+    """Return all errors in the data of a file, without line numbers."""
     model = MODELS[kind]
     problems = problems_of(model, data)
     if problems:
@@ -108,7 +108,7 @@ def _check_product(product: ProductConfig) -> list[Problem]:
     if not product.limits:
         problems.append(Problem((), "missing", Text("product.no_limits")))
     if not problems:
-        with suppress(ConfigurationError):  # the profile's own file shows the error
+        with suppress(ConfigurationError):  # the error is shown for the profile's own file
             profile = load_imu_profile(library.find("imus", product.imu))
             problems += map(Problem.of, register_conflicts(product, profile))
     problems += map(Problem.of, unknown_targets(product.targets, "targets"))
@@ -138,7 +138,7 @@ def _unknown_profile(kind: str, name: str, *place: str) -> Iterator[Problem]:
 
 
 def line_of(text: str, keys: KeyPath) -> int:
-    """Line (from 1) of the value at `keys` in a valid TOML text, or of the innermost table that would hold it."""
+    """Return the line (from 1) of the value at `keys` in a valid TOML text, or of the innermost table for it."""
     document = tomlkit.parse(text)
     item: Any = document
     parent: Any = None
@@ -155,16 +155,16 @@ def line_of(text: str, keys: KeyPath) -> int:
         parent, last = item, 0 if isinstance(item, AoT) else next(iter(item))
         item = parent[last]
     if isinstance(item, Table):
-        item.comment(_MARKER)  # stands on the line of the table's header
+        item.comment(_MARKER)  # is on the line of the table's header
     else:
         parent[last] = _MARKER
     return tomlkit.dumps(document).partition(_MARKER)[0].count("\n") + 1
 
 
 def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
-    """Change some values of a text and leave everything else, comments included, as it was.
+    """Change some values of a text and leave everything else, including comments, unchanged.
 
-    `changes` are new values by entry; None removes the value, and its table if that becomes empty.
+    `changes` contains new values by entry; None removes the value, and its table if it becomes empty.
     """
     document = tomlkit.parse(text)
     added = []
@@ -197,7 +197,7 @@ def _remove(table: Any, place: KeyPath) -> None:
 
 
 def is_name(name: str) -> bool:
-    """Whether a file may have this name."""
+    """Whether the name is valid for a file."""
     return _NAME.fullmatch(name) is not None
 
 
@@ -220,7 +220,7 @@ def read_text(path: Path) -> str:
 
 
 def is_bench(path: Path) -> bool:
-    """Whether a station file is a virtual bench; False for one that cannot be read."""
+    """Whether a station file describes a virtual bench; False if it cannot be read."""
     try:
         return "bench" in read_toml(path)
     except ConfigurationError:
@@ -228,7 +228,7 @@ def is_bench(path: Path) -> bool:
 
 
 def frame_size(frame: Mapping[str, Any]) -> tuple[int, bool] | None:
-    """Bytes of a `[frame]` with all its fields, and whether all frames have as many; None for an invalid section."""
+    """Return the size of a `[frame]` with all its fields, bytes, and whether it is fixed; None if it is invalid."""
     try:
         section = FrameSection.model_validate(frame)
     except ValidationError:

@@ -1,4 +1,4 @@
-"""Finds stations, tables, IMUs and products: the site's own folder first, then the shipped defaults."""
+"""Finds station, table, IMU and product files: first in the site's own folder, then among the shipped defaults."""
 
 import os
 import sys
@@ -6,12 +6,12 @@ from pathlib import Path
 
 from calstation.errors import ConfigurationError
 
-#: Folders of files.
+#: Kinds of files, each with its folder.
 KINDS = ("stations", "tables", "imus", "products")
 
 
 def site_folder() -> Path:
-    """The site's own folder: $CALSTATION_HOME, else the platform's folder for configuration."""
+    """Return the site's own folder: $CALSTATION_HOME, or else the platform's configuration folder."""
     if home := os.environ.get("CALSTATION_HOME"):
         return Path(home)
     if sys.platform == "win32":
@@ -20,19 +20,19 @@ def site_folder() -> Path:
 
 
 def pair_folder() -> Path:
-    """The folder in which the site stores the calibrations of IMU pairs."""
+    """Return the folder in which the site stores the calibrations of IMU pairs."""
     return site_folder() / "pairs"
 
 
 def shipped_folder() -> Path:
-    """The shipped defaults: beside the source tree, or inside the installed package."""
+    """Return the folder of the shipped defaults: next to the source package, or inside the installed package."""
     package = Path(__file__).resolve().parent.parent
     beside = package.parent / "data"
     return beside if (beside / "stations").is_dir() else package / "data"
 
 
 def names(kind: str) -> list[str]:
-    """Names of all files of a kind, the site's and the shipped, sorted."""
+    """Return the sorted names of all files of a kind, both the site's and the shipped ones."""
     found: set[str] = set()
     for folder in (site_folder(), shipped_folder()):
         found.update(path.stem for path in (folder / kind).glob("*.toml"))
@@ -40,7 +40,7 @@ def names(kind: str) -> list[str]:
 
 
 def find(kind: str, name: str) -> Path:
-    """The file of a name, e.g. ``find("tables", "bench")``. Raises ConfigurationError."""
+    """Return the file with a name, e.g. ``find("tables", "bench")``. Raises ConfigurationError."""
     for folder in (site_folder(), shipped_folder()):
         path = folder / kind / f"{name}.toml"
         if path.is_file():
@@ -49,7 +49,7 @@ def find(kind: str, name: str) -> Path:
 
 
 def locate(kind: str, path: Path) -> Path:
-    """The file of a kind that a person gives by its path or by its name. Raises ConfigurationError."""
+    """Return the file of a kind that the user specified by path or by name. Raises ConfigurationError."""
     if _is_path(path):
         return path
     if path.name not in names(kind):
@@ -58,7 +58,7 @@ def locate(kind: str, path: Path) -> Path:
 
 
 def locate_any(path: Path) -> Path:
-    """The file of any kind that a person gives by its path or by its name. Raises ConfigurationError."""
+    """Return the file of any kind that the user specified by path or by name. Raises ConfigurationError."""
     if _is_path(path):
         return path
     kinds = [kind for kind in KINDS if path.name in names(kind)]

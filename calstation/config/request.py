@@ -1,4 +1,4 @@
-"""Requests to the engine, as plain values that travel between processes."""
+"""Requests to the engine, as plain values that can be passed between processes."""
 
 import getpass
 from collections.abc import Mapping
@@ -9,24 +9,24 @@ from typing import Any, Literal
 
 @dataclass(frozen=True)
 class RunRequest:
-    """A run."""
+    """Request of a run."""
 
     serial: str
-    station: Path | None = None  #: File; None for the default.
-    product: Path | None = None  #: File; None for the default.
-    stages: tuple[str, ...] | None = None  #: In order; None for those of the product.
-    out: Path = Path("runs")  #: Folder of log and result.
-    operator: str | None = None  #: Who requested it; None for the user of the computer.
-    speed: float | None = None  #: Of the virtual bench; None for that of the station file.
-    seed: int | None = None  #: Of the virtual bench; None for that of the station file.
-    #: Parameters of stages' methods that replace the product's, by stage.
+    station: Path | None = None  #: Station file; None for the default.
+    product: Path | None = None  #: Product file; None for the default.
+    stages: tuple[str, ...] | None = None  #: Stages in order; None for those of the product.
+    out: Path = Path("runs")  #: Folder for the log and the result.
+    operator: str | None = None  #: Person who requested the run; None for the user of the computer.
+    speed: float | None = None  #: Speed of the virtual bench; None for that of the station file.
+    seed: int | None = None  #: Seed of the virtual bench; None for that of the station file.
+    #: Method parameters that replace those of the product, by stage.
     schedule: Mapping[str, Mapping[str, Any]] | None = None
     #: Log of an incomplete run to continue after its last completed stage, with the stages, schedule, seed and folder
     #: of that run.
     resume: Path | None = None
-    beyond_attempts: bool = False  #: An engineer allows a unit that has used up its attempts.
-    faults: Path | None = None  #: Plan of faults on the virtual bench; None for the station file's.
-    #: What to do about an interrupted transfer of the unit's registers; None refuses the run.
+    beyond_attempts: bool = False  #: Whether an engineer allows a unit that has used up its attempts.
+    faults: Path | None = None  #: Fault plan of the virtual bench; None for that of the station file.
+    #: Action for an interrupted transfer of the unit's registers; with None the run is refused.
     unfinished: Literal["finish", "restore"] | None = None
 
 
@@ -34,17 +34,17 @@ class RunRequest:
 class RegisterOperation:
     """An operation on a unit's registers without a run."""
 
-    request: RunRequest  #: Unit, station, folder of the runs with the journal, and operator.
-    #: Write `values`, finish an interrupted transfer, or restore the registers of before a transfer.
+    request: RunRequest  #: Unit, station, runs folder with the journal, and operator.
+    #: Write `values`, finish an interrupted transfer, or restore the registers from before a transfer.
     what: Literal["write", "finish", "restore"]
-    values: Mapping[str, float] = field(default_factory=dict)  #: To write, by parameter, SI; others keep their values.
+    values: Mapping[str, float] = field(default_factory=dict)  #: Values to write, by parameter, SI; others are kept.
     source: str = ""  #: Origin of the values.
     transfer: str | None = None  #: The transfer to undo; None for the latest.
-    at_rest: bool = False  #: Verify the output at rest, without moving the table.
+    at_rest: bool = False  #: Whether to verify the output at rest, without moving the table.
 
 
 def computer_user() -> str | None:
-    """Login name of this computer's user, or None if it is unknown."""
+    """Return the login name of this computer's user, or None if it is unknown."""
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError):

@@ -1,4 +1,4 @@
-"""The resolved configuration of a run: its files read, checked and combined before anything opens or moves."""
+"""The resolved configuration of a run: its files are read, checked and combined before anything is opened or moves."""
 
 import re
 import zlib
@@ -46,20 +46,20 @@ from calstation.schema import EntryError, Model, validate
 from calstation.sequencer import Output, PreflightLimits, StagePlan, StatusMasks, StopRule, Task, UnitTask
 from procedures import method
 
-#: Registers further from zero than this many prior sigmas hold no calibration of the unit.
+#: Registers that deviate from zero by more than this many prior sigmas are no calibration of the unit.
 _PLAUSIBLE_SIGMAS = 3.0
 
-#: Seed of a virtual bench whose file gives none.
+#: Seed of a virtual bench if its file does not specify one.
 _DEFAULT_SEED = 1
 
 
 class ManualRigError(ConfigurationError):
-    """The table is turned by hand and a stage needs a driven one, or the other way round."""
+    """The table is turned manually but a stage needs a driven one, or vice versa."""
 
 
 @dataclass(frozen=True)
 class SourceFile:
-    """A configuration file as it was read: its path, its text, and the name and version that the log keeps."""
+    """A configuration file as read: its path, its text, and the name and version for the log."""
 
     path: Path
     text: str
@@ -67,7 +67,7 @@ class SourceFile:
 
     @classmethod
     def read(cls, kind: str, path: Path) -> "SourceFile":
-        """Read a file of a kind (``station``, ``product``, ``table``, ``imu``)."""
+        """Read a file of the given kind (``station``, ``product``, ``table`` or ``imu``)."""
         text = path.read_bytes().decode()
         version = versions.version_number(f"{kind}s", path.stem, text)
         return cls(path, text, FileSection(name=path.stem, version=version, sha256=versions.sha256(text)))
@@ -75,7 +75,7 @@ class SourceFile:
 
 @dataclass(frozen=True)
 class ResolvedConfiguration:
-    """All configuration of a run, checked."""
+    """The complete, checked configuration of a run."""
 
     request: RunRequest
     station: StationConfig
@@ -83,9 +83,9 @@ class ResolvedConfiguration:
     table: TableProfile
     imu: ImuProfile
     schedules: dict[str, BaseModel]  #: Parameters of each stage's method, in the order of the run.
-    #: The files by kind; empty for a draft that is not saved.
+    #: The files by kind; empty for an unsaved draft.
     sources: Mapping[str, SourceFile] = field(default_factory=dict)
-    #: Settings of the virtual bench that replace all others.
+    #: Settings of the virtual bench that override all others.
     bench_overrides: Mapping[str, JsonValue] = field(default_factory=dict)
 
     @property
@@ -113,12 +113,12 @@ class ResolvedConfiguration:
 
     @property
     def by_hand(self) -> bool:
-        """Whether the operator moves the unit and nothing drives it."""
+        """Whether the operator moves the unit and there is no drive."""
         return self.table.by_hand
 
     @property
     def fault_plan(self) -> Path | None:
-        """File with the faults to inject into the virtual bench: the request's, else the station file's."""
+        """File with the faults to inject into the virtual bench: that of the request, or else of the station file."""
         if self.request.faults is not None:
             return self.request.faults
         name = (self.station.bench or {}).get("faults")
@@ -127,11 +127,12 @@ class ResolvedConfiguration:
     def log_meta(
         self, started: datetime | None = None, attempt: int = 1, registers: Mapping[str, float] | None = None
     ) -> LogMeta:
-        """Build the configuration that the log keeps: all that solving needs.
+        """Build the configuration to store in the log, with everything needed for solving.
 
-        If the stream precedes the unit's `registers` (by parameter, SI), they are the mean of the prior unless they are
-        implausible. If it follows them, they are stored to compose the answer with, and the prior mean is zero. A run
-        begins now unless `started` is given; `attempt` is its number among the unit's runs, from 1.
+        If the unit's `registers` (by parameter, SI) are not applied to the stream, they are the mean of the prior
+        unless they are implausible. If they are applied, they are stored for combination with the solution, and the
+        prior mean is zero. A run begins now unless `started` is given; `attempt` is its number among the unit's runs,
+        from 1.
         """
         held = dict(registers or {})
         started = (started or datetime.now(UTC)).astimezone(UTC)
@@ -164,11 +165,11 @@ class ResolvedConfiguration:
         return register if plausible else 0.0
 
     def solve_context(self) -> SolveContext:
-        """Site, IMU and table as the solvers use them, SI."""
+        """Return site, IMU and table in the form used by the solvers, SI."""
         return context_from_meta(self.log_meta())
 
     def sigma_limits(self) -> dict[str, float]:
-        """Largest sigma allowed for each estimated parameter, SI, after the last stage that estimates it."""
+        """Return the maximum sigma of each estimated parameter, SI, after the last stage that estimates it."""
         context, limits = self.solve_context(), self.product.limits
         last = {name: stage for stage in self.stages for name in method(stage).estimates(context) if name in INDEX}
         found = {}
@@ -181,12 +182,12 @@ class ResolvedConfiguration:
 
     @property
     def bench_seed(self) -> int | None:
-        """Seed of the virtual bench as the files or the request give it; None on hardware."""
+        """Seed of the virtual bench from the files or the request; None on hardware."""
         settings = self.bench_settings()
         return None if settings is None else int(settings.get("seed", _DEFAULT_SEED))
 
     def bench_config(self) -> dict[str, Any] | None:
-        """Configuration of the bench process; None on hardware. Its seed makes every serial number one unit."""
+        """Return the configuration of the bench process; None on hardware. Its seed depends on the serial number."""
         settings = self.bench_settings()
         if settings is None:
             return None
@@ -194,7 +195,7 @@ class ResolvedConfiguration:
         return {**settings, "seed": seed, **self.bench_overrides}
 
     def bench_settings(self) -> dict[str, Any] | None:
-        """Settings of the bench from site, table and unit, then the station file's, then the request's."""
+        """Return the bench settings from site, table and unit, overridden by the station file, then by the request."""
         if self.station.bench is None:
             return None
         site, table, stream = self.station.site, self.table, self.imu.stream
@@ -239,7 +240,7 @@ class ResolvedConfiguration:
         )
 
     def unit_task(self, meta: LogMeta | None = None) -> UnitTask:
-        """Build the unit's task. `meta` is the log's configuration, the one without registers if not given."""
+        """Build the unit's task. `meta` is the log's configuration, by default that without registers."""
         meta = meta or self.log_meta()
         context = context_from_meta(meta)
         site = context.site
@@ -269,13 +270,13 @@ class ResolvedConfiguration:
 
 
 def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
-    """A section of the log's configuration from the entries of the same names."""
+    """Return a section of the log's configuration from the entries with the same names."""
     names = model.model_fields
     return model(**{n: getattr(s, n) for s in sources for n in names if n in type(s).model_fields}, **more)
 
 
 def _stop_rule(schedule: BaseModel) -> StopRule:
-    """Take the stop rule from a schedule; a plan that does not repeat has none."""
+    """Return the stop rule of a schedule; it is empty for a plan that does not repeat."""
     return StopRule(
         rounds=getattr(schedule, "rounds", None),
         duration=getattr(schedule, "duration_s", None),
@@ -283,12 +284,12 @@ def _stop_rule(schedule: BaseModel) -> StopRule:
     )
 
 
-#: Changes a configuration before it is checked, as fault injection does.
+#: Type of a function that changes a configuration before it is checked, for example for fault injection.
 Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
 
 
 def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
-    """Read and check the files that a request names, whatever its serial number; `adjust` changes them before checks.
+    """Read and check the files of a request, for any serial number; `adjust` changes the result before the checks.
 
     Raises ConfigurationError with file, entry and remedy.
     """
@@ -332,7 +333,7 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
 
 
 def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
-    """As `resolve_configuration`, but check everything that a run needs, serial number and site included."""
+    """Like `resolve_configuration`, but check everything that a run needs, including serial number and site."""
     resolved = resolve_configuration(request, adjust)
     pattern, path = resolved.product.serial_pattern, resolved.sources["product"].path
     if not re.fullmatch(pattern, request.serial):
@@ -340,15 +341,15 @@ def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resol
     check_station(resolved)
     for stage, schedule in resolved.schedules.items():
         chosen = method(stage)
-        if chosen.needs_no_table:  # no table can drive some of these at all
+        if chosen.needs_no_table:  # some of these cannot be driven by any table
             next(chosen.plan(resolved.table.geometry(), schedule), None)
     return resolved
 
 
 def check_station(resolved: ResolvedConfiguration) -> None:
-    """Check that the product can be calibrated at this station: its table, and how well its site is known.
+    """Check that the station's table and site data are sufficient to calibrate the product.
 
-    Raises ConfigurationError, ManualRigError because of the table.
+    Raises ConfigurationError; ManualRigError if the table is the reason.
     """
     check_manual_rig(resolved)
     meta, site = resolved.log_meta(), resolved.station.site
@@ -359,7 +360,7 @@ def check_station(resolved: ResolvedConfiguration) -> None:
 
 
 def check_manual_rig(resolved: ResolvedConfiguration) -> None:
-    """Check that stages with manual motion run on a table turned by hand, and only those. Raises ManualRigError."""
+    """Check that a manual table has only stages with manual motion, and a driven one none. Raises ManualRigError."""
     names = {"product": resolved.product.name, "table": resolved.table.name, "station": resolved.station.name}
     for stage, schedule in resolved.schedules.items():
         manual = getattr(schedule, "manual", None)
@@ -379,12 +380,12 @@ def _product_errors(resolved: ResolvedConfiguration) -> Iterator[EntryError]:
 
 
 def _check_baud(resolved: ResolvedConfiguration) -> None:
-    """Check that the station's own baud carries the unit's stream; that of a socket is not known."""
+    """Check that the station's own baud rate is sufficient for the unit's stream; that of a socket is unknown."""
     serial, port = resolved.station.imu.serial, resolved.station.imu.port or ""
     if serial is None or "baud" not in serial.model_fields_set or port.startswith(SOCKETS):
         return
     try:
         for frame in resolved.imu.frames:
             check_baud(serial, frame, resolved.imu.stream.sample_rate_hz)
-    except EntryError as exc:  # the rule names the profile's entry
+    except EntryError as exc:  # the error names the entry of the profile
         raise EntryError(exc.code, "imu", "serial", "baud", **exc.values) from None

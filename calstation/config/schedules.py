@@ -1,4 +1,4 @@
-"""Parameters of the stages' schedules: fields and ranges from the methods' models, values of a product, saving."""
+"""Parameters of stage schedules: fields and ranges from the methods' models, values of a product, and saving."""
 
 import tomllib
 from collections.abc import Mapping
@@ -22,13 +22,13 @@ from calstation.schema import EntryError
 from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
-#: A float, an integer, a boolean, one of several words, sigmas by parameter or group, anything else.
+#: A float, an integer, a boolean, one of several strings, sigmas by parameter or group, or anything else.
 Kind = Literal["number", "count", "flag", "choice", "targets", "other"]
 
-#: Not a number, not whole, missing, too low, too high, beyond the table, not the name of a parameter or group.
+#: Not a number, not an integer, missing, too low, too high, beyond the table's limits, or not a parameter or group.
 ProblemKind = Literal["number", "whole", "missing", "low", "high", "table", "name"]
 
-#: Kinds of problems by pydantic's; others are of kind ``number``.
+#: Problem kinds by pydantic error type; all others are ``number``.
 _SHORT: dict[str, ProblemKind] = {
     "greater_than": "low",
     "greater_than_equal": "low",
@@ -39,7 +39,7 @@ _SHORT: dict[str, ProblemKind] = {
 
 _KINDS: dict[Any, Kind] = {bool: "flag", int: "count", float: "number"}
 
-#: Units by the ends of fields' names.
+#: Units by the suffix of a field's name.
 UNITS = {"_s": "s", "_dps": "°/s", "_dps2": "°/s²", "_deg": "°"}
 
 
@@ -49,45 +49,45 @@ class ScheduleField:
 
     name: str
     kind: Kind
-    unit: str  #: Empty without one.
+    unit: str  #: Empty if it has no unit.
     low: float | None
-    above: bool  #: The value must be greater than `low`.
+    above: bool  #: Whether the value must be greater than `low`, not equal to it.
     high: float | None
-    optional: bool  #: The parameter may be left out.
+    optional: bool  #: Whether the parameter may be omitted.
     choices: tuple[str, ...]
-    description: str  #: As the method gives it.
+    description: str  #: Description from the method.
 
 
 @dataclass(frozen=True)
 class ScheduleProblem:
-    """What is wrong with a value of a schedule."""
+    """A problem with a value of a schedule."""
 
     kind: ProblemKind
-    bound: float = 0.0  #: The bound that the value breaks.
-    subject: str = ""  #: Name that the schedule must not contain.
+    bound: float = 0.0  #: The bound that the value violates.
+    subject: str = ""  #: Invalid name in the schedule.
 
 
 @dataclass(frozen=True)
 class ScheduleOptions:
-    """What can be chosen for a product on a station."""
+    """Options for a product on a station."""
 
     product: Path
-    name: str  #: Of the product.
-    station: str  #: Name.
-    virtual: bool  #: The station is a virtual bench.
-    by_hand: bool  #: The table is turned by hand.
-    stages: tuple[str, ...]  #: Of the product, in order.
+    name: str  #: Name of the product.
+    station: str  #: Name of the station.
+    virtual: bool  #: Whether the station is a virtual bench.
+    by_hand: bool  #: Whether the table is turned manually.
+    stages: tuple[str, ...]  #: Stages of the product, in order.
     offered: tuple[str, ...]  #: Stages of the product and the other standard ones.
-    schedules: Mapping[str, Mapping[str, Any]]  #: Complete values of every stage offered.
-    estimates: Mapping[str, tuple[str, ...]]  #: Parameters of every stage offered.
-    rate: float  #: Maximum of both joints, °/s.
-    acceleration: float  #: Maximum of both joints, °/s².
+    schedules: Mapping[str, Mapping[str, Any]]  #: Complete values of every offered stage.
+    estimates: Mapping[str, tuple[str, ...]]  #: Parameters estimated by every offered stage.
+    rate: float  #: Maximum rate of both joints, °/s.
+    acceleration: float  #: Maximum acceleration of both joints, °/s².
     serial_pattern: str  #: Regular expression for the whole serial number.
-    serial: str  #: Of the unit on a virtual bench; empty on hardware.
+    serial: str  #: Serial number of the unit on a virtual bench; empty on hardware.
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
-    """Read what can be chosen for a product on a station; None for the defaults. Raises ConfigurationError."""
+    """Read the options for a product on a station; None for the defaults. Raises ConfigurationError."""
     setup = resolve_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
     offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
@@ -112,12 +112,12 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
 
 
 def schedule_fields(stage: str) -> tuple[ScheduleField, ...]:
-    """The fields of a stage's schedule, in its method's order."""
+    """Return the fields of a stage's schedule, in the order of its method."""
     return tuple(_field(name, info) for name, info in method(stage).schedule.model_fields.items())
 
 
 def schedule_problems(stage: str, values: Mapping[str, Any], options: ScheduleOptions) -> dict[str, ScheduleProblem]:
-    """What is wrong with a schedule's values, by field; {} if the table of the options can run them."""
+    """Return the problems with a schedule's values, by field; {} if the table of the options can execute it."""
     found: dict[str, ScheduleProblem] = {}
     try:
         method(stage).schedule.model_validate(dict(values))
@@ -164,9 +164,9 @@ def save_schedule(
 ) -> tuple[Path, Version]:
     """Job: save parameters of schedules in a product file, or in the site's copy of a shipped one.
 
-    `changes` are values by stage and field; None removes a value, so that the method's default applies. Returns the
-    site's file and its new version. Raises ConfigurationError if the product would be invalid, cannot hold a value, or
-    cannot be written; it is unchanged then.
+    `changes` contains values by stage and field; None removes a value, so that the method's default applies. Returns
+    the site's file and its new version. Raises ConfigurationError if the product would be invalid, a value cannot be
+    stored, or the file cannot be written; the file is then unchanged.
     """
     text = edit_toml(
         read_text(product),
@@ -184,7 +184,7 @@ def save_schedule(
 
 
 def _check_stored(text: str, changes: Mapping[str, Mapping[str, Any]]) -> None:
-    """Check that the file holds the values: one left out means the method's default. Raises EntryError."""
+    """Check that the file contains the values; an omitted one means the method's default. Raises EntryError."""
     stored = tomllib.loads(text).get("schedule", {})
     for stage, values in changes.items():
         model = method(stage).schedule

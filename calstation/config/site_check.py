@@ -1,7 +1,7 @@
-"""Checks of a station's site: latitude and gravity decide the accelerometer scale factors.
+"""Checks of a station's site: latitude and gravity determine the accelerometer scale factors.
 
 Rests reveal the latitude if the gyros resolve earth rate; otherwise gravity must be surveyed and agree with it. A
-station file copied elsewhere is consistent in itself: it lists the computers on which a person confirmed it.
+station file copied from elsewhere is self-consistent; therefore it lists the computers on which it was confirmed.
 """
 
 import platform
@@ -20,8 +20,8 @@ from calstation.records import Check, LogMeta, SiteSection, context_from_meta
 from calstation.schema import EntryError
 from procedures import method
 
-#: Largest relative difference between gravity and normal gravity where IMUs are calibrated: 300 mGal. Larger free-air
-#: anomalies occur on summits and islands only.
+#: Maximum relative difference between gravity and normal gravity where IMUs are calibrated: 300 mGal. Larger free-air
+#: anomalies occur only on summits and islands.
 ANOMALY = 3e-4
 
 #: Latitude above which the horizontal component of earth rate is too small to find an azimuth, degrees.
@@ -31,18 +31,18 @@ Number = float | int | None
 
 
 def this_computer() -> str:
-    """Network name of this computer, or the address of its network adapter."""
+    """Return the network name of this computer, or the address of its network adapter."""
     return platform.node() or f"{uuid.getnode():012x}"
 
 
 def confirmation_key(site: StationSite) -> str:
-    """Entry of `site.confirmed_on` by which a person confirmed these values on this computer."""
+    """Return the entry of `site.confirmed_on` that confirms these values on this computer."""
     gravity = "normal" if site.gravity_mps2 is None else site.gravity_mps2
     return f"{this_computer()}: {site.latitude_deg} {site.longitude_deg} {site.height_m} {gravity}"
 
 
 def is_confirmed(site: StationSite, *, needed: bool) -> bool:
-    """Whether the site is confirmed on this computer; `needed` if no measurement reveals the location."""
+    """Whether the site is confirmed on this computer; `needed` is True if no measurement reveals the location."""
     return confirmation_key(site) in site.confirmed_on or not (site.confirmed_on or needed)
 
 
@@ -58,7 +58,7 @@ def check_confirmation(site: StationSite, meta: LogMeta) -> None:
 
 
 def check_site(meta: LogMeta) -> None:
-    """Check that latitude and gravity agree, and that an error in either can be noticed. Raises EntryError."""
+    """Check that latitude and gravity agree, and that an error in either can be detected. Raises EntryError."""
     error = gravity_contradiction(meta.site)
     if error is not None:
         raise error
@@ -75,7 +75,7 @@ def needs_surveyed_gravity(meta: LogMeta) -> bool:
 
 
 def gravity_contradiction(site: SiteSection) -> EntryError | None:
-    """The error of surveyed gravity that is impossible at its latitude and height."""
+    """Return the error if surveyed gravity is impossible at its latitude and height."""
     normal = normal_gravity(float(np.deg2rad(site.latitude_deg)), site.height_m)
     if site.gravity_mps2 is None or abs(site.gravity_mps2 / normal - 1.0) <= ANOMALY:
         return None
@@ -84,7 +84,7 @@ def gravity_contradiction(site: SiteSection) -> EntryError | None:
 
 
 def normal_gravity_at(latitude_deg: Number, height_m: Number) -> float | None:
-    """Normal gravity at a location, m/s²; None for impossible values."""
+    """Return normal gravity at a location, m/s²; None for impossible values."""
     if not isinstance(latitude_deg, float | int) or not isinstance(height_m, float | int):
         return None
     if not (abs(latitude_deg) <= 90.0 and abs(height_m) <= 1e5):
@@ -95,10 +95,10 @@ def normal_gravity_at(latitude_deg: Number, height_m: Number) -> float | None:
 def site_advice(
     latitude_deg: Number, longitude_deg: Number, height_m: Number, azimuth_deg: Number, gravity_mps2: Number
 ) -> tuple[Finding, ...]:
-    """Warn of values of a station file that are probably mistakes; values that are not numbers are ignored.
+    """Return warnings for values of a station file that are probably mistakes; non-numeric values are ignored.
 
-    ``gravity_off`` has the resulting error `ppm` of the accelerometer scale factors and `normal` gravity in m/s²,
-    ``null_island`` is a latitude and longitude of zero, ``azimuth_hopeless`` an azimuth to be found near a pole.
+    ``gravity_off`` contains the resulting error `ppm` of the accelerometer scale factors and `normal` gravity in m/s²,
+    ``null_island`` means zero latitude and longitude, ``azimuth_hopeless`` an unknown azimuth near a pole.
     """
     found: list[Finding] = []
     expected = normal_gravity_at(latitude_deg, height_m)
@@ -115,7 +115,7 @@ def site_advice(
 
 
 def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check]:
-    """Compare the latitude that the latest rests reveal with the file's; no check if the gyros do not reveal it."""
+    """Compare the latitude measured in the latest rests with that of the file; return [] if it was not measured."""
     seen = _seen(solutions)
     if seen is None:
         return []
@@ -125,7 +125,7 @@ def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check
 
 
 def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
-    """Raise ConfigurationError if the gyros reveal another latitude than the file's."""
+    """Raise ConfigurationError if the latitude measured by the gyros contradicts that of the file."""
     seen = _seen(solutions)
     if seen is None or all(check.passed for check in check_latitude(meta, solutions)):
         return
@@ -138,9 +138,9 @@ def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
 
 
 def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:
-    """The first inconsistent stage and the latitude it assumed, if no rest has confirmed it; None otherwise.
+    """Return the first inconsistent stage and the latitude it assumed if no rest has confirmed it; None otherwise.
 
-    The unit may be good then: rests in one attitude, as those of `rate`, cannot separate earth rate from a bias.
+    The unit may still be good: rests in one attitude, as in `rate`, cannot separate earth rate from a bias.
     """
     inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
     if not inconsistent or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):
@@ -149,7 +149,7 @@ def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict
 
 
 def latitude_agrees(checks: Iterable[Check]) -> bool:
-    """Whether no check of the latitude failed: results of another location cannot be resumed."""
+    """Whether no latitude check failed; runs from another location cannot be resumed."""
     return all(check.passed for check in checks if check.kind == "latitude")
 
 

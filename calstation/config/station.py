@@ -1,4 +1,4 @@
-"""Station and product files: one location and one unit type, checked before anything moves."""
+"""Models of station and product files: a location and a unit type, checked before anything moves."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -20,30 +20,30 @@ from calstation.schema import EntryError, Problem, StrictModel, load
 from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
-#: What to do with a unit outside its limits: mount it again, repeat as it is, or set it aside.
+#: Recommended action for a unit outside its limits: remount it, repeat the run unchanged, or set it aside.
 Advice = Literal["reseat", "repeat", "set_aside"]
 
 DEFAULT_STATION = "virtual_bench"
 DEFAULT_PRODUCT = "nav_a"
 
-#: Shipped station of the virtual bench with a table turned by hand, and the shipped product calibrated on it.
+#: Shipped virtual bench with a manual table, and the shipped product calibrated on it.
 MANUAL_STATION, MANUAL_PRODUCT = "virtual_hand", "mems_hand"
 
-#: Standard deviation of rounding to a step of 1.
+#: Standard deviation of rounding to a step size of 1.
 _ROUNDING = 12.0**-0.5
 
 #: host:port without a scheme.
-_BARE = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
+_WITHOUT_SCHEME = re.compile(r"(?!usb:)[A-Za-z0-9][A-Za-z0-9.-]*:\d{1,5}")
 
 
 class DeviceSection(StrictModel):
-    """A device's link at this station: its port, and serial settings that differ from the profile's."""
+    """A device's link at this station: its port, and serial settings that differ from those of the profile."""
 
     #: ``tcp://host:port`` (tables), ``socket://host:port`` of a serial server, the name of a serial port, or
     #: ``usb:SERIALNUMBER`` of its adapter.
     port: str | None = None
     serial: SerialSettings | None = None
-    timeout_s: float | None = Field(default=None, gt=0, le=60)  #: Host time for an answer; by default the profile's.
+    timeout_s: float | None = Field(default=None, gt=0, le=60)  #: Host time for a reply; default from the profile.
 
     @field_validator("port")
     @classmethod
@@ -54,10 +54,10 @@ class DeviceSection(StrictModel):
 
 
 class TableLinkSection(DeviceSection):
-    """`[table]` of a station: which table it has. A table turned by hand needs no port and ignores one."""
+    """`[table]` of a station: its table profile. A manual table needs no port and ignores one."""
 
     profile: str
-    unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; by default the profile's.
+    unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; default from the profile.
 
 
 class HandoverSection(StrictModel):
@@ -67,14 +67,14 @@ class HandoverSection(StrictModel):
 
 
 class StationSite(SiteSection):
-    """`[site]` of a station: its location, and the computers on which a person confirmed it."""
+    """`[site]` of a station: its location, and the computers on which it was confirmed."""
 
     #: Confirmation keys, see `calstation.config.site_check.confirmation_key`.
     confirmed_on: list[str] = Field(default_factory=list)
 
     @property
     def place(self) -> SiteSection:
-        """The location alone."""
+        """Only the location."""
         return SiteSection.model_validate(self.model_dump(exclude={"confirmed_on"}))
 
 
@@ -85,14 +85,14 @@ class StationConfig(StrictModel):
     site: StationSite
     table: TableLinkSection
     imu: DeviceSection = DeviceSection()
-    #: Settings of the virtual bench in place of hardware, see `calstation.bench.config.BenchConfig`.
+    #: Settings of the virtual bench that replaces hardware, see `calstation.bench.config.BenchConfig`.
     bench: dict[str, JsonValue] | None = None
-    #: By default results go to a folder `handover` beside the folder of the runs.
+    #: By default, results are delivered to a folder `handover` next to the runs folder.
     handover: HandoverSection | None = None
 
     @property
     def virtual_serial(self) -> str:
-        """Serial number of the virtual bench's unit; empty on hardware."""
+        """Serial number of the unit on the virtual bench; empty on hardware."""
         return "" if self.bench is None else str(self.bench.get("serial", "SN-000001"))
 
     @model_validator(mode="after")
@@ -104,7 +104,7 @@ class StationConfig(StrictModel):
                 raise EntryError("station.port_missing", device, "port")
             if self.bench is not None and port:
                 raise EntryError("station.port_on_bench", device, "port")
-            if _BARE.fullmatch(port):
+            if _WITHOUT_SCHEME.fullmatch(port):
                 code = "station.table_scheme_missing" if device == "table" else "station.imu_scheme_missing"
                 raise EntryError(code, device, "port", port=port)
         if self.imu.port is not None and self.imu.port.startswith("tcp://"):
@@ -114,7 +114,7 @@ class StationConfig(StrictModel):
 
 
 class WarmUpSection(StrictModel):
-    """`[warm_up]`: minimum time, then until the temperature drifts by less than the slope."""
+    """`[warm_up]`: minimum time, after which the temperature slope must be below a limit."""
 
     time_s: float = Field(default=0.0, ge=0, le=86_400)
     slope_c_per_min: float | None = Field(default=None, gt=0)
@@ -129,7 +129,7 @@ class LoadAngleSection(StrictModel):
 
 
 class ProductConfig(StrictModel):
-    """A product file: one type of unit, how it is calibrated, and its limits."""
+    """A product file: a type of unit, its calibration, and its limits."""
 
     name: str
     imu: str  #: Name of the IMU profile.
@@ -142,8 +142,8 @@ class ProductConfig(StrictModel):
     checks: ChecksSection | None = None
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
-    end_on_failure: bool = False  #: Skip the remaining stages after a missed limit.
-    #: What to do after the first, second, ... consecutive failure; the last entry applies to all later ones.
+    end_on_failure: bool = False  #: Whether to skip the remaining stages after a missed limit.
+    #: Recommended action after the first, second, ... consecutive failure; the last entry applies to all later ones.
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
     #: Consecutive failures after which a unit is not calibrated again.
     attempts_allowed: int | None = Field(default=None, ge=1)
@@ -173,7 +173,7 @@ class ProductConfig(StrictModel):
 
 @contextmanager
 def in_file(path: Path) -> Iterator[None]:
-    """Turn a broken rule of the entries into a ConfigurationError that names the file and the entry."""
+    """Convert an EntryError into a ConfigurationError that names the file and the entry."""
     try:
         yield
     except EntryError as exc:
@@ -196,7 +196,7 @@ def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
 
 
 def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
-    """Values of a stage's schedule: those in `instead`, then the product's."""
+    """Return the values of a stage's schedule; those in `instead` override those of the product."""
     values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
     if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in values:
         values["targets"] = dict(product.targets)
@@ -204,12 +204,12 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
 
 
 def unknown_targets(targets: Iterable[str], *keys: str) -> Iterator[EntryError]:
-    """Targets at `keys` that name no parameter or group: the stop rule would take them as reached at once."""
+    """Yield errors for targets at `keys` that name no parameter or group: the stop rule would count them as reached."""
     return (EntryError("product.target_unknown", *keys, name, name=name) for name in targets if not named(name))
 
 
 def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[EntryError]:
-    """Limits that admit values which the unit's registers cannot hold, or not finely enough; one per entry."""
+    """Yield errors for limits that exceed the range or resolution of the unit's registers, one per entry."""
     seen = set()
     for register in imu.registers:
         for name in filter(None, register.names):
@@ -224,7 +224,7 @@ def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[Entr
 
 
 def _limit_of(product: ProductConfig, parameter: str) -> str | None:
-    """Name of a parameter's limit: its own, or its group's."""
+    """Return the name of a parameter's limit: its own or that of its group."""
     group = PARAMETERS[NAMES.index(parameter)].group
     return next((name for name in (parameter, group) if name in product.limits), None)
 
@@ -247,7 +247,7 @@ def _conflicts(register: RegisterEntry, name: str, limit_name: str, limit: Limit
 
 
 def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -> tuple[float, float]:
-    """Values of a register over an interval of its parameter."""
+    """Return the range of a register's value over an interval of its parameter."""
     parameter = parameter_of(name) if name in SLOTS else None
     if parameter is None:
         return interval
@@ -257,13 +257,13 @@ def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -
 
 
 def is_manual_table(profile: str) -> bool:
-    """Whether a table profile is of a rig turned by hand; False for one that cannot be read."""
+    """Whether a table profile is for a manual rig; False if it cannot be read."""
     defaults = table_defaults(profile)
     return defaults is not None and defaults.by_hand
 
 
 def uses_manual_rig(station: Path | None) -> bool:
-    """Whether a station file (by default the virtual bench's) has a table turned by hand."""
+    """Whether a station file (by default that of the virtual bench) has a manual table."""
     try:
         return is_manual_table(load_station(station)[1].table.profile)
     except CalstationError:
@@ -271,7 +271,7 @@ def uses_manual_rig(station: Path | None) -> bool:
 
 
 def manual_product() -> Path | None:
-    """The shipped product that is calibrated by hand, or None if it was removed."""
+    """Return the shipped product that is calibrated manually, or None if it was removed."""
     return library.find("products", MANUAL_PRODUCT) if MANUAL_PRODUCT in library.names("products") else None
 
 
@@ -280,13 +280,13 @@ class LinkDefaults:
     """Link settings of a device profile."""
 
     serial: SerialSettings
-    timeout: float | None  #: Host time for an answer, s; None for a device that is never queried.
+    timeout: float | None  #: Host time for a reply, s; None for a device that is never queried.
     unit: int | None  #: Modbus unit number.
-    by_hand: bool = False  #: A table turned by hand, which has no link.
+    by_hand: bool = False  #: Whether it is a manual table, which has no link.
 
 
 def table_defaults(profile: str) -> LinkDefaults | None:
-    """Link settings of a table profile, or None without a valid one of that name."""
+    """Return the link settings of a table profile, or None if no valid one has that name."""
     try:
         table = load_table_profile(library.find("tables", profile))
     except ConfigurationError:
@@ -295,7 +295,7 @@ def table_defaults(profile: str) -> LinkDefaults | None:
 
 
 def imu_defaults(product: Path | None) -> LinkDefaults | None:
-    """Link settings of a product's IMU, or None without a valid profile."""
+    """Return the link settings of a product's IMU, or None if it has no valid profile."""
     try:
         imu = load_imu_profile(library.find("imus", load_product(product)[1].imu))
     except ConfigurationError:

@@ -1,4 +1,4 @@
-"""Summary of a run before it starts, and the products that a station can calibrate."""
+"""Summary of a run before its start, and the products that a station can calibrate."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -16,7 +16,7 @@ from calstation.sequencer import DURATION, plan_time
 
 @dataclass(frozen=True)
 class StageSummary:
-    """A planned stage and its duration, s of device time."""
+    """A planned stage and its duration in device time, s."""
 
     name: str
     duration: float
@@ -24,24 +24,24 @@ class StageSummary:
 
 @dataclass(frozen=True)
 class RunSummary:
-    """A planned run."""
+    """Summary of a planned run."""
 
-    station: str  #: Name.
-    product: str  #: Name.
+    station: str  #: Name of the station.
+    product: str  #: Name of the product.
     bench: Mapping[str, object] | None  #: Settings of the virtual bench; None for hardware.
-    table: str  #: Name.
-    outer_axis: tuple[float, float, float]  #: Unit vector in b at home.
-    inner_axis: tuple[float, float, float]  #: Unit vector in b at home.
+    table: str  #: Name of the table.
+    outer_axis: tuple[float, float, float]  #: Unit vector in the body frame at home.
+    inner_axis: tuple[float, float, float]  #: Unit vector in the body frame at home.
     serial_pattern: str  #: Regular expression for the whole serial number.
     stages: tuple[StageSummary, ...]
     #: Approximate duration of writing and verifying the registers, s; None for a unit without registers.
     transfer: float | None
-    #: Largest sigma that the product allows after these stages, SI, by group with an estimate and a limit.
+    #: Maximum sigma that the product allows after these stages, SI, by group that is estimated and has a limit.
     targets: Mapping[str, float]
     attempts_allowed: int | None  #: Consecutive failures after which a unit is set aside; None for any number.
-    load_angle: tuple[float, float]  #: Of the table while units are changed, degrees.
+    load_angle: tuple[float, float]  #: Angles of the table while units are changed, degrees.
     by_hand: bool = False
-    #: Direction of gravity in b at every manual position, unit vectors.
+    #: Unit vector of the direction of gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
 
     @property
@@ -51,7 +51,7 @@ class RunSummary:
 
 
 def run_summary(request: RunRequest) -> RunSummary:
-    """Summarise the run of a request, whatever its serial number. Raises ConfigurationError."""
+    """Summarise the run of a request, for any serial number. Raises ConfigurationError."""
     setup = resolve_configuration(request)
     check_station(setup)
     load = setup.product.load_angle
@@ -95,7 +95,7 @@ def _targets(setup: ResolvedConfiguration) -> dict[str, float]:
 
 
 def compatible_products(station: Path | None, instead_of: Path | None) -> list[tuple[str, Path]]:
-    """Name and file of every product that the station can calibrate, those with the IMU of `instead_of` first."""
+    """Return name and file of each product that the station can calibrate, first those with the IMU of `instead_of`."""
     try:
         wanted = resolve_configuration(RunRequest("-", station, instead_of)).product.imu
     except ConfigurationError:

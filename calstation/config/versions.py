@@ -1,4 +1,4 @@
-"""Versions of a site's files: changes are checked, written atomically and numbered, and can be restored."""
+"""Versions of a site's files: changes are checked, written atomically and numbered; old versions can be restored."""
 
 import hashlib
 import json
@@ -18,25 +18,25 @@ from calstation.records import write_atomic
 class Version:
     """One version of a file."""
 
-    kind: str  #: As in `library.find`.
-    name: str  #: As in `library.find`.
-    number: int  #: Counts from 1.
+    kind: str  #: Kind of the file, as in `library.find`.
+    name: str  #: Name of the file, as in `library.find`.
+    number: int  #: Version number, from 1.
     saved_utc: str
-    author: str | None  #: None for a file that was changed outside the program.
+    author: str | None  #: None if the file was changed outside the program.
     sha256: str  #: Digest of the text.
 
 
 def list_versions(kind: str, name: str) -> tuple[Version, ...]:
-    """All versions of a file, the latest first."""
+    """Return all versions of a file, the latest first."""
     versions = []
     for path in _folder(kind, name).glob("*.json"):
-        with suppress(OSError, ValueError, TypeError):  # the text of a damaged entry is still beside it
+        with suppress(OSError, ValueError, TypeError):  # the text of a damaged entry still exists
             versions.append(Version(**json.loads(path.read_text(encoding="utf-8"))))
     return tuple(sorted(versions, key=lambda version: version.number, reverse=True))
 
 
 def text(kind: str, name: str, number: int) -> str:
-    """The text of a version. Raises ConfigurationError if it is missing or was changed."""
+    """Return the text of a version. Raises ConfigurationError if it is missing or was changed."""
     path = _folder(kind, name) / f"{number:04d}.toml"
     found = next((version for version in list_versions(kind, name) if version.number == number), None)
     try:
@@ -51,20 +51,20 @@ def text(kind: str, name: str, number: int) -> str:
 
 
 def version_number(kind: str, name: str, content: str) -> int | None:
-    """The latest version with this text; None for a shipped file or one changed outside the program."""
+    """Return the latest version with this text; None for a shipped file or one changed outside the program."""
     digest = sha256(content)
     return next((version.number for version in list_versions(kind, name) if version.sha256 == digest), None)
 
 
 def sha256(content: str) -> str:
-    """Digest of a file's text."""
+    """Return the digest of a file's text."""
     return hashlib.sha256(content.encode()).hexdigest()
 
 
 def save(kind: str, name: str, content: str, author: str) -> Version:
-    """Check a text and make it the site's file of a name; a text equal to the present version is not saved again.
+    """Check a text and save it as the site's file with a name; a text equal to the current version is not saved again.
 
-    Raises ConfigurationError with the first problem of the text, or if the site's folder cannot be written.
+    Raises ConfigurationError for the first problem of the text, or if the site's folder cannot be written.
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
@@ -95,24 +95,24 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
 
 
 def restore(kind: str, name: str, number: int, author: str) -> Version:
-    """Save the text of an old version as a new one. Raises ConfigurationError as `save`."""
+    """Save the text of an old version as a new one. Raises ConfigurationError like `save`."""
     return save(kind, name, text(kind, name, number), author)
 
 
 def _save_present(kind: str, name: str, path: Path) -> None:
-    """Add the present file as a version if it was not saved here: a shipped default, or changed outside the program."""
+    """Add the current file as a version if it was not saved here: a shipped default, or changed outside the program."""
     try:
         present = (path if path.exists() else library.find(kind, name)).read_bytes().decode()
         tomllib.loads(present)
     except (ConfigurationError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        return  # there is no file, or it is useless
+        return  # there is no file, or it is unusable
     versions = list_versions(kind, name)
     if not versions or versions[0].sha256 != sha256(present):
         _add(kind, name, present, None)
 
 
 def _add(kind: str, name: str, content: str, author: str | None) -> Version:
-    """Add a version. Its text is written first, so that a power cut leaves no version without text."""
+    """Add a version. Its text is written first, so that a power failure leaves no version without text."""
     folder = _folder(kind, name)
     folder.mkdir(parents=True, exist_ok=True)
     number = 1 + max((int(path.stem) for path in folder.glob("*.toml") if path.stem.isdecimal()), default=0)

@@ -1,6 +1,6 @@
-"""Opening and identifying devices, link tests, port locks, and the process of the virtual bench.
+"""Opens and identifies devices, tests links, locks ports, and runs the process of the virtual bench.
 
-Protocols belong to `devices`, motion to `sequencer`.
+Protocols are implemented in `devices`, motion in `sequencer`.
 """
 
 import lazy_loader as lazy

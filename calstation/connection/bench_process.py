@@ -1,4 +1,4 @@
-"""Starts and ends the process of the virtual bench, which also ends when its input closes."""
+"""Starts and stops the process of the virtual bench, which also exits when its standard input is closed."""
 
 import json
 import subprocess
@@ -13,26 +13,26 @@ from typing import IO, Any
 
 from calstation.errors import DeviceFaultError
 
-#: Host time for the bench to start, including its compilation on a new machine, s.
-_START_WITHIN = 180.0
+#: Timeout for the start of the bench, including compilation on a new machine, host time in s.
+_START_TIMEOUT = 180.0
 
 _CHECK_INTERVAL = 0.1
-_END_WITHIN = 5.0
+_STOP_TIMEOUT = 5.0
 
-#: On Windows, keeps Ctrl-C of the console from the bench; elsewhere it inherits that the engine ignores it.
-_OWN_GROUP = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
+#: On Windows, shields the bench from Ctrl-C in the console; elsewhere it inherits the engine's ignored SIGINT.
+_CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 
 
 @dataclass
 class BenchHost:
-    """The running bench process; `endpoints` is what it announced on its first line."""
+    """A running bench process; `endpoints` is the JSON object that it printed on its first line."""
 
     process: subprocess.Popen[bytes]
     endpoints: Mapping[str, Any]
 
     @classmethod
     def start(cls, config: Mapping[str, Any], check_cancelled: Callable[[], None] = lambda: None) -> "BenchHost":
-        """Start a bench; raises DeviceFaultError if it does not. What `check_cancelled` raises meanwhile ends it."""
+        """Start a bench; raises DeviceFaultError if it fails. The process is killed if `check_cancelled` raises."""
         command = [sys.executable, "-m", "calstation.bench", "--config", json.dumps(config)]
         process = subprocess.Popen(
             command,
@@ -40,13 +40,13 @@ class BenchHost:
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             bufsize=0,
-            creationflags=_OWN_GROUP,
+            creationflags=_CREATION_FLAGS,
         )
         assert process.stdout is not None
         lines: SimpleQueue[bytes] = SimpleQueue()
         threading.Thread(target=_read_line, args=(process.stdout, lines), daemon=True).start()
         try:
-            line = _first(lines, check_cancelled)
+            line = _wait_for_line(lines, check_cancelled)
         except BaseException:
             process.kill()
             process.communicate()
@@ -55,18 +55,18 @@ class BenchHost:
             endpoints = json.loads(line)
         except ValueError:
             process.kill()
-            _, complaint = process.communicate()
-            last = complaint.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
+            _, error_output = process.communicate()
+            last = error_output.decode(errors="replace").strip().splitlines()[-1:] or ["no message"]
             raise DeviceFaultError("connection.bench_not_started", detail=last[0]) from None
         threading.Thread(target=_discard, args=(process.stderr,), daemon=True).start()
         return cls(process, endpoints)
 
     def close(self) -> None:
-        """End the bench by closing its input; kill it if it does not end."""
+        """Stop the bench by closing its standard input; kill it if it does not exit."""
         assert self.process.stdin is not None
         self.process.stdin.close()
         try:
-            self.process.wait(_END_WITHIN)
+            self.process.wait(_STOP_TIMEOUT)
         except subprocess.TimeoutExpired:
             self.process.kill()
             self.process.wait()
@@ -75,9 +75,9 @@ class BenchHost:
                 stream.close()
 
 
-def _first(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], None]) -> bytes:
-    """The bench's first line; empty if none comes in time."""
-    deadline = time.monotonic() + _START_WITHIN
+def _wait_for_line(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], None]) -> bytes:
+    """Return the bench's first line, or empty bytes if none arrives in time."""
+    deadline = time.monotonic() + _START_TIMEOUT
     while time.monotonic() < deadline:
         check_cancelled()
         with suppress(Empty):
@@ -86,12 +86,12 @@ def _first(lines: "SimpleQueue[bytes]", check_cancelled: Callable[[], None]) -> 
 
 
 def _read_line(stream: IO[bytes], lines: "SimpleQueue[bytes]") -> None:
-    with suppress(OSError, ValueError):  # a stop closed the pipe while the bench was starting
+    with suppress(OSError, ValueError):  # the pipe was closed by a stop while the bench was starting
         lines.put(stream.readline())
 
 
 def _discard(stream: IO[bytes]) -> None:
-    """Keep the pipe from filling up."""
+    """Discard the stream so that the pipe does not fill up."""
     with suppress(OSError, ValueError):
         while stream.read(4096):
             pass

@@ -12,21 +12,21 @@ from calstation.messages import os_reason
 #: Interval at which the devices are polled, s.
 TICK = 0.05
 
-#: The same at full speed: longer, since each tick costs work, but shorter than the shortest rest whose angles are used.
+#: Polling interval at full speed, s: longer, since each tick costs work, but shorter than the shortest rest period used.
 _FAST_TICK = 0.4
 
-#: Host time allowed for an answer of the bench at its fastest, s.
-_ANSWER_WITHIN = 20.0
+#: Timeout for a reply of the bench at full speed, host time in s.
+_REPLY_TIMEOUT = 20.0
 
-#: Host time in which the samples of the bench must have been read, s.
-_SAMPLES_WITHIN = 5.0
+#: Timeout for reading the samples that the bench has sent, host time in s.
+_READ_TIMEOUT = 5.0
 
-#: Host time within which they are usually read; until then the processor is only yielded, s.
-_YIELD_FOR = 0.001
+#: Host time in which these samples are usually read, s; until then the wait only yields the processor.
+_YIELD_TIME = 0.001
 
 
 class RealClock:
-    """Station time is host time."""
+    """Clock whose station time is the host's monotonic time."""
 
     tick = TICK
 
@@ -40,10 +40,10 @@ class RealClock:
 
 
 class BenchClock:
-    """Station time is the bench's virtual time, which advances only with the station.
+    """Clock whose station time is the virtual time of the bench.
 
     `sleep` returns when the IMU reader has read every byte that the bench sent up to the new time, so a run does not
-    depend on the load of the computer.
+    depend on the computer's load.
 
     speed : multiple of real time; 0 if time advances only by `sleep`
     """
@@ -53,7 +53,7 @@ class BenchClock:
         self._speed = speed
         self._received: Callable[[], int] | None = None
         try:
-            self._socket = socket.create_connection(endpoint, timeout=_ANSWER_WITHIN)
+            self._socket = socket.create_connection(endpoint, timeout=_REPLY_TIMEOUT)
         except OSError as exc:
             raise DeviceFaultError("connection.bench_silent", cause=os_reason(exc)) from exc
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -62,32 +62,32 @@ class BenchClock:
         self._now = float(self._ask({"now": None})["now"])
 
     def attach(self, received: Callable[[], int]) -> None:
-        """Wait for the IMU reader from now on; `received` counts the bytes that it has read."""
+        """Make `sleep` wait for the IMU reader; `received` returns the number of bytes that the reader has read."""
         self._received = received
 
     def now(self) -> float:
-        """Virtual time, s; the present one if the bench follows host time."""
+        """Return the virtual time, s; it is queried from the bench if it follows host time."""
         if self._speed > 0.0:
             self._now = float(self._ask({"now": None})["now"])
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Let virtual time pass and wait until its samples are read."""
+        """Advance virtual time and wait until the samples of this interval are read."""
         answer = self._ask({"advance": seconds})
         self._now = float(answer["now"])
         if self._received is not None:
             self._wait_for_bytes(int(answer["bytes"]))
 
     def idle(self, seconds: float) -> None:
-        """Let host time pass; virtual time does not advance unless it follows host time."""
+        """Wait in host time; virtual time advances only if it follows host time."""
         time.sleep(seconds)
 
     def order(self, order: Mapping[str, Any]) -> None:
-        """Order a fault from the bench, now or after a delay."""
+        """Command the bench to produce a fault, immediately or after a delay."""
         self._ask(dict(order))
 
     def carry(self, outer: float, inner: float, rest: float) -> None:
-        """Have the simulated operator turn the rails to angles, rad, and leave them there for `rest` s."""
+        """Let the simulated operator turn the manual rig to these angles, rad, and leave it there for `rest` s."""
         self._ask({"carry": [outer, inner], "rest": rest})
 
     def close(self) -> None:
@@ -99,12 +99,12 @@ class BenchClock:
         begin = time.monotonic()
         while self._received() < count:
             waited = time.monotonic() - begin
-            time.sleep(0.0 if waited < _YIELD_FOR else _YIELD_FOR)
-            if waited > _SAMPLES_WITHIN:
-                return  # the sequencer detects the gap of a link that loses bytes
+            time.sleep(0.0 if waited < _YIELD_TIME else _YIELD_TIME)
+            if waited > _READ_TIMEOUT:
+                return  # if the link lost bytes, the sequencer detects the gap
 
     def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
-        timeout = _ANSWER_WITHIN
+        timeout = _REPLY_TIMEOUT
         if self._speed > 0.0 and request.get("advance"):
             timeout += 2.0 * request["advance"] / self._speed
         try:

@@ -1,6 +1,6 @@
-"""Checks whether a product can be calibrated at a station whose links work: rig, gravity, site, ports.
+"""Checks whether a product can be calibrated at a station with working links: rig, gravity, site and ports.
 
-These are the reasons for which a run would be refused before its start, all of them at once.
+All reasons for which a run would be refused before its start are reported together.
 """
 
 import tomllib
@@ -31,7 +31,7 @@ from procedures import method
 
 
 def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
-    """Yield what keeps any stage of the product from being run. Raises ConfigurationError for a wrong schedule."""
+    """Yield the reasons why a stage of the product cannot run. Raises ConfigurationError if a schedule is invalid."""
     product, site = setup.product, setup.station.site
     schedules = {
         stage: validate(method(stage).schedule, schedule_values(product, stage, {}), f"schedule.{stage}")
@@ -53,21 +53,21 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
         return
     if not is_confirmed(site, needed=blind):
         yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)})
-    example = load_station(library.find("stations", "example_hardware"))[1].site  # which new ones are copied from
+    example = load_station(library.find("stations", "example_hardware"))[1].site  # new files are copied from it
     values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
     if values == {"latitude": example.latitude_deg, "longitude": example.longitude_deg, "height": example.height_m}:
         yield Finding("example_site", "told", values)
 
 
 def station_conflicts(text: str) -> list[Problem]:
-    """What a run refuses in a station file although each of its values is valid by itself."""
+    """Return the problems for which a run refuses a station file although each of its values is valid by itself."""
     station = StationConfig.model_validate(tomllib.loads(text))
     problems = [] if (error := gravity_contradiction(station.site)) is None else [Problem.of(error)]
-    problems += _ports(station)
+    problems += _port_problems(station)
     return [replace(problem, line=line_of(text, problem.place)) for problem in problems]
 
 
-def _ports(station: StationConfig) -> Iterator[Problem]:
+def _port_problems(station: StationConfig) -> Iterator[Problem]:
     table, imu = station.table.port, station.imu.port
     try:
         profile = load_table_profile(library.find("tables", station.table.profile))

@@ -32,7 +32,7 @@ class Devices:
 
 @dataclass(frozen=True)
 class Endpoints:
-    """Ports of table and IMU, and their clock; a manual rig has the port ""."""
+    """Ports of the table and the IMU, and their clock; the port of a manual rig is ""."""
 
     table: str
     imu: str
@@ -41,7 +41,7 @@ class Endpoints:
 
 @contextmanager
 def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Devices]:
-    """Open clock, table and IMU, and identify both; closed on exit. `check_cancelled` may raise meanwhile."""
+    """Open the clock, table and IMU, identify both devices, and close all on exit; `check_cancelled` may raise."""
     with ExitStack() as stack:
         at = stack.enter_context(endpoints(setup, check_cancelled))
         check_cancelled()
@@ -54,7 +54,7 @@ def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
         if table is None:
             table = ManualTable(setup.table) if setup.table.by_hand else SharedTable(imu, table_profile(setup))
         if not isinstance(table, ManualTable):
-            # Before anything else: not even a stop may be written to a device that may not be the table.
+            # Identify first: not even a stop may be sent to a device that may not be the table.
             identify(table, imu, link_settings(setup, at.table, at.imu), check_cancelled)
         imu.start()
         if isinstance(at.clock, BenchClock):
@@ -64,7 +64,7 @@ def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
 
 @contextmanager
 def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
-    """The locked ports of a station, or those of a virtual bench that runs as long as the context."""
+    """Lock and yield a station's ports, or yield those of a virtual bench that runs as long as the context."""
     config = setup.bench_config()
     if config is None:
         table, imu = setup.station.table.port, setup.station.imu.port
@@ -93,7 +93,7 @@ def _shared(setup: ResolvedConfiguration) -> bool:
 
 
 def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
-    """What is wrong with the ports of table and IMU, which are shared only if the table profile says so; else None."""
+    """Return a message if table and IMU wrongly share a port, or do not although the profile requires it; else None."""
     same, shared = _device_of(table, "table") == _device_of(imu, "imu"), profile.protocol == "imu_link"
     if same and not shared:
         return Text.of("connection.same_port", port=imu)
@@ -103,7 +103,7 @@ def port_conflict(profile: TableProfile, table: str, imu: str) -> Text | None:
 
 
 def _device_of(port: str, name: str) -> str:
-    """What a port's name leads to, so that two names of the same device are equal."""
+    """Resolve the name of a port to its device, so that two names of the same device compare equal."""
     if "://" in port:
         return port.split("://", 1)[1].rstrip("/")
     try:
@@ -122,13 +122,13 @@ def open_table(setup: ResolvedConfiguration, port: str) -> RegisterTable | TextT
 
 
 def open_imu(setup: ResolvedConfiguration, port: str) -> StreamedImu:
-    """Open the IMU on its port, not streaming yet. Raises DeviceFaultError or ConfigurationError."""
+    """Open the IMU on its port without starting its stream. Raises DeviceFaultError or ConfigurationError."""
     link = SerialLink(port, imu_settings(setup), "imu")
     return imu_on(link, imu_profile(setup), setup.request.serial)
 
 
 def link_settings(setup: ResolvedConfiguration, table: str, imu: str) -> LinkSettings:
-    """How both devices are reached at these ports."""
+    """Return the link settings of both devices at these ports."""
     profile = table_profile(setup)
     serial = setup.station.table.serial or profile.serial
     return LinkSettings(table, profile, serial, imu, imu_profile(setup), imu_settings(setup))
@@ -139,12 +139,12 @@ def imu_settings(setup: ResolvedConfiguration) -> SerialSettings:
 
 
 def table_profile(setup: ResolvedConfiguration) -> TableProfile:
-    """The table's profile with the station's timeout and unit number."""
+    """Return the table's profile with the station's timeout and unit number."""
     table = setup.station.table
     return setup.table.at_place(table.timeout_s, table.unit)
 
 
 def imu_profile(setup: ResolvedConfiguration) -> ImuProfile:
-    """The IMU's profile with the station's timeout."""
+    """Return the IMU's profile with the station's timeout."""
     timeout = setup.station.imu.timeout_s
     return setup.imu if timeout is None else setup.imu.with_timeout(timeout)

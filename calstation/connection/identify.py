@@ -1,6 +1,6 @@
-"""Identifies the devices on a station's ports before anything is commanded, and finds out what else answers there.
+"""Identifies the devices on a station's ports before any command is sent, and finds other devices that reply there.
 
-Nothing here writes: devices are asked for their model, and streams are listened to.
+Nothing is written to a device: it is only queried for its model, or its stream is received.
 """
 
 import time
@@ -17,28 +17,28 @@ from calstation.devices.table import open_table
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Value
 
-#: Host time to listen with one setting, s.
+#: Host time for receiving with one set of serial settings, s.
 LISTEN = 0.4
 
-#: Modbus unit numbers that are tried if none answers at the configured one.
+#: Modbus unit numbers that are tried if the configured one does not reply.
 NUMBERS = range(1, 11)
 
-#: Modbus exceptions that may mean that the unit number belongs to another device.
+#: Modbus exception codes which may indicate that the unit number belongs to another device.
 OTHER_NUMBER = (4, 10, 11)
 
-#: Host time that each unit number has to answer, s.
-_ANSWER_WITHIN = 0.2
+#: Reply timeout for each unit number, host time in s.
+_REPLY_TIMEOUT = 0.2
 
 _READ_INTERVAL = 0.02
 
-#: Share of printable bytes from which received bytes count as text.
+#: Smallest share of printable bytes for which received bytes are classified as text.
 _MOSTLY_TEXT = 0.9
 _PRINTABLE = frozenset(b"\r\n\t" + bytes(range(0x20, 0x7F)))
 
 
 @dataclass(frozen=True)
 class LinkSettings:
-    """How both devices are reached: ports, profiles and settings of the station."""
+    """Ports, profiles and serial settings of a station's table and IMU."""
 
     table_port: str
     table: TableProfile
@@ -49,14 +49,14 @@ class LinkSettings:
 
     @property
     def two_lines(self) -> bool:
-        """Whether there are two serial lines, which may be swapped."""
+        """Whether the devices are on two separate serial lines, which may be swapped."""
         lines = not self.table_port.startswith("tcp://") and bool(self.table_port)
         return lines and self.table_port != self.imu_port and self.table.protocol != "imu_link"
 
 
 @dataclass(frozen=True)
 class FoundUnit:
-    """A Modbus unit that answers: number, model if it reports one, name of its table profile if one is known."""
+    """A Modbus unit that replies: its number, its model if reported, and the name of its table profile if known."""
 
     unit: int
     model: str
@@ -66,9 +66,9 @@ class FoundUnit:
 def identify(
     table: Table, imu: Imu | None, link: LinkSettings, check_cancelled: Callable[[], None] = lambda: None
 ) -> TableIdentity:
-    """Ask both devices for their identity; if one does not answer, close both and search their ports for the cause.
+    """Query the identity of both devices; if one does not reply, close both and search their ports for the cause.
 
-    Raises DeviceFaultError: a device does not answer, or is another one.
+    Raises DeviceFaultError if a device does not reply or is not the expected one.
     """
     try:
         identity = table.identify()
@@ -85,7 +85,7 @@ def identify(
 
 
 def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Callable[[], None]) -> DeviceFaultError:
-    """A fault that names the cause, if it can be found out."""
+    """Return a fault that names the cause, or the original fault if the cause cannot be determined."""
     port = link.table_port
     for is_other in (imu_on_table_port, table_on_imu_port) if link.two_lines else ():
         check_cancelled()
@@ -107,7 +107,7 @@ def _explained(fault: DeviceFaultError, link: LinkSettings, check_cancelled: Cal
 
 
 def imu_on_table_port(link: LinkSettings) -> bool:
-    """Whether frames of the IMU come on the table's line."""
+    """Whether IMU frames arrive on the table's line."""
     return has_frames(link.table_port, link.imu_serial, link.imu)
 
 
@@ -122,7 +122,7 @@ def table_on_imu_port(link: LinkSettings) -> bool:
 
 
 def find_unit_number(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> tuple[int, str] | None:
-    """Number and model of the profile's table under another Modbus unit number, or None; `tried` reports the share."""
+    """Search other unit numbers for the profile's table; return number and model, or None. `tried` reports progress."""
     modbus = link.table.modbus
     if modbus is None:
         return None
@@ -131,14 +131,14 @@ def find_unit_number(link: LinkSettings, tried: Callable[[float], None] = lambda
             continue
         tried(i / len(NUMBERS))
         with suppress(CalstationError):
-            profile = link.table.at_place(min(_ANSWER_WITHIN, modbus.timeout_s), number)
+            profile = link.table.at_place(min(_REPLY_TIMEOUT, modbus.timeout_s), number)
             with closing(open_table(link.table_port, profile, link.table_serial)) as table:
                 return number, table.identify().model
     return None
 
 
 def find_units(link: LinkSettings, tried: Callable[[float], None] = lambda share: None) -> list[FoundUnit]:
-    """All Modbus units on the table's port, with the models of every Modbus profile of this site."""
+    """Find all Modbus units on the table's port, using the models of all Modbus profiles of this site."""
     profiles: dict[str, TableProfile] = {}
     for name in library.names("tables") if link.table.modbus is not None else ():
         with suppress(ConfigurationError):
@@ -156,7 +156,7 @@ def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int)
     unknown = None
     for name, profile in profiles.items():
         try:
-            table = open_table(link.table_port, profile.at_place(_ANSWER_WITHIN, number), link.table_serial)
+            table = open_table(link.table_port, profile.at_place(_REPLY_TIMEOUT, number), link.table_serial)
         except CalstationError:
             return unknown
         try:
@@ -177,7 +177,7 @@ def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int)
 
 
 def listen(link: SerialLink, seconds: float) -> bytes:
-    """The bytes that come within some host time, s. Raises PortLostError."""
+    """Return the bytes received within `seconds` of host time. Raises PortLostError."""
     received = b""
     end = time.monotonic() + seconds
     while (left := end - time.monotonic()) > 0:
@@ -186,7 +186,7 @@ def listen(link: SerialLink, seconds: float) -> bytes:
 
 
 def has_frames(port: str, settings: SerialSettings, profile: ImuProfile) -> bool:
-    """Whether frames of a profile come on a port with these settings; false if it cannot be opened."""
+    """Whether frames of a profile arrive on a port with these settings; False if it cannot be opened."""
     try:
         with closing(SerialLink(port, settings, "imu")) as link:
             return len(FrameDecoder(profile.frame, profile.commands).feed(listen(link, LISTEN)).frames) > 0
@@ -200,7 +200,7 @@ def is_text(received: bytes) -> bool:
 
 
 def line_values(port: str, settings: SerialSettings) -> dict[str, Value]:
-    """Serial settings as values of a finding; empty for a serial server, which has settings of its own."""
+    """Return the serial settings as values of a finding; empty for a serial server, which has its own settings."""
     if host_and_port(port) is not None:
         return {}
     return {"baud": settings.baud, "parity": settings.parity, "stop_bits": settings.stop_bits}

@@ -1,4 +1,4 @@
-"""A session with the unit in the fixture, without the table: open, identified, its output at rest captured."""
+"""Opens and identifies the unit in the fixture without the table, and captures its output at rest."""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
@@ -16,8 +16,8 @@ from calstation.jobs import ProgressCallback
 from calstation.physics import FloatArray
 from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, mean_at_rest, to_si
 
-#: Time in which a gapless rest must be captured, s.
-_WITHIN = 60.0
+#: Timeout for capturing a rest without gaps, station time in s.
+_REST_TIMEOUT = 60.0
 _TICK = 0.05
 
 
@@ -34,7 +34,7 @@ class ImuSession:
 def open_imu_session(
     progress: ProgressCallback, setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None
 ) -> Iterator[ImuSession]:
-    """Open the IMU alone; closed on exit. Raises DeviceFaultError, ConfigurationError."""
+    """Open and identify the IMU alone, and close it on exit. Raises DeviceFaultError, ConfigurationError."""
     with endpoints(setup, check_cancelled) as at:
         progress(0.1)
         with closing(open_imu(setup, at.imu)) as imu:
@@ -50,7 +50,7 @@ def capture_rest(
 ) -> VerificationData:
     """Capture the corrected output at rest, and the raw output if the unit provides both; it streams raw afterwards.
 
-    Raises DeviceFaultError: no rest without a gap came in time.
+    Raises DeviceFaultError if no rest without a gap is captured in time.
     """
     raw = VerificationData((_rest(session, setup, check_cancelled, corrected=False),), REST)
     if setup.corrected is not Output.ASKED:
@@ -63,13 +63,13 @@ def capture_rest(
 def _rest(
     session: ImuSession, setup: ResolvedConfiguration, check_cancelled: Callable[[], None], *, corrected: bool
 ) -> FloatArray:
-    """Mean of one rest, rad/s and m/s², shape (6,)."""
+    """Return the mean output over one rest, rad/s and m/s², shape (6,)."""
     model = setup.solve_context().imu
     count = round(REST * model.sample_rate)
     ready = setup.imu.status.ready
     parts = read_contiguous(session, ready, count, lambda taken: check_cancelled(), corrected=corrected)
     if parts is None:
-        raise DeviceFaultError("connection.no_rest", seconds=_WITHIN)
+        raise DeviceFaultError("connection.no_rest", seconds=_REST_TIMEOUT)
     return mean_at_rest(np.concatenate([part.counts for part in parts])) * to_si(model)
 
 
@@ -81,18 +81,18 @@ def read_contiguous(
     *,
     corrected: bool = False,
 ) -> list[SampleBatch] | None:
-    """Read at least `count` samples without a gap from a unit that is ready; None if they do not come in time.
+    """Read at least `count` samples without a gap from a unit that is ready; None if they do not arrive in time.
 
-    A unit that restarts meanwhile has fallen back to its raw output, or to none, so its output is selected again.
+    A unit that restarts during the capture returns to its raw output or to none, so its output is selected again.
 
-    ready : status bits of a unit that is ready; 0 for none
+    ready : mask of the status bits that are set when the unit is ready; 0 if there are none
     on_samples : called with the number of samples so far; may raise
-    corrected : whether the unit applies its registers
+    corrected : whether to select the output with the unit's registers applied
     """
     imu, clock = session.imu, session.clock
     imu.start(corrected=corrected)
     last_data = clock.now()
-    deadline = last_data + _WITHIN
+    deadline = last_data + _REST_TIMEOUT
     parts: list[SampleBatch] = []
     last, noisy = np.empty(0, np.int64), False
     while (taken := sum(map(len, parts))) < count:

@@ -1,4 +1,4 @@
-"""Tests an IMU on its open link: identity, registers, a second of its stream, gravity, lines of text."""
+"""Tests an IMU on its open link: identity, registers, one second of its stream, gravity and lines of text."""
 
 import re
 from collections.abc import Iterator
@@ -23,21 +23,21 @@ from calstation.physics import normal_gravity
 from calstation.sequencer import PreflightLimits, to_si
 
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
-#: Station time that a unit has to report that it is ready, s.
-_READY_WITHIN = 3.0
+#: Timeout for a unit to report that it is ready, station time in s.
+_READY_TIMEOUT = 3.0
 #: Station time over which the stream is observed, s.
-_STREAM = 1.0
+_STREAM_TIME = 1.0
 _SLICE = 0.1
 _RATE_TOLERANCE = 0.05
-#: Share of the bytes in frames with a wrong checksum above which the checksum itself is wrong.
-_MOSTLY_CHECKS = 0.3
-#: Characters of a line that are shown.
-_SHOWN = 120
+#: Share of bytes in frames with a wrong checksum above which the profile's checksum itself is considered wrong.
+_WRONG_CHECKS = 0.3
+#: Largest number of characters shown of a line.
+_MAX_SHOWN = 120
 
 
 @dataclass
 class ImuTest:
-    """The test of an open IMU; `settings` are those of its serial port."""
+    """The test of an open IMU; `settings` are its serial port settings."""
 
     imu: StreamedImu
     setup: ResolvedConfiguration
@@ -46,7 +46,7 @@ class ImuTest:
     progress: ProgressCallback
 
     def findings(self) -> Iterator[Finding]:
-        """Yield what is found, up to the first finding that makes the others meaningless."""
+        """Yield the findings, up to the first one that makes further ones meaningless."""
         imu, setup = self.imu, self.setup
         self.progress(0.3, note="asking")
         try:
@@ -80,16 +80,16 @@ class ImuTest:
         if isinstance(clock, BenchClock):
             clock.attach(lambda: imu.received)
         begin = clock.now()
-        while clock.now() - begin < _READY_WITHIN:
+        while clock.now() - begin < _READY_TIMEOUT:
             clock.sleep(_SLICE)
             early = imu.read()
             if len(early) and (not profile.status.ready or early.status[-1] & profile.status.ready):
                 break
         before, begin, parts = imu.stats, clock.now(), []
-        while (passed := clock.now() - begin) < _STREAM:
+        while (passed := clock.now() - begin) < _STREAM_TIME:
             clock.sleep(_SLICE)
             parts.append(imu.read())
-            self.progress(0.5 + 0.5 * min(1.0, passed / _STREAM), note="listening")
+            self.progress(0.5 + 0.5 * min(1.0, passed / _STREAM_TIME), note="listening")
         elapsed = clock.now() - begin
         seq = np.concatenate([part.seq for part in parts])
         expected = profile.stream.sample_rate_hz
@@ -115,7 +115,7 @@ class ImuTest:
         yield from self._content(parts)
 
     def _content(self, parts: list[SampleBatch]) -> Iterator[Finding]:
-        """Check status bits, temperature and gravity; wrong gravity reveals wrong counts or bytes."""
+        """Check status bits, temperature and gravity; a wrong gravity reveals wrong scale factors or frame fields."""
         profile, masks = self.setup.imu, self.setup.imu.status
         status = np.concatenate([part.status for part in parts])
         if np.any(status & masks.failed):
@@ -123,7 +123,7 @@ class ImuTest:
         if np.any(status & masks.saturated):
             yield Finding("saturated", "look")
         if masks.ready and not status[-1] & masks.ready:
-            yield Finding("not_ready", "look", {"seconds": _READY_WITHIN})
+            yield Finding("not_ready", "look", {"seconds": _READY_TIMEOUT})
         heat = np.concatenate([part.temperature for part in parts])
         if np.any(np.isfinite(heat)):
             yield Finding("temperature", "told", {"celsius": float(np.nanmean(heat))})
@@ -160,7 +160,7 @@ class ImuTest:
         if stats.frames:
             return Finding("one_way", "wrong", values)
         size = FrameDecoder(profile.frame, profile.commands).size
-        if stats.crc_errors * size > _MOSTLY_CHECKS * stats.bytes:
+        if stats.crc_errors * size > _WRONG_CHECKS * stats.bytes:
             return Finding("wrong_checks", "wrong", {**values, "kind": profile.frame.crc.kind})
         return Finding("no_frames", "wrong", values, "" if line else "no_frames_server")
 
@@ -168,7 +168,7 @@ class ImuTest:
 def find_baud_rate(
     port: str, settings: SerialSettings, profile: ImuProfile, progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Find the baud rate at which frames of a profile come on a port, by listening only; none come at `settings`."""
+    """Find, without sending, a baud rate other than that of `settings` at which frames of a profile arrive."""
     others = [baud for baud in _BAUDS if baud != settings.baud]
     for i, baud in enumerate(others):
         progress(0.4 + 0.6 * i / len(others), note="trying_bauds")
@@ -178,7 +178,7 @@ def find_baud_rate(
 
 
 def diagnose_text(frame: FrameSection, received: bytes) -> Finding | None:
-    """What makes received lines of text unusable as samples; None if they are no lines, or are samples."""
+    """Return why received lines of text cannot be used as samples; None if they can, or if they are not text."""
     tail = frame.tail_bytes
     lines = [line for line in received.split(tail)[1:-1] if line]
     if not lines or not is_text(b"".join(lines)):
@@ -214,7 +214,7 @@ def _wrong_check(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding
 
 
 def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Finding | None:
-    """The first field of a sample that the columns of a line with a right check do not hold."""
+    """Return a finding on the separator or the first missing or invalid field of a line with a correct check."""
     line = packet[: -len(frame.tail_bytes)]
     values: dict[str, Value] = {"line": _shown(line)}
     if not kind.is_sample(packet):
@@ -236,4 +236,4 @@ def _wrong_column(frame: FrameSection, kind: TextFrame, packet: bytes) -> Findin
 
 
 def _shown(line: bytes) -> str:
-    return quoted(line, _SHOWN)
+    return quoted(line, _MAX_SHOWN)

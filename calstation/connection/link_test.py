@@ -1,4 +1,4 @@
-"""Tests the links of a station as typed, saved or not: opens, queries and listens; writes and moves nothing."""
+"""Tests the links of a station, saved or not: opens ports, queries and receives, but writes and moves nothing."""
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, closing
@@ -36,17 +36,17 @@ from calstation.errors import CalstationError, ConfigurationError, DeviceFaultEr
 from calstation.jobs import ProgressCallback
 from calstation.messages import Finding, Report, Value
 
-#: The unit in the virtual fixture unless a recording names its own.
+#: Serial number of the unit in the virtual fixture, unless a recording names another one.
 VIRTUAL_UNIT = "SN-000001"
-#: Findings that a received line of text explains better.
+#: General findings that are replaced by a more specific one if lines of text are received.
 _ABOUT_LINES = {"no_frames", "no_samples", "no_stream", "one_way", "wrong_checks"}
-#: Findings of a table's port at which the IMU may be connected.
+#: Findings on the table's port which may indicate that the IMU is connected to it.
 _MAYBE_IMU = {"garbled", "garbled_text", "unlike_text", "unlike_answer", "silent_rtu", "silent_text", "crc"}
 
 
 @dataclass(frozen=True)
 class LinkTestRequest:
-    """What to test: a station, and the product whose IMU is expected (None for the default product)."""
+    """The station to test, and the product whose IMU is expected (None for the default product)."""
 
     station: StationConfig
     product: Path | None = None
@@ -91,14 +91,14 @@ def check_imu_link(progress: ProgressCallback, request: LinkTestRequest) -> Repo
 
 
 def discover_ports(progress: ProgressCallback) -> tuple[FoundPort, ...]:
-    """The serial ports of this computer, USB adapters first."""
+    """Return the serial ports of this computer, USB adapters first."""
     ports = found_ports()
     progress(1.0)
     return ports
 
 
 def link_test_configuration(request: LinkTestRequest) -> ResolvedConfiguration:
-    """The part of a run's configuration that opening the devices needs."""
+    """Return the part of a run's configuration that is needed to open the devices."""
     _, product = load_product(request.product)
     return ResolvedConfiguration(
         request=RunRequest(VIRTUAL_UNIT),
@@ -111,7 +111,7 @@ def link_test_configuration(request: LinkTestRequest) -> ResolvedConfiguration:
 
 
 def open_endpoints(progress: ProgressCallback, setup: ResolvedConfiguration) -> AbstractContextManager[Endpoints]:
-    """The station's ports; its virtual bench takes some seconds to start."""
+    """Return the context of the station's ports; a virtual bench takes a few seconds to start."""
     progress(0.0, note="starting_bench" if setup.station.bench is not None else "opening")
     return endpoints(setup)
 
@@ -119,7 +119,7 @@ def open_endpoints(progress: ProgressCallback, setup: ResolvedConfiguration) -> 
 def _found_on_table_port(
     setup: ResolvedConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Find out which other device answers on the table's port."""
+    """Yield a finding if another device replies on the table's port."""
     link, ids = link_settings(setup, at.table, at.imu), {finding.id for finding in found}
     if ids & _MAYBE_IMU:
         progress(0.6, note="listening_around")
@@ -155,7 +155,7 @@ def _units(units: list[FoundUnit]) -> Finding:
 def _found_on_imu_port(
     setup: ResolvedConfiguration, at: Endpoints, found: list[Finding], progress: ProgressCallback
 ) -> Iterator[Finding]:
-    """Find out whether the table answers on the IMU's port, or the IMU at another baud rate."""
+    """Yield a finding if the table replies on the IMU's port, or if the IMU streams at another baud rate."""
     link, ids = link_settings(setup, at.table, at.imu), {finding.id for finding in found}
     if ids & {"silent", "no_frames"} and link.two_lines and not setup.table.by_hand:
         progress(0.4, note="listening_around")
@@ -167,7 +167,7 @@ def _found_on_imu_port(
 
 
 def _with_line_finding(setup: ResolvedConfiguration, at: Endpoints, found: list[Finding]) -> list[Finding]:
-    """For a text protocol, replace a general finding by what is wrong with a received line."""
+    """For a text protocol, replace a general finding by a specific one about a received line."""
     index = next((i for i, finding in enumerate(found) if finding.id in _ABOUT_LINES), None)
     if index is None or setup.imu.frame.format != "text":
         return found

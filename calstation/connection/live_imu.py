@@ -1,4 +1,4 @@
-"""Applies a solution to the live output of its unit, read by its own driver for some seconds."""
+"""Applies a solution to the live output of its unit, which is read for a few seconds by the unit's driver."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,13 +17,13 @@ from calstation.physics import NAMES, FloatArray
 from calstation.records import ImuSection, LogMeta, open_log, read_truth
 from calstation.results.plots import Applied, applied
 
-#: Length of the captured stream, s.
+#: Duration of the captured stream, s.
 SECONDS = 10.0
 
 
 @dataclass(frozen=True)
 class OtherUnit:
-    """Another unit answered, with this serial number; nothing was applied to it."""
+    """Result if the fixture contains another unit, with this serial number; nothing was applied to its output."""
 
     serial: str
 
@@ -37,16 +37,16 @@ def apply_to_unit(
     found: FloatArray,
     seconds: float = SECONDS,
 ) -> Applied | OtherUnit:
-    """Apply a solution to the unit in the fixture for some seconds, without the table; nothing moves or is written.
+    """Apply a solution to `seconds` of output of the unit in the fixture, without motion and without writing to it.
 
-    A stream that the unit's registers have corrected is left as it is. On the virtual bench the unit of the recording
-    is in the fixture, if the recording names it.
+    A stream that is already corrected by the unit's registers is left unchanged. On the virtual bench, the unit of the
+    recording is in the fixture if the recording identifies it.
 
     path : recording that was solved
     before, found : parameters before and after the solution, SI, shape (30,) each
 
-    Raises DeviceFaultError, ConfigurationError: the unit cannot be read; InputError: the recording cannot be read;
-    InsufficientDataError: the unit is not at rest.
+    Raises DeviceFaultError or ConfigurationError if the unit cannot be read, InputError if the recording cannot be
+    read, and InsufficientDataError if the unit is not at rest.
     """
     progress(0.0)
     log_meta = open_log(path).meta
@@ -71,7 +71,7 @@ def apply_to_unit(
 
 
 def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> ResolvedConfiguration:
-    """The virtual bench with the recording's unit: from its run's seed, or from the truth beside the recording."""
+    """Configure the virtual bench with the recording's unit, from the seed of its run or the truth file next to it."""
     seed = None if meta.run is None else meta.run.seed
     truth = {name: value for name, value in read_truth(path).items() if name in NAMES}
     known = seed is not None or bool(truth)
@@ -89,7 +89,7 @@ def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration)
 
 
 def _product_like(imu: ImuSection, chosen: Path | None) -> Path | None:
-    """The product with the noise of the recording's unit, the chosen one first."""
+    """Return the product whose IMU noise equals that of the recording's unit; the chosen one is tried first."""
     shipped = [library.find("products", name) for name in library.names("products")]
     for path in (chosen, *shipped):
         noise = load_imu_profile(library.find("imus", load_product(path)[1].imu)).noise

@@ -1,7 +1,7 @@
-"""Locks the ports of this computer: one process at a time uses a device.
+"""Locks the ports of this computer, so that only one process at a time uses a device.
 
-The operating system releases a lock when its process ends. The locks hold for all users and folders of this computer,
-not for another computer at the same table. A virtual bench needs none: its ports are private to its run.
+The operating system releases a lock when its process ends. The locks apply to all users and folders of this computer,
+but not to another computer at the same table. A virtual bench needs no locks: its ports are private to its run.
 """
 
 import ipaddress
@@ -21,16 +21,16 @@ from calstation.errors import DeviceFaultError
 from calstation.messages import os_reason
 from calstation.records import take
 
-#: Host time for another process that is just closing to release a lock, s.
+#: Time to wait for another process that is closing to release its lock, host time in s.
 _WITHIN = 3.0
 
 
 @contextmanager
 def lock_ports(ports: Iterable[str]) -> Iterator[None]:
-    """Lock ports, by any of their names. Raises DeviceFaultError naming the process that uses one."""
+    """Lock ports given by any of their names. Raises DeviceFaultError naming the process that uses one of them."""
     devices = {device: port for port in ports for device in _devices(port)}
     with ExitStack() as stack:
-        for device in sorted(devices):  # in one order, so that no two processes wait for each other
+        for device in sorted(devices):  # in a fixed order, so that two processes never wait for each other
             stack.enter_context(_locked(device, devices[device]))
         yield
 
@@ -59,7 +59,7 @@ def _locked(device: str, port: str) -> Iterator[None]:
 
 
 def _open(path: Path) -> int:
-    """Open a lock file, created if missing, for every user of this computer."""
+    """Open a lock file for all users of this computer, and create it if it is missing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with suppress(OSError):  # the folder may belong to another user
         path.parent.chmod(0o1777)
@@ -75,7 +75,7 @@ def _open(path: Path) -> int:
 
 
 def _in_use(port: str, handle: int) -> DeviceFaultError:
-    """The fault that names the owner, as it has written itself into the lock file."""
+    """Return the fault that names the owner recorded in the lock file."""
     os.lseek(handle, 0, os.SEEK_SET)
     try:
         owner = json.loads(os.read(handle, 4096))
@@ -86,23 +86,23 @@ def _in_use(port: str, handle: int) -> DeviceFaultError:
 
 
 def _devices(port: str) -> Iterator[str]:
-    """What a port's name leads to, equal for all names of one device; nothing if it leads nowhere."""
+    """Yield the devices of a port name, equal for all names of the same device; none if it cannot be resolved."""
     if "://" in port:
         yield from _addresses(port)
         return
     try:
         device = os.path.realpath(resolve(port, "imu"))
-    except DeviceFaultError:  # reported when it is opened
+    except DeviceFaultError:  # reported when the port is opened
         return
     usb = next((found.usb for found in found_ports() if os.path.realpath(found.device) == device), None)
     if usb is not None:
-        yield usb  # the device's name may pass to another adapter when this one is unplugged
+        yield usb  # the device name may be given to another adapter when this one is unplugged
     elif sys.platform == "win32" or Path(device).exists():
         yield device
 
 
 def _addresses(url: str) -> Iterator[str]:
-    """Every address of host:port, so that two names of one host are equal."""
+    """Yield every address of host:port, so that two names of the same host compare equal."""
     with suppress(ValueError):
         parts = urlsplit(url)
         host, number = parts.hostname, parts.port
@@ -121,4 +121,4 @@ def _addresses(url: str) -> Iterator[str]:
 def _folder() -> Path:
     if sys.platform == "win32":
         return Path(os.environ.get("PROGRAMDATA", "C:\\ProgramData")) / "calstation" / "locks"
-    return Path("/tmp/calstation-locks")  # sticky: no other user removes a file
+    return Path("/tmp/calstation-locks")  # sticky bit: users cannot remove each other's files

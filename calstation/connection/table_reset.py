@@ -1,4 +1,4 @@
-"""Reads the table's state, and resets a fault that it has latched; nothing moves and no axis is switched on."""
+"""Reads the table's state and resets a latched fault; nothing moves and no axis is switched on."""
 
 import math
 import time
@@ -16,7 +16,7 @@ from calstation.jobs import ProgressCallback
 
 Outcome = Literal["nothing", "cleared", "interlock_open", "moving", "local_control", "refused", "stays"]
 
-#: Host time that a drive has to clear what it has latched, s.
+#: Timeout for a drive to clear a latched fault, host time in s.
 _CLEARED_WITHIN = 2.0
 
 _POLL_INTERVAL = 0.1
@@ -24,7 +24,7 @@ _POLL_INTERVAL = 0.1
 
 @dataclass(frozen=True)
 class TableState:
-    """The state of a station's table; angles are None if not measured, `watchdog_s` 0 if off, None without one."""
+    """State of a station's table: angles are None if not measured; `watchdog_s` is 0 if off, None if there is none."""
 
     model: str
     serial: str
@@ -40,12 +40,12 @@ class TableState:
 
 @dataclass(frozen=True)
 class TableReset:
-    """The outcome of a reset.
+    """Result of a reset.
 
-    outcome : ``nothing`` was latched; ``cleared``; not sent: ``interlock_open``, ``moving``, ``local_control``; sent,
-        but ``refused`` by the table, or the fault ``stays`` because its cause persists
-    latched : the fault found, or None; left : the fault that is latched now, or None
-    words : the table's refusal
+    outcome : ``nothing`` if no fault was latched; ``cleared``; ``interlock_open``, ``moving`` or ``local_control`` if
+        this prevented the reset; ``refused`` by the table; ``stays`` if the fault persists because its cause does
+    latched : fault before the reset, or None; left : fault that is still latched after it, or None
+    words : the table's message if it refused the reset
     """
 
     outcome: Outcome
@@ -59,7 +59,7 @@ class TableReset:
 
 
 def read_table(progress: ProgressCallback, request: LinkTestRequest) -> TableState:
-    """Read the table's state; writes nothing. Raises CalstationError."""
+    """Read the table's state without writing anything. Raises CalstationError."""
     with _identified(progress, request) as (table, identity):
         status = table.status()
     outer, inner = (math.degrees(angle) if math.isfinite(angle) else None for angle in status.angles)
@@ -78,7 +78,7 @@ def read_table(progress: ProgressCallback, request: LinkTestRequest) -> TableSta
 
 
 def reset_table(progress: ProgressCallback, request: LinkTestRequest) -> TableReset:
-    """Reset what the station's table has latched. Raises CalstationError."""
+    """Reset a latched fault of the station's table. Raises CalstationError."""
     with _identified(progress, request) as (table, _):
         return reset(table)
 
@@ -94,10 +94,10 @@ def _identified(progress: ProgressCallback, request: LinkTestRequest) -> Iterato
 
 
 def reset(table: Table) -> TableReset:
-    """Reset an open table's fault, if there is one and it is safe to do so.
+    """Reset the fault of an open table, if there is one and it is safe to do so.
 
-    Nothing is sent to a table of another model than the profile's, to a moving table (the reset drops the drive's
-    power), nor while the interlock is open: a person inside the guard must not have the table made ready from here.
+    No reset is sent to a table whose model is not the profile's, to a moving table (the reset removes the drive's
+    power), or while the interlock is open: the table must not be made ready while a person is inside the guard.
     """
     table.identify()
     before = table.status()

@@ -26,9 +26,9 @@ from calstation.sequencer import SLOWEST_POLL
 
 _POLLS = 20
 _READ_HOLDING = 3
-#: Bytes of a read request over RTU.
-_REQUEST = 8
-#: Difference between the travel of table and profile that counts as none, degrees.
+#: Size of an RTU read request, bytes.
+_REQUEST_SIZE = 8
+#: Tolerance for comparing the travel set in the table with that of the profile, degrees.
 _TRAVEL_TOLERANCE = 0.01
 
 
@@ -39,7 +39,7 @@ def query_table(
     port: str,
     progress: ProgressCallback,
 ) -> Iterator[Finding]:
-    """Yield the findings of an open table, not identified yet, up to the first that makes the others meaningless."""
+    """Yield the findings on an open, not yet identified table, up to the first that makes further ones meaningless."""
     progress(0.5, note="asking")
     try:
         identity = table.identify()
@@ -134,7 +134,7 @@ def _no_modbus(
     if not received:
         return Finding("silent_rtu", "wrong", values, "" if line else "silent_rtu_server")
     values["count"] = len(received)
-    if len(received) >= _REQUEST and _valid(received[:_REQUEST]) and received[2] != _REQUEST - 5:
+    if len(received) >= _REQUEST_SIZE and _valid(received[:_REQUEST_SIZE]) and received[2] != _REQUEST_SIZE - 5:
         return Finding("echo", "wrong", values)
     if _valid(received) and received[0] != unit:
         return Finding("other_unit", "wrong", {**values, "found": received[0]})

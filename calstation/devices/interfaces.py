@@ -1,4 +1,4 @@
-"""Interfaces of a table and an IMU, as the sequencer uses them; all angles in rad."""
+"""Interfaces of a table and an IMU as used by the sequencer; all angles are in rad."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -7,15 +7,15 @@ from typing import Protocol
 from calstation.errors import DeviceFaultError
 from calstation.physics import FloatArray, IntArray, JointLimits
 
-#: A table's `fault` while it is under local control and obeys its own panel only; not a latched fault.
+#: A table's `fault` under local control, when it accepts commands from its own panel only; not a latched fault.
 LOCAL_CONTROL = "local control"
 
-#: A table's `fault` if it reports a fault without its cause.
+#: A table's `fault` if it reports a fault without a cause.
 UNKNOWN_FAULT = "cause not told"
 
 
 class OtherModelError(DeviceFaultError):
-    """Another device than the profile's answers."""
+    """The model of the device that replies is not the one that the profile names."""
 
     @property
     def found(self) -> str:
@@ -27,7 +27,7 @@ class OtherModelError(DeviceFaultError):
 
 
 class NoFramesError(DeviceFaultError):
-    """Bytes arrive on the IMU's link, but none of them belong to a frame."""
+    """Bytes arrive on the IMU's link, but none belong to a frame."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +40,12 @@ class TableIdentity:
 class TableStatus:
     """State of a table, from one poll.
 
-    angles, rates : of the joints outer, inner, cumulative, rad and rad/s, shape (2,); NaN if not measured
-    enabled, homed, moving, settled : of both axes
-    fault : latched fault, or another reason why the table does not obey; None if there is none
-    interlock_closed : whether the axes may be powered
+    angles, rates : cumulative angles and rates of joints outer, inner, rad and rad/s, shape (2,); NaN if not measured
+    enabled, homed, settled : whether both axes are in this state; moving : whether at least one axis moves
+    fault : latched fault, or another reason why the table does not accept commands; None if there is none
+    interlock_closed : whether the safety interlock is closed, so that the axes may be powered
     watchdog : timeout of the table's own watchdog, host seconds; 0 if it is off, infinite if there is none
-    limits : travel set in the table; rates and accelerations are the profile's
+    limits : travel as set in the table, with the rate and acceleration limits of the profile
     """
 
     angles: FloatArray
@@ -64,10 +64,10 @@ class Table(Protocol):
     """A two-axis table. Every call is bounded in time and raises DeviceFaultError if it fails."""
 
     def identify(self) -> TableIdentity:
-        """Model and serial number."""
+        """Return the model and serial number."""
 
     def status(self) -> TableStatus:
-        """Poll the table."""
+        """Poll the state of the table."""
 
     def enable(self) -> None:
         """Switch both axes on."""
@@ -79,11 +79,11 @@ class Table(Protocol):
         """Start slow homing; `status` reports when it is done."""
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Start both joints towards absolute angles, rad, with rad/s and rad/s² at most; does not wait."""
+        """Start moving both joints to absolute angles, rad, with limits in rad/s and rad/s²; does not wait."""
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Turn both joints endlessly, rad/s and rad/s², until stopped; does not wait. Raises ConfigurationError if the
-        table would not stop by itself after a lost link: no active watchdog, and no stop of its own in the profile.
+        """Rotate both joints until stopped, rad/s and rad/s²; does not wait. Raises ConfigurationError if the table
+        would not stop by itself after a link loss: no active watchdog, and no `link_loss_stop_s` in the profile.
         """
 
     def stop(self) -> None:
@@ -113,8 +113,8 @@ class SampleBatch:
     seq : unwrapped counter, shape (n,)
     time : IMU clock at the end of each sample, s, shape (n,)
     counts : gyro x y z, accel x y z, shape (n, 6)
-    temperature : °C, shape (n,); NaN if the frames carry none
-    status : status word, shape (n,); 0 if the frames carry none
+    temperature : °C, shape (n,); NaN if the frames do not contain it
+    status : status word, shape (n,); 0 if the frames do not contain it
     arrival : host monotonic time at which each sample's bytes were read, s, shape (n,)
     """
 
@@ -133,10 +133,10 @@ class SampleBatch:
 class LinkStats:
     """Counts since the link was opened.
 
-    frames, bytes : received
-    crc_errors : frames with a wrong check
+    frames, bytes : number received
+    crc_errors : frames that failed their check
     skipped : bytes that belong to no frame
-    gaps, restarts : interruptions of the counter, and restarts among them
+    gaps, restarts : interruptions of the counter, and those of them that are restarts
     """
 
     frames: int = 0
@@ -152,40 +152,40 @@ class Imu(Protocol):
 
     @property
     def stats(self) -> LinkStats:
-        """Counts so far."""
+        """Counts since the link was opened."""
 
     def start(self, *, corrected: bool = False) -> None:
-        """Begin to stream; `corrected`: with the registers applied, if the profile states how.
+        """Start the stream: raw or, if `corrected`, with the registers applied as the profile specifies.
 
-        What is read from then on is of that kind alone. A restart returns to the raw stream.
+        Only samples of this stream are read from then on. A restart of the unit returns it to the raw stream.
         """
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity | None:
-        """Identify a unit that may have restarted by itself, for as long as a restart may take, then `start`.
+        """Identify a unit that may have restarted, retrying for as long as a restart may take, then `start` it.
 
-        `check_cancelled` is called between two attempts and may raise. Returns None if the unit takes no command.
+        `check_cancelled` is called between attempts and may raise. Returns None if the unit accepts no commands.
         """
 
     def read(self) -> SampleBatch:
-        """Everything decoded since the last call, possibly nothing; never waits.
+        """Return all samples decoded since the last call, possibly none; never waits.
 
-        Raises NoFramesError if bytes arrive and none of them belong to a frame.
+        Raises NoFramesError if bytes arrive but none belong to a frame.
         """
 
     def identify(self) -> ImuIdentity:
-        """Model, serial number and firmware."""
+        """Return the model, serial number and firmware."""
 
     def read_registers(self) -> dict[str, float]:
-        """Calibration registers by the contract's parameter names, SI."""
+        """Return the calibration registers by contract parameter name, SI."""
 
     def write_registers(self, values: Mapping[str, float]) -> None:
         """Write calibration registers (volatile until `commit`)."""
 
     def commit(self) -> None:
-        """Make the registers permanent."""
+        """Store the registers permanently in flash."""
 
     def reset(self) -> None:
-        """Restart the unit and return once it has; its registers are then those of its flash."""
+        """Restart the unit and wait until it has restarted; its registers then have the values of its flash."""
 
     def close(self) -> None:
         """Close the link."""

@@ -1,6 +1,6 @@
-"""Methods and solvers as pure functions of arrays.
+"""Calibration methods and solvers as pure functions of arrays.
 
-No device, file, thread or window; schedules belong to `procedures`.
+They use no device, file, thread or window; the schedules are defined in `procedures`.
 """
 
 import lazy_loader as lazy

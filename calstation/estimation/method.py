@@ -1,4 +1,4 @@
-"""The interface of a calibration method: its plan, its solver and the parameters it estimates."""
+"""Interface of a calibration method: its plan, its solver and the parameters that it estimates."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ from calstation.estimation.common import (
 from calstation.estimation.positions import Evidence
 from calstation.physics import FloatArray, IntArray, Step, TableGeometry
 
-#: Called with progress from 0 to 1, never falling.
+#: Callback that receives the progress from 0 to 1, never decreasing.
 Progress = Callable[[float], None]
 
 
@@ -33,7 +33,7 @@ class Innovations:
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value beyond the 30 parameters, SI; `determined` is False if the data did not determine it."""
+    """An estimate in SI that is not one of the 30 parameters; `determined` is False if the data do not determine it."""
 
     value: float
     sigma: float
@@ -43,37 +43,37 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Solution:
-    """Solution of a stage."""
+    """Result of solving a stage."""
 
     stage: str
     belief: Belief  #: Joint posterior of the 30 parameters, the next stage's prior.
     estimated: tuple[str, ...]  #: Names of the parameters that the stage estimated.
     consistency: Consistency  #: Innovation test of the stage.
     gaps: int = 0  #: Number of gaps and resets.
-    observability: Mapping[str, Any] = field(default_factory=dict)  #: See `observability_analysis`, JSON-ready.
-    details: Mapping[str, Any] = field(default_factory=dict)  #: Further results such as residuals, JSON-ready.
-    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: Remarks for the user, (message id, values).
-    innovations: Innovations | None = None  #: For diagnosis; no part of a result.
-    found: Mapping[str, Estimate] = field(default_factory=dict)  #: Values beyond the 30 parameters, by contract name.
-    evidence: Evidence | None = None  #: Rests and motions of its samples, if the product's checks need them.
-    latitude: LatitudeEstimate | None = None  #: From the gyros at all rests so far, if they are good enough.
+    observability: Mapping[str, Any] = field(default_factory=dict)  #: See `observability_analysis`, JSON values.
+    details: Mapping[str, Any] = field(default_factory=dict)  #: Other results such as residuals, JSON values.
+    messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: Messages for the user, (message id, values).
+    innovations: Innovations | None = None  #: For diagnosis; not part of a result file.
+    found: Mapping[str, Estimate] = field(default_factory=dict)  #: Other estimated values, by contract name.
+    evidence: Evidence | None = None  #: Rests and motions of the stage, if the product's checks need them.
+    latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
 
 
 class StageSolver(Protocol):
-    """Consumes a stage's blocks; the solution does not depend on how samples are cut into blocks."""
+    """Processes the blocks of a stage; the solution does not depend on how the samples are divided into blocks."""
 
     def feed(self, block: SampleBlock) -> None:
-        """Take further samples of the stage."""
+        """Add samples of the stage."""
 
     def sigma(self) -> FloatArray:
-        """Standard deviations of the 30 parameters so far, shape (30,), SI."""
+        """Return the current standard deviations of the 30 parameters, SI, shape (30,)."""
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; slow solvers report `progress`. Raises InsufficientDataError."""
 
 
 class RepeatedSchedule(BaseModel):
-    """Stop rule of a repeated plan: the first of these conditions that is met."""
+    """Stop rule of a repeated plan: it stops at the first of these conditions that is met."""
 
     model_config = ConfigDict(extra="forbid")
     rounds: int | None = Field(1, ge=1, description="complete rounds")
@@ -85,23 +85,23 @@ class RepeatedSchedule(BaseModel):
 
 @dataclass(frozen=True)
 class Method:
-    """One calibration method, the object `METHOD` of a file in `procedures/`."""
+    """A calibration method: the object `METHOD` of a file in `procedures/`."""
 
-    name: str  #: The contract's stage name.
-    schedule: type[BaseModel]  #: Pydantic model of the schedule's parameters with their defaults.
-    #: (geometry, schedule) -> steps, in joint angles within the table's limits; a plan that repeats is endless
-    #: and marks each round with `RoundEnd`.
+    name: str  #: Stage name in CONTRACT.md.
+    schedule: type[BaseModel]  #: Pydantic model of the schedule, with defaults.
+    #: (geometry, schedule) -> steps, in joint angles within the table's limits; a repeated plan is endless
+    #: and ends each round with `RoundEnd`.
     plan: Callable[[TableGeometry, Any], Iterator[Step]]
     solver: Callable[[SolveContext, Belief, Any], StageSolver]  #: (context, prior, schedule) -> solver
     #: (context) -> names of the parameters that the stage estimates
     estimates: Callable[[SolveContext], tuple[str, ...]]
-    #: The solver finds the steps in the data, so a recording whose column 'stage' does not name the method can
-    #: be solved as a whole.
+    #: Whether the solver finds the steps in the data, so that a recording whose column 'stage' does not name the
+    #: method can be solved as a whole.
     needs_no_table: bool = False
 
 
 class BatchStage:
-    """A `StageSolver` around one function of the whole stage's data, which may raise InsufficientDataError."""
+    """A `StageSolver` that calls one function with all data of the stage; it may raise InsufficientDataError."""
 
     def __init__(
         self,
@@ -114,15 +114,15 @@ class BatchStage:
         self._spool = Spool()
 
     def feed(self, block: SampleBlock) -> None:
-        """Take further samples of the stage."""
+        """Add samples of the stage."""
         self._spool.append(block)
 
     def sigma(self) -> FloatArray:
-        """The prior's standard deviations, SI, shape (30,)."""
+        """Return the standard deviations of the prior, SI, shape (30,)."""
         return self.prior.sigma
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage; too fast to report progress."""
+        """Solve the stored stage; the solution is too fast for progress reports."""
         return self._solve(stage_data(list(self._spool.blocks()), self.context.imu), self.context, self.prior)
 
 
@@ -134,7 +134,7 @@ def batch_method(
     estimated: tuple[str, ...],
     needs_no_table: bool = False,
 ) -> Method:
-    """A method that solves a whole stage at once: `solve` gets data, context, prior and schedule."""
+    """Return a method that solves a stage in one batch; `solve` is called with data, context, prior and schedule."""
 
     def solver(context: SolveContext, prior: Belief, chosen: Any) -> BatchStage:
         return BatchStage(context, prior, lambda data, context, prior: solve(data, context, prior, chosen))

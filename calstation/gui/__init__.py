@@ -1,4 +1,4 @@
-"""The window: shows events and sends commands; no physics, no device, no thread of its own making."""
+"""The graphical user interface: shows events and sends commands; no physics, no device access, no own threads."""
 
 from calstation.gui.shell import create_window
 

@@ -1,4 +1,4 @@
-"""Background work for the window, with progress, in a process that can be killed; runs have an engine of their own."""
+"""Background jobs of the window, with progress, in a process that can be killed; runs use a separate engine."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""Child processes: how they are started, and how their messages are read without blocking."""
+"""Start child processes, and read their messages without blocking."""
 
 import pickle
 import signal
@@ -11,18 +11,18 @@ from multiprocessing.process import BaseProcess
 from queue import Full, Queue
 from typing import Any
 
-#: Host time after which the reader notices that it is closed, s.
+#: Interval at which the reader checks whether it has been closed, host time, s.
 _POLL_INTERVAL = 0.1
 
-#: Messages kept for an owner that does not take them; then the pipe fills up and its writer waits.
-_MOST_MESSAGES = 1000
+#: Largest number of unread messages; beyond it, the pipe fills up and its writer blocks.
+_MAX_MESSAGES = 1000
 
 
 def spawn_process(process: BaseProcess) -> None:
-    """Start a spawned process whose target is in a module of this program.
+    """Start a spawned process whose target is in a module of this package.
 
-    It ignores Ctrl-C, because its owner sends a stop instead. It does not import the caller's main module, as spawning
-    would do to find a target there: a plain script that opens the window must not open it twice.
+    The process ignores Ctrl-C, because its owner sends a stop command instead. It does not import the caller's main
+    module, as multiprocessing normally does: a plain script that opens the window must not open it twice.
     """
     with _ignoring_interrupts(), _without_main():
         process.start()
@@ -30,7 +30,7 @@ def spawn_process(process: BaseProcess) -> None:
 
 @contextmanager
 def _ignoring_interrupts() -> Iterator[None]:
-    """A child process started inside inherits that it ignores Ctrl-C."""
+    """Ignore Ctrl-C inside the block, so that a child process started there also ignores it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -43,7 +43,7 @@ def _ignoring_interrupts() -> Iterator[None]:
 
 @contextmanager
 def _without_main() -> Iterator[None]:
-    """Hide the file of the main module, by which spawning finds it."""
+    """Hide the spec and file of the main module, so that a spawned process does not import it."""
     main = sys.modules["__main__"]
     spec, file = main.__spec__, main.__dict__.pop("__file__", None)
     main.__spec__ = None
@@ -56,14 +56,14 @@ def _without_main() -> Iterator[None]:
 
 
 class PipeReader:
-    """Reads whole messages from a pipe in a thread, and closes it; the owner may write to it.
+    """Reads whole messages from a pipe in a thread, and closes the pipe; the owner may write to it.
 
-    If a process freezes within a message larger than the pipe's buffer, nobody waits for the thread that it blocks.
+    If a process freezes while sending a message larger than the pipe's buffer, only this thread blocks.
     """
 
     def __init__(self, connection: "Connection[Any, Any]") -> None:
         self._connection = connection
-        self._messages: Queue[bytes | None] = Queue(_MOST_MESSAGES)
+        self._messages: Queue[bytes | None] = Queue(_MAX_MESSAGES)
         self._lock = threading.Lock()
         self._closing = self._ended = self._at_end = False
         threading.Thread(target=self._read, name="pipe reader", daemon=True).start()
@@ -71,7 +71,7 @@ class PipeReader:
     def take(self, wait: float = 0.0) -> Any:
         """Return the next message, waiting at most `wait` s for it.
 
-        Raises queue.Empty if none is complete yet, EOFError at the end, and whatever unpickling a message raises.
+        Raises queue.Empty if no message is complete yet, EOFError at the end of the pipe, and any error of unpickling.
         """
         if self._at_end:
             raise EOFError
@@ -82,7 +82,7 @@ class PipeReader:
         return pickle.loads(message)
 
     def close(self) -> None:
-        """Close the pipe without waiting; the thread closes it if it still reads."""
+        """Close the pipe without waiting; if the thread is still reading, the thread closes it."""
         with self._lock:
             self._closing = True
             if self._ended:

@@ -1,4 +1,4 @@
-"""Background jobs: one warm process does them in order and can be killed in the middle of one."""
+"""Background jobs: one preloaded process executes them in order and can be killed during a job."""
 
 import logging
 import multiprocessing
@@ -21,45 +21,45 @@ from calstation.jobs.process import PipeReader, spawn_process
 
 State = Literal["waiting", "running", "done", "failed", "cancelled"]
 
-#: Shortest interval between two progress reports, s, so that a slow listener does not slow the work down.
+#: Shortest interval between two progress reports, s, so that a slow receiver does not delay the job.
 _PROGRESS_INTERVAL = 0.05
 
-#: Host time after which the worker warms up, s: the computer is busy while the window opens.
-_WARM_AFTER = 2.0
+#: Delay before the worker warms up, host time, s: the computer is busy while the window opens.
+_WARM_UP_DELAY = 2.0
 
-#: Host time that `JobQueue.close` gives to a job that uses a device and must not be killed, s.
-_DEVICE_WORK_WITHIN = 10.0
+#: Time that `JobQueue.close` waits for a job that uses a device and must not be killed, host time, s.
+_DEVICE_JOB_TIMEOUT = 10.0
 
-#: Host time for a killed process to end, s.
-_END_WITHIN = 2.0
+#: Time allowed for a killed process to exit, host time, s.
+_EXIT_TIMEOUT = 2.0
 
-#: Fraction from which the time left is estimated if the work does not report it.
+#: Smallest fraction done at which the remaining time is estimated if the job does not report it.
 _ESTIMATE_FROM = 0.02
 
 logger = logging.getLogger(__name__)
 
 
 class ProgressCallback(Protocol):
-    """Called by work to report its progress; raises if the work is no longer wanted."""
+    """Called by a job to report its progress; raises an exception if the job should end."""
 
     def __call__(self, fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-        """Report the fraction done (0 to 1), the time left, s, if known, and what is being done."""
+        """Report the fraction done (0 to 1), the remaining time, s, if known, and the current activity."""
 
 
 class Job:
-    """One piece of work as its owner sees it; no method waits."""
+    """A job as seen by its owner; no method blocks."""
 
     def __init__(self, job_queue: "JobQueue", call: bytes, cancellable: bool) -> None:
         self._job_queue = job_queue
         self._call = call
         self._reported_remaining: float | None = None
         self._reported_at = self._begun = 0.0
-        self.cancellable = cancellable  #: False for work that uses a device.
+        self.cancellable = cancellable  #: False for a job that uses a device.
         self.state: State = "waiting"
-        self.fraction = 0.0  #: Share that is done, 0 to 1.
-        self.note = ""  #: What is being done, as the work reports it.
-        self.result: Any = None  #: What the work returned, once it is done.
-        self.error: CalstationError | None = None  #: What went wrong, once it has failed.
+        self.fraction = 0.0  #: Fraction done, 0 to 1.
+        self.note = ""  #: Current activity, as reported by the job.
+        self.result: Any = None  #: Return value, once the job is done.
+        self.error: CalstationError | None = None  #: The error, once the job has failed.
 
     @property
     def ended(self) -> bool:
@@ -68,7 +68,7 @@ class Job:
 
     @property
     def remaining(self) -> float | None:
-        """Time left, s, as reported or else estimated from the fraction; None if unknown."""
+        """Remaining time, s, as reported, or else estimated from the fraction done; None if unknown."""
         if self.state != "running":
             return None
         now = time.monotonic()
@@ -80,12 +80,12 @@ class Job:
         return max(0.0, spent * (1.0 - self.fraction) / self.fraction - (now - self._reported_at))
 
     def poll(self) -> State:
-        """Process the messages of the worker and return the state. To be called from a timer."""
+        """Process messages from the worker and return the state; to be called from a timer."""
         self._job_queue.poll()
         return self.state
 
     def cancel(self) -> bool:
-        """Cancel the job, killing it if it runs. Returns false if it has ended or must not be cancelled."""
+        """Cancel the job, killing it if it is running. Returns False if it has ended or must not be cancelled."""
         return self._job_queue.cancel(self)
 
     def _begin(self) -> None:
@@ -104,10 +104,10 @@ class Job:
 
 
 class JobQueue:
-    """Does jobs in order in a process of its own, which starts at once.
+    """Executes jobs in order in a separate process, which is started immediately.
 
-    Everything proceeds in `poll` (of the queue or of any of its jobs), which never waits: a job is sent only to a
-    worker that is ready for one. `warm_up`, at the top level of a module, imports and compiles what most jobs need.
+    All processing occurs in `poll` (of the queue or of any of its jobs), which never blocks: a job is sent only to a
+    worker that is ready. `warm_up`, a function at the top level of a module, imports and compiles what most jobs need.
     """
 
     def __init__(self, warm_up: Callable[[], None] | None = None) -> None:
@@ -125,8 +125,8 @@ class JobQueue:
     def submit(self, work: Callable[..., Any], /, *args: Any, cancellable: bool = True, **kwargs: Any) -> Job:
         """Queue the call ``work(progress, *args, **kwargs)``; see `ProgressCallback`.
 
-        `work` is a function at the top level of a module; arguments and result must be picklable. Work that uses a
-        device is not `cancellable`: it is never killed.
+        `work` is a function at the top level of a module; arguments and result must be picklable. A job that uses a
+        device must not be `cancellable`: it is never killed.
         """
         if self._closed:
             raise RuntimeError("the job queue is closed")
@@ -137,22 +137,22 @@ class JobQueue:
 
     @property
     def busy(self) -> bool:
-        """Whether a job runs or waits."""
+        """Whether a job is running or waiting."""
         return self._running is not None or bool(self._waiting)
 
     @property
     def at_device(self) -> bool:
-        """Whether a job that uses a device, and is therefore not to be cancelled, runs or waits."""
+        """Whether a job that uses a device, and therefore must not be cancelled, is running or waiting."""
         return any(job is not None and not job.cancellable for job in (self._running, *self._waiting))
 
     def poll(self) -> None:
-        """Process the messages of the worker and send it the next job. Never waits."""
+        """Process messages from the worker and send it the next job; never blocks."""
         if self._closed:
             return
         self._dying = [process for process in self._dying if process.is_alive()]
         self._take()
         if self._ready and self._running is None and self._process is not None and not self._process.is_alive():
-            self._lost()
+            self._on_worker_exit()
         if self._waiting and self._process is None:
             self._start()
         if self._waiting and self._ready and self._running is None:
@@ -172,13 +172,13 @@ class JobQueue:
         return True
 
     def close(self) -> None:
-        """Cancel all jobs and end the process; a job that uses a device has 10 s to end."""
+        """Cancel all jobs and end the process; a job that uses a device has 10 s to finish."""
         if self._closed:
             return
         for job in self._waiting:
             job._end("cancelled")
         self._waiting.clear()
-        deadline = time.monotonic() + _DEVICE_WORK_WITHIN
+        deadline = time.monotonic() + _DEVICE_JOB_TIMEOUT
         while self._running is not None and not self._running.cancellable and time.monotonic() < deadline:
             self.poll()
             time.sleep(0.01)
@@ -186,7 +186,7 @@ class JobQueue:
             self._running._end("cancelled")
         self._kill()
         self._closed = True
-        deadline = time.monotonic() + _END_WITHIN
+        deadline = time.monotonic() + _EXIT_TIMEOUT
         for process in self._dying:
             process.join(max(0.0, deadline - time.monotonic()))
 
@@ -197,7 +197,7 @@ class JobQueue:
             except Empty:
                 return
             except (EOFError, OSError):
-                self._lost()
+                self._on_worker_exit()
                 return
             except Exception as error:  # noqa: BLE001 - a result that cannot be unpickled here
                 message = ("failed", _internal(error))
@@ -220,15 +220,15 @@ class JobQueue:
         assert self._connection is not None
         try:
             self._connection.send_bytes(job._call)
-        except OSError:  # the worker died while idle: the next one gets the job
+        except OSError:  # the worker died while idle: the job is sent to the next one
             self._waiting.appendleft(job)
-            self._lost()
+            self._on_worker_exit()
             return
         self._running = job
         job._begin()
 
-    def _lost(self) -> None:
-        """Fail the running job of a process that died, or the first waiting one if it never got ready."""
+    def _on_worker_exit(self) -> None:
+        """Fail the running job of a process that died, or the first waiting job if the process never became ready."""
         code = None
         if self._process is not None:
             self._process.join(0.02)
@@ -260,43 +260,43 @@ class JobQueue:
 
 
 class _QueueClosedError(BaseException):
-    """The job queue is closed; derived from BaseException so that no work catches it."""
+    """The job queue is closed; derived from BaseException so that no job catches it."""
 
 
 def _serve(connection: "Connection[Any, Any]", warm_up: Callable[[], None] | None) -> None:
     applog.configure("jobs")
     with suppress(ValueError, OSError):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the owner
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the owner handles Ctrl-C
     if warm_up is not None:
-        warm = threading.Timer(_WARM_AFTER, _try, (warm_up,))
+        warm = threading.Timer(_WARM_UP_DELAY, _try_warm_up, (warm_up,))
         warm.daemon = True
         warm.start()
     with suppress(_QueueClosedError, EOFError, OSError):
         connection.send(("ready",))
         while True:
-            _do(connection, connection.recv_bytes())
+            _run_job(connection, connection.recv_bytes())
 
 
-def _try(warm_up: Callable[[], None]) -> None:
+def _try_warm_up(warm_up: Callable[[], None]) -> None:
     with suppress(Exception):  # a job that needs it fails with the same error and reports it
         warm_up()
 
 
-def _do(connection: "Connection[Any, Any]", call: bytes) -> None:
+def _run_job(connection: "Connection[Any, Any]", call: bytes) -> None:
     try:
         work, args, kwargs = pickle.loads(call)
         result = work(_progress_of(connection), *args, **kwargs)
         answer = bytes(ForkingPickler.dumps(("done", result)))
     except CalstationError as error:
         answer = bytes(ForkingPickler.dumps(("failed", CalstationError(error.code, **error.values))))
-    except Exception as error:  # reported to the owner in its process
+    except Exception as error:  # reported to the owner in the parent process
         logger.exception("a job ended by a mistake of the program")
         answer = bytes(ForkingPickler.dumps(("failed", _internal(error))))
     connection.send_bytes(answer)
 
 
 def _internal(error: BaseException) -> CalstationError:
-    """An unexpected exception as an error of the program."""
+    """Convert an unexpected exception to an internal error of the program."""
     text = " ".join(str(error).split())
     detail = f"{type(error).__name__}: {text}" if text else type(error).__name__
     return CalstationError("program.internal", detail=detail)

@@ -1,4 +1,4 @@
-"""The message catalogue: every error, event, finding and term that a person reads, in English and Chinese."""
+"""The message catalogue: all errors, events, findings and terms shown to users, in English and Chinese."""
 
 import lazy_loader as lazy
 

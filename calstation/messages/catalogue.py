@@ -1,4 +1,4 @@
-"""Reads the catalogue: one TOML file per family, one table per code (``table.no_answer`` is ``[no_answer]`` in
+"""Read the catalogue: one TOML file per family and one table per code (``table.no_answer`` is ``[no_answer]`` in
 ``catalogue/table.toml``)."""
 
 import re
@@ -13,33 +13,33 @@ Severity = Literal["info", "warning", "error"]
 
 @dataclass(frozen=True)
 class Entry:
-    """One message."""
+    """One message of the catalogue."""
 
-    code: str  #: Family and name, ``table.no_answer``.
+    code: str  #: Family and name, such as ``table.no_answer``.
     text: str  #: What happened, with the names of its values in braces.
     remedy: str = ""  #: What to do; may be empty.
-    window: str = ""  #: What to do, where the window offers another way than the command line; empty where it does not.
+    window: str = ""  #: Remedy in the window if it differs from that of the command line; empty otherwise.
     zh: str = ""  #: Text in Chinese.
-    zh_remedy: str = ""  #: Remedy in Chinese, as the window shows it.
+    zh_remedy: str = ""  #: Remedy in Chinese, as shown in the window.
     severity: Severity = "error"
-    #: Where the cause is: a code of the family ``source``, such as ``table``, or a value in braces that has one; empty
-    #: if it needs no name.
+    #: Location of the cause: a name of the family ``source``, such as ``table``, or a value in braces that provides
+    #: one; empty if no location is shown.
     source: str = ""
     resettable: bool = False  #: Whether an operator may reset the fault on the device.
 
 
 def families() -> tuple[str, ...]:
-    """Names of all families, sorted."""
+    """Return the names of all families, sorted."""
     files = resources.files("calstation.messages").joinpath("catalogue").iterdir()
     return tuple(sorted(file.name.removesuffix(".toml") for file in files if file.name.endswith(".toml")))
 
 
 @cache
 def family(name: str) -> dict[str, Entry]:
-    """All entries of a family by their codes; empty for an unknown family. Raises TypeError for an unknown key.
+    """Return all entries of a family by code; empty for an unknown family. Raises TypeError for an unknown key.
 
-    A table ``[defaults]`` at the top of the file gives `severity` and `source` for all of its entries. A term may be
-    written in one line: ``rate = ["Rate", "速率"]``.
+    A table ``[defaults]`` at the top of the file sets the default `severity` and `source` of its entries. A term may be
+    written on one line: ``rate = ["Rate", "速率"]``.
     """
     file = resources.files("calstation.messages").joinpath("catalogue", f"{name}.toml")
     if not name.isidentifier() or not file.is_file():
@@ -55,10 +55,10 @@ def family(name: str) -> dict[str, Entry]:
 
 
 def known(code: str) -> bool:
-    """Whether the catalogue has this code."""
+    """Whether the catalogue contains this code."""
     return re.fullmatch(r"[a-z_]+\.\w+", code) is not None and code in family(code.partition(".")[0])
 
 
 def entry(code: str) -> Entry:
-    """The entry of a code. Raises KeyError for an unknown code."""
+    """Return the entry of a code. Raises KeyError for an unknown code."""
     return family(code.partition(".")[0])[code]

@@ -1,4 +1,4 @@
-"""Messages of progress events, from their short ids and from the labels of steps."""
+"""Build the messages of progress events from event ids and step labels."""
 
 from collections.abc import Mapping
 
@@ -19,7 +19,7 @@ _STEP_VALUES = {
 
 
 def event_text(event_id: str, values: Mapping[str, Value]) -> Text:
-    """The message of a progress event; an unknown id is shown with its values."""
+    """Return the message of a progress event; an unknown id is shown with its values."""
     code = f"event.{event_id}"
     if known(code):
         return Text(code, values)
@@ -28,7 +28,7 @@ def event_text(event_id: str, values: Mapping[str, Value]) -> Text:
 
 
 def step_text(kind: str, label: tuple[str | float, ...]) -> Text:
-    """What a step does, from its kind (``move``, ``dwell``, ``carry``) and the label that its plan gave it."""
+    """Return the description of a step from its kind (``move``, ``dwell``, ``carry``) and the label set by its plan."""
     if kind == "dwell":
         return Text("step.dwell")
     if not label:

@@ -1,4 +1,4 @@
-"""Messages as values, and their sentences in one language."""
+"""Messages as data, and their rendering in one language."""
 
 import errno
 import string
@@ -11,11 +11,11 @@ from calstation.messages.catalogue import entry, known
 
 Language = Literal["en", "zh_CN"]
 
-#: What a message may carry: JSON values, or another message as a part of its sentence.
+#: Type of a message's values: JSON data, or another message that becomes part of the sentence.
 Value = Any
 
-#: Values that the command line adds, so that the commands in remedies can be typed as they stand: options that name
-#: station and product, and the folder of the runs. Without them, and in the window, they are empty.
+#: Values that the command line adds so that the commands in remedies can be copied unchanged: the options that select
+#: station and product, and the run folder. Otherwise, and in the window, they are empty.
 COMMAND_OPTIONS = ("station_options", "out_option")
 
 _OS_REASONS = {
@@ -44,27 +44,27 @@ _OS_REASONS = {
 
 @dataclass(frozen=True)
 class Text:
-    """A catalogue code with its values; may stand as a value inside another message."""
+    """A catalogue code with its values; may itself be a value of another message."""
 
     code: str
     values: Mapping[str, Value] = field(default_factory=dict)
 
     @classmethod
     def of(cls, code: str, **values: Value) -> "Text":
-        """The message of a code with these values."""
+        """Create the message of a code with these values."""
         return cls(code, values)
 
     def __str__(self) -> str:
         return sentence(self)
 
     def to_json(self) -> dict[str, Any]:
-        """JSON-ready: code and values, messages inside likewise."""
+        """Return code and values as JSON data; nested messages are converted likewise."""
         return {"code": self.code, "values": values_to_json(self.values)}
 
 
 @dataclass(frozen=True)
 class Rendered:
-    """A message in one language: where its cause is (may be empty), what happened, what to do (may be empty)."""
+    """A message in one language: location of the cause (may be empty), what happened, and what to do (may be empty)."""
 
     source: str
     text: str
@@ -77,14 +77,14 @@ class Rendered:
 
     @property
     def line(self) -> str:
-        """The whole message in one line, its source first."""
+        """The whole message on one line, starting with its source."""
         return f"{self.source}: {self.sentences}" if self.source else self.sentences
 
 
 def render(code: str, values: Mapping[str, Value], language: Language = "en", *, window: bool = False) -> Rendered:
-    """The sentences of a message; raises KeyError for an unknown code or a missing value.
+    """Render a message in one language. Raises KeyError for an unknown code or a missing value.
 
-    With `window`, remedies may name what only the window has, such as its buttons; in Chinese they always may.
+    With `window`, remedies may refer to elements of the window, such as buttons; in Chinese they always may.
     """
     found = entry(code)
     options = {name: values[name] for name in COMMAND_OPTIONS if name in values}
@@ -98,34 +98,34 @@ def render(code: str, values: Mapping[str, Value], language: Language = "en", *,
 
 
 def sentence(message: Text, language: Language = "en", *, window: bool = False) -> str:
-    """A message in one line."""
+    """Render a message on one line."""
     return render(message.code, message.values, language, window=window).line
 
 
 def term(family: str, name: str, language: Language = "en", **values: Value) -> str:
-    """A term of a family, such as the stage ``rate``; a name that the catalogue lacks is shown with blanks for `_`."""
+    """Return a term of a family, such as the stage ``rate``; in an unknown name, blanks replace `_`."""
     code = f"{family}.{name}"
     return render(code, values, language).text if known(code) else str(name).replace("_", " ")
 
 
 def os_reason(error: OSError) -> Text:
-    """Why the operating system refused, as a message that can be translated."""
+    """Return the reason for an operating-system error as a translatable message."""
     code = _OS_REASONS.get(error.errno or 0)
     return Text(code) if code else Text.of("os.other", words=error.strerror or str(error))
 
 
 def values_to_json(values: Mapping[str, Value]) -> dict[str, Any]:
-    """Values of a message as JSON has them: paths as text, NumPy scalars as numbers, messages as tables."""
+    """Convert the values of a message to JSON: paths to text, NumPy scalars to numbers, messages to objects."""
     return {name: _to_json(value) for name, value in values.items()}
 
 
 def values_from_json(values: Mapping[str, Any]) -> dict[str, Value]:
-    """What `values_to_json` wrote, messages inside restored."""
+    """Restore values written by `values_to_json`, including nested messages."""
     return {name: _from_json(value) for name, value in values.items()}
 
 
 class _Formatter(string.Formatter):
-    """`str.format` with additions: messages are rendered, and ``{axis:@joint}`` shows a term of a family."""
+    """A `str.format` that also renders nested messages and the terms of a family (``{axis:@joint}``)."""
 
     def __init__(self, language: Language, window: bool, options: Mapping[str, Value]) -> None:
         self._language: Language = language

@@ -1,6 +1,6 @@
 """Error model, earth, strapdown, table geometry, motion steps and units.
 
-No filter, file or device.
+This package uses no filter, file or device.
 """
 
 import lazy_loader as lazy

@@ -1,31 +1,31 @@
-"""The rotating WGS-84 earth at a site: rotation rate and gravity in the local level (ENU) frame.
+"""Rotation rate and gravity of the WGS-84 earth at a site, in the local level (ENU) frame.
 
 References
 ----------
-NIMA TR8350.2, *World Geodetic System 1984*, 3rd ed., chapters 3 and 4 (Somigliana's closed form 4-1 and
-its continuation in height 4-3).
+NIMA TR8350.2, *World Geodetic System 1984*, 3rd ed., chapters 3 and 4 (the Somigliana formula 4-1 and
+its extension in height 4-3).
 """
 
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
 
-#: Rotation rate of the earth in rad/s.
+#: Rotation rate of the earth, rad/s.
 RATE = 7.292115e-5
-#: Semi-major axis in m.
+#: Semi-major axis of the ellipsoid, m.
 SEMI_MAJOR_AXIS = 6378137.0
 #: Flattening of the ellipsoid.
 FLATTENING = 1.0 / 298.257223563
-#: GM in m³/s².
+#: Gravitational parameter GM, m³/s².
 GRAVITATIONAL_PARAMETER = 3.986004418e14
-#: Normal gravity at the equator in m/s².
+#: Normal gravity at the equator, m/s².
 EQUATOR_GRAVITY = 9.7803253359
-#: Normal gravity at the poles in m/s².
+#: Normal gravity at the poles, m/s².
 POLE_GRAVITY = 9.8321849378
 
 
 def normal_gravity(latitude: float, height: float) -> float:
-    """Normal gravity in m/s² at geodetic latitude (rad) and height (m); TR8350.2, 4-1 and 4-3."""
+    """Return the normal gravity, m/s², at geodetic latitude, rad, and height, m (TR8350.2, 4-1 and 4-3)."""
     a, f = SEMI_MAJOR_AXIS, FLATTENING
     b = a * (1.0 - f)
     sin2 = np.sin(latitude) ** 2
@@ -37,5 +37,5 @@ def normal_gravity(latitude: float, height: float) -> float:
 
 
 def rotation_rate(latitude: float) -> FloatArray:
-    """Rotation rate of the earth in ENU at `latitude` (rad), rad/s, shape (3,)."""
+    """Return the rotation rate of the earth in ENU at `latitude`, rad, in rad/s, shape (3,)."""
     return np.array([0.0, RATE * np.cos(latitude), RATE * np.sin(latitude)])

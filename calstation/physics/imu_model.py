@@ -1,4 +1,4 @@
-"""Compensation of raw IMU output by the error model's parameters."""
+"""Compensation of raw IMU output with the parameters of the error model."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,7 @@ from calstation.physics.parameters import group_matrix, group_vector
 
 
 class Compensation(NamedTuple):
-    """Constants that turn raw output into angular rate and specific force at the IMU's reference point."""
+    """Constants that convert raw output to angular rate and specific force at the reference point of the IMU."""
 
     gyro_inverse: FloatArray  #: (I + M_g)⁻¹, shape (3, 3)
     gyro_bias: FloatArray  #: rad/s, shape (3,)
@@ -21,7 +21,7 @@ class Compensation(NamedTuple):
 
 
 def compensation(parameters: FloatArray) -> Compensation:
-    """Compensation constants of a parameter vector, shape (30,), SI."""
+    """Compute the compensation constants of a parameter vector, SI, shape (30,)."""
     return Compensation(
         _inverse(parameters, "gyro_scale", "gyro_misalign"),
         group_vector(parameters, "gyro_bias"),
@@ -38,9 +38,9 @@ def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
 
 
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Angular rate, rad/s, and specific force, m/s², at the reference point from raw mean rates, shape (n, 3).
+    """Return angular rate, rad/s, and specific force, m/s², at the reference point from raw output, shape (n, 3).
 
-    The second-order term takes three steps of fixed-point iteration, whose error is (2 K2 f)³ of the term itself.
+    The second-order term is found by three fixed-point iterations, whose relative error is (2 K2 f)³.
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
     linear = accel - c.accel_bias

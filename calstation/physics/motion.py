@@ -1,4 +1,4 @@
-"""The kinds of step of a plan; preview, sequencer and simulation interpret them."""
+"""The step types of a plan, which preview, sequencer and simulation interpret."""
 
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -6,18 +6,18 @@ from typing import TypeAlias
 
 @dataclass(frozen=True)
 class Prepare:
-    """Power, wait for ready, home if not homed, warm up."""
+    """Switch the power on, wait until ready, home if not homed, and warm up."""
 
 
 @dataclass(frozen=True)
 class Move:
-    """Drive both joints to absolute cumulative angles; a whole turn is a move of 2π."""
+    """Move both joints to absolute cumulative angles; a full revolution is a move of 2π."""
 
-    outer: float  #: Target joint angle, rad, cumulative (never modulo 2π).
-    inner: float  #: As `outer`.
+    outer: float  #: Target angle of the outer joint, rad, cumulative (never modulo 2π).
+    inner: float  #: Target angle of the inner joint, rad, cumulative.
     rate: float  #: Largest joint rate, rad/s.
     acceleration: float  #: Joint acceleration, rad/s².
-    label: tuple[str | float, ...] = ()  #: Message id and values for the listener, e.g. ("turn_about", "y", 90).
+    label: tuple[str | float, ...] = ()  #: Message id and values for progress events, e.g. ("turn_about", "y", 90).
 
 
 @dataclass(frozen=True)
@@ -29,21 +29,21 @@ class Dwell:
 
 @dataclass(frozen=True)
 class RoundEnd:
-    """A point where a repeated plan may end: `rounds` rounds are complete and the stop rule applies."""
+    """End of a round of a repeated plan: `rounds` rounds are complete and the stop rule is evaluated."""
 
     rounds: int
 
 
 @dataclass(frozen=True)
 class Carry:
-    """Have the operator turn both rails of a manual rig to about these angles and leave it at rest."""
+    """Ask the operator to turn both rails of a manual rig to approximately these angles and leave it at rest."""
 
-    outer: float  #: Target rail angle, rad, cumulative.
-    inner: float  #: As `outer`.
-    rest: float  #: Rest required there, s.
-    travel_time: float  #: Expected time to get there, s.
+    outer: float  #: Target angle of the outer rail, rad, cumulative.
+    inner: float  #: Target angle of the inner rail, rad, cumulative.
+    rest: float  #: Required rest at the position, s.
+    travel_time: float  #: Expected time to reach the position, s.
     index: int  #: Number of this position, from 1.
-    count: int  #: Number of all positions.
+    count: int  #: Total number of positions.
 
 
 @dataclass(frozen=True)

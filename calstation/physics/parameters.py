@@ -1,9 +1,9 @@
-"""The error model's 30 parameters: names, order, units and matrix elements.
+"""The 30 parameters of the error model: names, order, units and matrix elements.
 
     gyro   measured = (I + M_g) ω + b_g + noise                 M_g full 3×3
     accel  measured = (I + M_a) f + K2 ∘ f² + b_a + noise       M_a lower triangular
 
-Values are relative to the nominal scale of the IMU's profile.
+Values are relative to the nominal scale in the IMU's profile.
 """
 
 from dataclasses import dataclass
@@ -17,15 +17,15 @@ AXES = "xyz"
 
 @dataclass(frozen=True)
 class Parameter:
-    """One scalar of the error model."""
+    """A scalar parameter of the error model."""
 
     name: str  #: Contract name, e.g. ``gyro_misalign_xy``.
     unit: str  #: SI unit as written in files.
-    group: str  #: Name without its axis, e.g. ``gyro_misalign``.
+    group: str  #: Name without the axis, e.g. ``gyro_misalign``.
     sensor: str  #: ``gyro``, ``accel`` or ``lever``.
-    row: int  #: Of the group's matrix; for vectors the axis index.
-    column: int  #: Of the group's matrix; for vectors the axis index.
-    prior_sigma: float  #: Standard deviation, in `unit`, when neither a profile nor a log states one.
+    row: int  #: Row in the matrix of the group; for vectors the axis index.
+    column: int  #: Column in the matrix of the group; for vectors the axis index.
+    prior_sigma: float  #: Standard deviation, in `unit`, if neither a profile nor a log specifies one.
 
 
 def _vector(group: str, sensor: str, unit: str, prior_sigma: float) -> list[Parameter]:
@@ -39,7 +39,7 @@ def _matrix(group: str, sensor: str, pairs: str, prior_sigma: float) -> list[Par
     ]
 
 
-#: All parameters in the order of every state vector, file and table.
+#: All parameters, in the order used in state vectors, files and tables.
 PARAMETERS: tuple[Parameter, ...] = tuple(
     _vector("gyro_bias", "gyro", "rad/s", 1e-2)
     + _vector("gyro_scale", "gyro", "1", 2e-2)
@@ -55,15 +55,15 @@ PARAMETERS: tuple[Parameter, ...] = tuple(
 
 @dataclass(frozen=True)
 class PairParameter:
-    """One scalar of a secondary IMU relative to the primary one, `secondary measured = C · primary + b`."""
+    """A scalar parameter of a secondary IMU relative to the primary: `secondary measured = C · primary + b`."""
 
     name: str  #: Contract name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``.
     unit: str  #: SI unit as written in files.
-    group: str  #: Name without its axes.
-    neutral: float = 0.0  #: Value of a secondary identical to the primary.
+    group: str  #: Name without the axes.
+    neutral: float = 0.0  #: Value for a secondary that is identical to the primary.
 
 
-#: Parameters of cross-calibration in the order of every table.
+#: Parameters of cross-calibration, in the order used in tables.
 PAIR_PARAMETERS: tuple[PairParameter, ...] = (
     *(
         PairParameter(f"secondary_{sensor}_{what}", unit, f"secondary_{sensor}_{kind}", neutral)
@@ -79,14 +79,14 @@ PAIR_PARAMETERS: tuple[PairParameter, ...] = (
 
 
 def pair_name(name: str, number: int) -> str:
-    """A pair parameter's name for the IMU `number`; only the third and further IMUs have their number in it."""
+    """Return the name of a pair parameter for IMU `number`; the name contains the number from the third IMU on."""
     if number == 2:
         return name
     return name.replace("secondary_", f"secondary{number}_", 1) if "secondary" in name else f"{name}{number}"
 
 
 def pair_parameter(name: str) -> PairParameter | None:
-    """The pair parameter of a name with or without IMU number; None if the name is unknown."""
+    """Return the pair parameter for a name with or without IMU number; None if the name is unknown."""
     return _PAIR.get(name.translate(_NO_DIGITS))
 
 
@@ -100,12 +100,12 @@ GROUPS: tuple[str, ...] = tuple(dict.fromkeys(p.group for p in PARAMETERS))
 
 
 def group_indices(group: str) -> list[int]:
-    """Indices of a group's parameters in the parameter vector."""
+    """Return the indices of a group in the parameter vector."""
     return [i for i, p in enumerate(PARAMETERS) if p.group == group]
 
 
 def group_matrix(values: FloatArray, *groups: str) -> FloatArray:
-    """Parameters of `groups` as a matrix, shape (3, 3), zero elsewhere."""
+    """Return the parameters of `groups` as a matrix, shape (3, 3), with zeros elsewhere."""
     matrix = np.zeros((3, 3))
     for i, p in enumerate(PARAMETERS):
         if p.group in groups:
@@ -114,5 +114,5 @@ def group_matrix(values: FloatArray, *groups: str) -> FloatArray:
 
 
 def group_vector(values: FloatArray, group: str) -> FloatArray:
-    """Parameters of a three-component group, shape (3,)."""
+    """Return the parameters of a three-component group, shape (3,)."""
     return np.asarray(values)[group_indices(group)].astype(np.float64)

@@ -1,4 +1,4 @@
-"""Rotation algebra: cross-product matrices, rotation vectors, directions."""
+"""Rotation algebra: cross-product matrices, rotation vectors and directions."""
 
 import numba as nb
 import numpy as np
@@ -7,14 +7,14 @@ from calstation.physics.arrays import FloatArray
 
 
 def skew(v: FloatArray) -> FloatArray:
-    """Cross-product matrix, `skew(v) @ u == cross(v, u)`, shape (3, 3)."""
+    """Return the cross-product matrix, `skew(v) @ u == cross(v, u)`, shape (3, 3)."""
     x, y, z = v
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 @nb.njit(cache=True)
 def rotation_matrix(rotvec: FloatArray) -> FloatArray:
-    """Rotation by a rotation vector (rad), shape (3, 3); Rodrigues' formula."""
+    """Return the rotation matrix of a rotation vector, rad, shape (3, 3) (Rodrigues' formula)."""
     x, y, z = rotvec[0], rotvec[1], rotvec[2]
     angle2 = x * x + y * y + z * z
     if angle2 < 1e-12:
@@ -33,13 +33,13 @@ def rotation_matrix(rotvec: FloatArray) -> FloatArray:
 
 
 def axis_rotation(axis: FloatArray | tuple[float, float, float], angle: float) -> FloatArray:
-    """Right-handed rotation by `angle` (rad) about a unit `axis`, shape (3, 3)."""
+    """Return the right-handed rotation by `angle`, rad, about a unit `axis`, shape (3, 3)."""
     return np.asarray(rotation_matrix(np.asarray(axis, dtype=np.float64) * angle))
 
 
 @nb.njit(cache=True)
 def rotation_vector(C: FloatArray) -> FloatArray:
-    """Rotation vector (rad) of a rotation matrix, shape (3,), for angles up to π."""
+    """Return the rotation vector, rad, shape (3,), of a rotation matrix, for angles up to π."""
     v = np.array([C[2, 1] - C[1, 2], C[0, 2] - C[2, 0], C[1, 0] - C[0, 1]])
     sine = 0.5 * np.sqrt(v[0] ** 2 + v[1] ** 2 + v[2] ** 2)
     cosine = 0.5 * (C[0, 0] + C[1, 1] + C[2, 2] - 1.0)
@@ -60,14 +60,14 @@ def rotation_vector(C: FloatArray) -> FloatArray:
 
 
 def angle_about(axis: FloatArray, start: FloatArray, end: FloatArray) -> float:
-    """Angle (rad) about a unit `axis` that turns `start` towards `end` (Paden-Kahan subproblem 1)."""
+    """Return the angle, rad, about a unit `axis` that rotates `start` towards `end` (Paden-Kahan subproblem 1)."""
     u = start - axis * (axis @ start)
     w = end - axis * (axis @ end)
     return float(np.arctan2(axis @ np.cross(u, w), u @ w))
 
 
 def level_attitude(up_b: FloatArray) -> FloatArray:
-    """An attitude C_bn with `up_b` (any length) upward and arbitrary heading, shape (3, 3)."""
+    """Return an attitude C_bn, shape (3, 3), with `up_b` (of any length) upward and arbitrary heading."""
     up = up_b / np.linalg.norm(up_b)
     reference = np.zeros(3)
     reference[int(np.argmin(np.abs(up)))] = 1.0

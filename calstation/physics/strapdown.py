@@ -1,7 +1,7 @@
-"""Strapdown navigation at the IMU's rate with the transition matrix of its errors, compiled.
+"""Compiled strapdown navigation at the sample rate, with the transition matrix of its errors.
 
-State order of the errors: φ (0:3), δv (3:6), δp (6:9), the 30 parameters (9:39), where
-`C_true = (I + [φ×]) C_computed`, `v_true = v + δv`. With ω, f compensated by the assumed parameters:
+The order of the error states is φ (0:3), δv (3:6), δp (6:9), the 30 parameters (9:39), where
+`C_true = (I + [φ×]) C_computed`, `v_true = v + δv`. With ω, f compensated with the assumed parameters:
 
     φ̇  = −Ω×φ + C δω                 δv̇ = −[C f×] φ − 2Ω×δv + C δf              δṗ = δv
     δω = −(I+M_g)⁻¹ (δb_g + δM_g ω)
@@ -11,7 +11,7 @@ References
 ----------
 P. G. Savage, *Strapdown Inertial Navigation Integration Algorithm Design*, J. Guidance Control Dynamics
 21(1-2), 1998: coning and sculling from the last and the present increment;
-the third-order term is that of ω constant and f quadratic over the sample.
+the third-order term assumes constant ω and quadratic f over the sample.
 P. D. Groves, *Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems*, 2nd ed., ch. 14.
 """
 
@@ -30,16 +30,16 @@ PARAMETER_START = 9
 class IntervalWork(NamedTuple):
     """State and output of `propagate` for one interval."""
 
-    transition: FloatArray  #: F over the interval, shape (39, 39).
-    attitude: FloatArray  #: C_bn, shape (3, 3), read and advanced.
-    velocity: FloatArray  #: v in n, m/s, shape (3,), read and advanced.
-    rate: FloatArray  #: Angular rate ω_ib at the interval's end, rad/s, shape (3,).
-    rate_jacobian: FloatArray  #: ∂ω/∂parameters there, shape (3, 30).
+    transition: FloatArray  #: Transition matrix over the interval, shape (39, 39).
+    attitude: FloatArray  #: C_bn, shape (3, 3), updated in place.
+    velocity: FloatArray  #: v in n, m/s, shape (3,), updated in place.
+    rate: FloatArray  #: Angular rate ω_ib at the end of the interval, rad/s, shape (3,).
+    rate_jacobian: FloatArray  #: ∂ω/∂parameters at the end of the interval, shape (3, 30).
     force: FloatArray  #: Mean specific force in n, m/s², shape (3,).
 
 
 def interval_work() -> IntervalWork:
-    """Fresh arrays for `propagate`."""
+    """Allocate the arrays for `propagate`."""
     return IntervalWork(np.eye(STATES), np.eye(3), np.zeros(3), np.zeros(3), np.zeros((3, 30)), np.zeros(3))
 
 
@@ -52,7 +52,7 @@ def _cross(a: FloatArray, b: FloatArray, out: FloatArray) -> None:
 
 @nb.njit(cache=True)
 def _exponential(rotvec: FloatArray, E: FloatArray) -> None:
-    """Rotation matrix of a rotation vector (rad) into `E`; Rodrigues' formula."""
+    """Write the rotation matrix of a rotation vector, rad, to `E` (Rodrigues' formula)."""
     angle2 = rotvec[0] ** 2 + rotvec[1] ** 2 + rotvec[2] ** 2
     if angle2 < 1e-8:
         a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
@@ -73,7 +73,7 @@ def _exponential(rotvec: FloatArray, E: FloatArray) -> None:
 
 @nb.njit(cache=True)
 def _correct(c: Compensation, gyro: FloatArray, accel: FloatArray, omega: FloatArray, force: FloatArray) -> None:
-    """Angular rate, and specific force before the size effect is added, from one raw sample's rates."""
+    """Compute angular rate and specific force, without size effect, from one raw sample."""
     for i in range(3):
         omega[i] = 0.0
         for j in range(3):
@@ -92,7 +92,7 @@ def _correct(c: Compensation, gyro: FloatArray, accel: FloatArray, omega: FloatA
 
 @nb.njit(cache=True)
 def _rate_jacobian(c: Compensation, omega: FloatArray, out: FloatArray) -> None:
-    """∂ω/∂(gyro bias 0:3, scale 3:6, misalignments 6:12) = −(I+M_g)⁻¹ [I, diag ω, ...], shape (3, ≥12)."""
+    """Write ∂ω/∂(gyro bias 0:3, scale 3:6, misalignments 6:12) = −(I+M_g)⁻¹ [I, diag ω, ...], shape (3, ≥12)."""
     for i in range(3):
         for j in range(3):
             out[i, j] = -c.gyro_inverse[i, j]
@@ -109,7 +109,7 @@ def _rate_jacobian(c: Compensation, omega: FloatArray, out: FloatArray) -> None:
 def _force_jacobian(
     c: Compensation, omega: FloatArray, force: FloatArray, rate_jacobian: FloatArray, out: FloatArray
 ) -> None:
-    """∂f/∂parameters at the reference point: gyro terms (0:12), accelerometer (12:24), inner lever (24:27)."""
+    """Write ∂f/∂parameters at the reference point: gyro terms (0:12), accelerometer (12:24), inner lever (24:27)."""
     for i in range(3):
         for j in range(3):  # first-order inverse of I + M_a + 2 diag(K2 f): K2 f is a few 1e-4 at most
             inverse = c.accel_inverse[i, j] * (1.0 - 2.0 * c.quadratic[j] * force[j])
@@ -145,7 +145,7 @@ def propagate(
     stop: int,
     work: IntervalWork,
 ) -> None:
-    """Advance attitude and velocity over samples `start` to `stop` and write the interval's transition.
+    """Integrate attitude and velocity over samples `start` to `stop` and write the transition over this interval.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def propagate(
     earth, gravity : earth rate in n, rad/s, shape (3,), and gravity, m/s²
     dt : sample period, s
     gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
-    start, stop : samples of this interval; the samples before and after it serve coning and the end rate
+    start, stop : samples of this interval; those before and after it are used for coning and the end rate
     work : state and output
     """
     C, v, F = work.attitude, work.velocity, work.transition
@@ -178,8 +178,8 @@ def propagate(
     for k in range(start, stop):
         _correct(c, gyro[k], accel[k], omega, force)
         _rate_jacobian(c, omega, jw)
-        # parameters act on the force that gravity and the turn demand: the measured one carries its own noise,
-        # which an observation of the same noise would take for a signal
+        # parameter errors act on the force implied by gravity and rotation: the measured force contains noise,
+        # which an observation with the same noise would mistake for a signal
         _cross(omega, c.outer_lever, step)
         _cross(omega, step, demanded)
         for i in range(3):
@@ -189,7 +189,7 @@ def propagate(
             force[i] += c.inner_lever[i] * jf[i, 24 + i]
 
         # rotation and velocity increments in b: coning, sculling, and the third-order term ωdt×(ωdt×f dt)/6 without
-        # which gravity seen from a steadily turning body is short by (ω dt)²/6
+        # which gravity in a steadily rotating body is too small by (ω dt)²/6
         _cross(last_omega, omega, cross)
         for i in range(3):
             rotvec[i] = omega[i] * dt + cross[i] * dt * dt / 12.0
@@ -233,7 +233,7 @@ def propagate(
             for j in range(3):
                 C[i, j] = turned[i, j]
 
-        # transition blocks of the parameters, midpoint rule
+        # transition blocks of the parameters by the midpoint rule
         for i in range(3):
             force_moment[i] += (force_sum[i] + 0.5 * f_n[i] * dt) * dt
             force_sum[i] += f_n[i] * dt
@@ -256,7 +256,7 @@ def propagate(
             last_omega[i] = omega[i]
             last_force[i] = force[i]
 
-    # the rate at the end lies between the last sample and the next
+    # the rate at the end is the mean of the last sample and the next
     if stop < gyro.shape[0]:
         _correct(c, gyro[stop], accel[stop], omega, force)
         for i in range(3):
@@ -280,7 +280,7 @@ def propagate(
 def write_navigation_block(
     F: FloatArray, earth: FloatArray, force_sum: FloatArray, force_moment: FloatArray, T: float
 ) -> None:
-    """Write the φ and δv columns of a transition over T s, to first order in Ω T.
+    """Write the φ and δv columns of the transition matrix over T s, to first order in Ω T.
 
     `force_sum` and `force_moment` are ∫f dt and ∬f dt² in n, m/s and m, shape (3,).
     """
@@ -302,7 +302,7 @@ def write_navigation_block(
 
 @nb.njit(cache=True)
 def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop: int) -> FloatArray:
-    """Rotation of the body from one sample to another relative to inertial space, C_b(start)←b(stop), shape (3, 3)."""
+    """Return the body rotation between two samples relative to inertial space, C_b(start)←b(stop), shape (3, 3)."""
     B, K, turned = np.eye(3), np.zeros((3, 3)), np.empty((3, 3))
     omega, last, cross, rotvec = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     before = start - 1 if start > 0 else start
@@ -326,7 +326,7 @@ def body_rotation(c: Compensation, dt: float, gyro: FloatArray, start: int, stop
 
 @nb.njit(cache=True)
 def dynamics(c: Compensation, omega: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """∂ω/∂p and ∂f/∂p for the 27 parameters before the outer lever, SI, shape (3, 27), at one rate and force."""
+    """Return ∂ω/∂p and ∂f/∂p, SI, shape (3, 27), of all parameters but the outer lever at a given rate and force."""
     rate_jacobian, force_jacobian = np.zeros((3, 27)), np.zeros((3, 27))
     _rate_jacobian(c, omega, rate_jacobian)
     _force_jacobian(c, omega, force, rate_jacobian, force_jacobian)

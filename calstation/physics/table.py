@@ -1,7 +1,7 @@
-"""Two-axis table geometry for arbitrary axis directions: attitudes, and joint moves that turn about a body axis.
+"""Two-axis table geometry for arbitrary axis directions: attitudes, and joint moves that rotate about a body axis.
 
-`C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner)`. Joint angles that bring a body direction upward are
-Paden-Kahan subproblem 2 (Murray, Li, Sastry, *A Mathematical Introduction to Robotic Manipulation*, 1994, 3.3).
+`C_bn = Rz(-azimuth) · R(outer_axis, outer) · R(inner_axis, inner)`. The joint angles that point a body direction upward
+solve Paden-Kahan subproblem 2 (Murray, Li, Sastry, *A Mathematical Introduction to Robotic Manipulation*, 1994, 3.3).
 """
 
 from dataclasses import dataclass, field
@@ -14,16 +14,16 @@ from calstation.physics.rotation import angle_about, axis_rotation
 
 UP = np.array([0.0, 0.0, 1.0])
 OUTER, INNER = 0, 1
-#: Names of the joints in messages, files and the catalogue.
+#: Names of the joints in messages, files and the message catalogue.
 JOINTS = ("outer", "inner")
 
-#: Largest angle between a reached and a requested direction, rad.
+#: Largest permitted angle between the achieved and the requested direction, rad.
 _REACH = np.deg2rad(5.0)
 
 
 @dataclass(frozen=True)
 class JointLimits:
-    """Travel, rate and acceleration limits of the joints, outer then inner; rad, rad/s, rad/s²."""
+    """Travel (rad), rate (rad/s) and acceleration (rad/s²) limits of the outer and the inner joint."""
 
     low: tuple[float, float] = (-np.inf, -np.inf)
     high: tuple[float, float] = (np.inf, np.inf)
@@ -31,37 +31,37 @@ class JointLimits:
     acceleration: tuple[float, float] = (np.inf, np.inf)
 
     def within(self, joint: int, angle: float) -> bool:
-        """Whether `angle` (rad) lies in the joint's travel, with 1e-9 rad for rounding."""
+        """Whether `angle`, rad, is within the travel of the joint, with a tolerance of 1e-9 rad for rounding."""
         return self.low[joint] - 1e-9 <= angle <= self.high[joint] + 1e-9
 
 
 @dataclass(frozen=True)
 class BodyTurn:
-    """How to turn about a body axis."""
+    """Joint motion that rotates about a body axis."""
 
-    joint: int  #: 0 outer, 1 inner
-    sign: int  #: Joint turn per body turn, ±1
-    inner: float | None  #: Inner angle at which to turn, rad; None if any will do.
+    joint: int  #: Index of the joint: 0 outer, 1 inner.
+    sign: int  #: Joint rotation per body rotation, ±1.
+    inner: float | None  #: Inner angle required for the rotation, rad; None for any angle.
 
 
 @dataclass(frozen=True)
 class TableGeometry:
-    """Axes in b at home (both joints 0) and limits of a two-axis table."""
+    """Axes of a two-axis table, expressed in b at home (both joints 0), and its limits."""
 
     outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     limits: JointLimits = field(default_factory=JointLimits)
 
     def body_to_home(self, outer: float, inner: float) -> FloatArray:
-        """Rotation from b to b at home for joint angles in rad, shape (3, 3)."""
+        """Return the rotation from b to b at home at joint angles in rad, shape (3, 3)."""
         return axis_rotation(self.outer_axis, outer) @ axis_rotation(self.inner_axis, inner)
 
     def body_to_level(self, outer: float, inner: float, azimuth: float) -> FloatArray:
-        """`C_bn` (ENU) for joint angles and the heading of +y at home, rad, shape (3, 3)."""
+        """Return `C_bn` (ENU), shape (3, 3), at joint angles and heading of +y at home, rad."""
         return axis_rotation((0.0, 0.0, 1.0), -azimuth) @ self.body_to_home(outer, inner)
 
     def nearest(self, joint: int, angle: float, near: float) -> float:
-        """`angle` plus whole turns, closest to `near` in the travel, rad. Raises ConfigurationError if none is."""
+        """Return `angle` plus full turns nearest to `near`, rad. Raises ConfigurationError if none is in the travel."""
         turn = 2.0 * np.pi
         reachable = np.clip(near, self.limits.low[joint], self.limits.high[joint])
         best = angle + turn * np.round((reachable - angle) / turn)
@@ -78,9 +78,9 @@ class TableGeometry:
         )
 
     def pose_up(self, direction: FloatArray, near: tuple[float, float]) -> tuple[float, float]:
-        """Joint angles, rad, that point a body direction upward, closest to `near`.
+        """Return the joint angles, rad, closest to `near`, that point a body direction upward.
 
-        Raises ConfigurationError if the axes cannot do so within 5°.
+        Raises ConfigurationError if the axes cannot achieve this within 5°.
         """
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         p = direction / np.linalg.norm(direction)
@@ -97,9 +97,9 @@ class TableGeometry:
         return min(solutions, key=lambda s: (abs(s[0] - near[0]) + abs(s[1] - near[1]), s))
 
     def body_turn(self, axis: FloatArray, near_inner: float) -> BodyTurn:
-        """How to turn about the body direction `axis`, with the inner angle closest to `near_inner` (rad).
+        """Return the joint motion that rotates about body direction `axis`, at the inner angle closest to `near_inner`.
 
-        Raises ConfigurationError if neither joint axis can be brought along it within 5°.
+        Angles are in rad. Raises ConfigurationError if neither joint axis can be aligned with it within 5°.
         """
         a = axis / np.linalg.norm(axis)
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
@@ -115,9 +115,9 @@ class TableGeometry:
         return min(options, key=lambda o: (abs((o.inner or 0.0) - near_inner), -o.sign))
 
     def level_inner(self, near: tuple[float, float]) -> float:
-        """Outer angle (rad) nearest `near` that makes the inner axis horizontal, so that gravity observes its turns.
+        """Return the outer angle, rad, nearest `near`, that makes the inner axis horizontal.
 
-        Returns the outer angle of `near` if the outer axis cannot change the inner axis' elevation.
+        Gravity then observes rotations about it. Returns the outer angle of `near` if no outer angle achieves this.
         """
         w1, w2 = np.array(self.outer_axis), np.array(self.inner_axis)
         # height of R(w1, o) w2 = a + b cos o + c sin o
@@ -130,7 +130,7 @@ class TableGeometry:
         return min(options, key=lambda o: (abs(o - near[OUTER]), -o))
 
     def vertical_joint(self, near: tuple[float, float]) -> tuple[int, tuple[float, float]]:
-        """The joint that turns about the vertical, and the pose (outer, inner; rad) in which it does."""
+        """Return the joint that rotates about the vertical, and the pose (outer, inner; rad) for that rotation."""
         if _parallel(np.array(self.outer_axis), UP):
             return OUTER, near
         return INNER, self.pose_up(np.array(self.inner_axis), near)
@@ -141,7 +141,7 @@ def _parallel(a: FloatArray, b: FloatArray) -> bool:
 
 
 def _circle_intersections(w1: FloatArray, w2: FloatArray, p: FloatArray, q: FloatArray) -> list[FloatArray]:
-    """Unit vectors that lie both on p's circle about w2 and on q's circle about w1 (closest, if none)."""
+    """Return the unit vectors on both the circle of p about w2 and that of q about w1, or else the closest ones."""
     d = float(w1 @ w2)
     alpha = (d * (w2 @ p) - w1 @ q) / (d * d - 1.0)
     beta = (d * (w1 @ q) - w2 @ p) / (d * d - 1.0)

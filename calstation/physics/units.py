@@ -1,4 +1,4 @@
-"""Units that people read: degrees, ppm, µg, °/h and arcseconds."""
+"""Units for display: degrees, ppm, µg, °/h and arcseconds."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ STANDARD_GRAVITY = 9.80665
 FIGURE_SPACE, POINT_SPACE = "\u2007", "\u2008"
 MICRO_G = 1e-6 * STANDARD_GRAVITY
 
-#: Displayed unit of a parameter group and its size in SI.
+#: Display unit of each parameter group and its size in SI.
 DISPLAY: dict[str, tuple[str, float]] = {
     "gyro_bias": ("°/h", DEGREE_PER_HOUR),
     "gyro_scale": ("ppm", 1e-6),
@@ -34,7 +34,7 @@ DISPLAY: dict[str, tuple[str, float]] = {
 
 
 def display(name: str, value: float) -> tuple[float, str]:
-    """A parameter's SI value in its displayed unit, and that unit. Raises KeyError for an unknown name."""
+    """Convert an SI value to the parameter's display unit; return both. Raises KeyError for an unknown name."""
     parameter = PARAMETERS[INDEX[name]] if name in INDEX else pair_parameter(name)
     if parameter is None:
         raise KeyError(name)
@@ -43,7 +43,7 @@ def display(name: str, value: float) -> tuple[float, str]:
 
 
 def number(value: float, sigma: float) -> str:
-    """`value` rounded to two significant digits of its `sigma`."""
+    """Format `value`, rounded to two significant digits of its `sigma`."""
     if not 0.0 < sigma < float("inf"):
         return f"{value:.6g}"
     exponent = int(f"{sigma:e}".partition("e")[2])
@@ -52,7 +52,7 @@ def number(value: float, sigma: float) -> str:
 
 
 def aligned(numbers: Sequence[str]) -> list[str]:
-    """Numbers padded at their ends with figure and point spaces, so that their points line up."""
+    """Pad numbers on the right with figure and punctuation spaces so that their decimal points align."""
     after = [len(text.partition(".")[2]) for text in numbers]
     points = any("." in text for text in numbers)
     most = max(after, default=0)

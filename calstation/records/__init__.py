@@ -1,6 +1,6 @@
-"""What remains: raw logs, CSV, acceptance checks and the index of runs.
+"""Records of runs: raw logs, CSV, acceptance checks and the index of runs.
 
-No solving and no devices.
+This package contains no solvers and no devices.
 """
 
 import lazy_loader as lazy

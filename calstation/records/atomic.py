@@ -1,4 +1,4 @@
-"""Replaces a file atomically: a reader sees the old content or the new, even after a power cut."""
+"""Atomic replacement of a file: a reader finds the old or the new content, even after a power failure."""
 
 import os
 import secrets
@@ -8,7 +8,7 @@ from pathlib import Path
 
 
 def write_atomic(path: Path, content: str | bytes, mode: int = 0o644) -> None:
-    """Replace a file by bytes, or by text as UTF-8. Raises OSError; the old file is then untouched."""
+    """Replace the content of a file by bytes or UTF-8 text. Raises OSError, which leaves the old file unchanged."""
     data = content.encode() if isinstance(content, str) else content
     partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}.partial")
     flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
@@ -27,9 +27,9 @@ def write_atomic(path: Path, content: str | bytes, mode: int = 0o644) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make new names in a folder survive a power cut, if the system can."""
+    """Write new names in a folder to disk, if the system supports it, so that they survive a power failure."""
     if sys.platform == "win32":
-        return  # NTFS keeps the names of files that were flushed
+        return  # NTFS preserves the names of flushed files
     with suppress(OSError):  # a network folder may not support it
         handle = os.open(folder, os.O_RDONLY)
         try:

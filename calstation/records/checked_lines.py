@@ -1,7 +1,7 @@
-"""An append-only file of JSON lines, each with a checksum of its bytes and of all lines before it.
+"""Append-only file of JSON lines, each with a checksum of its bytes and of all lines before it.
 
-A power cut can leave only a torn last line, which is skipped and replaced by the next; any other difference is damage.
-Files begun by an early version have lines without a checksum; none of these can follow a line that has one.
+A power failure can only leave an incomplete last line, which is skipped and replaced by the next; any other difference
+is damage. Files started by an early version have lines without a checksum, which cannot follow a line with one.
 """
 
 import json
@@ -21,7 +21,7 @@ _CHECKED = re.compile(rb'(\{.*), "chain": "([0-9a-f]{8})"\}', re.DOTALL)
 
 
 class DamagedLineError(Exception):
-    """Line `number`, from 1, is damaged; `why` says in what way."""
+    """Line `number`, counted from 1, is damaged; `why` describes the damage."""
 
     def __init__(self, number: int, why: Text) -> None:
         super().__init__(number, why)
@@ -31,7 +31,7 @@ class DamagedLineError(Exception):
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the file; `checked` tells whether it has a checksum."""
+    """A line of the file; `checked` is True if it has a checksum."""
 
     number: int
     content: Mapping[str, Any]
@@ -40,14 +40,14 @@ class Line:
 
 @dataclass(frozen=True)
 class Lines:
-    """All lines of a file; `torn` tells whether a power cut left a piece of a line at the end."""
+    """All lines of a file; `torn` is True if a power failure left an incomplete line at the end."""
 
     lines: tuple[Line, ...] = ()
     torn: bool = False
 
 
 def read_lines(path: Path) -> Lines:
-    """All lines of a file; none if it is missing. Raises OSError or DamagedLineError."""
+    """Read all lines of a file; none if it is missing. Raises OSError or DamagedLineError."""
     try:
         content = path.read_bytes()
     except (FileNotFoundError, NotADirectoryError):
@@ -68,7 +68,7 @@ def read_lines(path: Path) -> Lines:
 
 
 def _add(lines: list[Line], piece: bytes, before: int) -> int:
-    """Add one line; returns the start value of the next line's checksum."""
+    """Add a line and return the initial value of the next line's checksum."""
     line = _parsed(piece, before)
     if line is None:
         raise DamagedLineError(len(lines) + 1, Text("log.line_out_of_order"))
@@ -76,11 +76,11 @@ def _add(lines: list[Line], piece: bytes, before: int) -> int:
     if lines and lines[-1].checked and not checked:
         raise DamagedLineError(len(lines) + 1, Text("log.line_unchecked"))
     lines.append(Line(len(lines) + 1, content, checked))
-    return _check(piece)
+    return _next_checksum(piece)
 
 
 def append_line(path: Path, content: Mapping[str, Any]) -> None:
-    """Append a line, or replace a torn one, and write it to disk. Raises OSError."""
+    """Append a line, or replace an incomplete one, and write it to disk. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     if path.exists():
         _extend(path, content)
@@ -93,14 +93,14 @@ def _line(content: Mapping[str, Any], before: int) -> bytes:
     return text + b', "chain": "%08x"}\n' % zlib.crc32(text, before)
 
 
-def _check(piece: bytes) -> int:
-    """Start value of the next line's checksum."""
+def _next_checksum(piece: bytes) -> int:
+    """Return the initial value of the next line's checksum."""
     found = _CHECKED.fullmatch(piece)
     return int(found[2], 16) if found else zlib.crc32(piece)
 
 
 def _begin(path: Path, line: bytes) -> None:
-    """Create the file with its first line; it gets its name when the line is on disk."""
+    """Create the file with its first line; it is renamed to `path` when the line is on disk."""
     partial = path.with_suffix(".partial")
     with suppress(FileNotFoundError):
         partial.unlink()
@@ -121,11 +121,11 @@ def _extend(path: Path, content: Mapping[str, Any]) -> None:
         *pieces, rest = path.read_bytes().split(b"\n")
         last = pieces[-1] if pieces else b""
         begin = b""
-        if rest and (not pieces or _CHECKED.search(rest) or _parsed(rest, _check(last)) is not None):
-            begin, last = (b"\n", rest)  # only its newline is missing, or it is damaged and must stay to be found
+        if rest and (not pieces or _CHECKED.search(rest) or _parsed(rest, _next_checksum(last)) is not None):
+            begin, last = (b"\n", rest)  # only the newline is missing, or the damage must remain visible
         elif rest:
             os.ftruncate(handle, os.fstat(handle).st_size - len(rest))
-        _write(handle, begin + _line(content, _check(last)))
+        _write(handle, begin + _line(content, _next_checksum(last)))
         os.fsync(handle)
     finally:
         os.close(handle)
@@ -137,7 +137,7 @@ def _write(handle: int, data: bytes) -> None:
 
 
 def _parsed(piece: bytes, before: int) -> tuple[dict[str, Any], bool] | None:
-    """Content of a line, and whether it has a checksum; None if it is damaged or out of order."""
+    """Return the content of a line and whether it has a checksum; None if it is damaged or out of order."""
     found = _CHECKED.fullmatch(piece)
     if found and zlib.crc32(found[1], before) != int(found[2], 16):
         return None

@@ -1,4 +1,4 @@
-"""A product's acceptance checks and their evaluation on the evidence of a calibration."""
+"""Acceptance checks of a product and their evaluation with the evidence from a calibration."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -13,28 +13,28 @@ from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray
 from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
 from calstation.schema import EntryError, StrictModel, near_miss
 
-#: Motions that turn less do not reveal a scale factor error, rad.
+#: Motions with a smaller rotation than this, rad, do not reveal a scale factor error.
 LEAST_TURN = np.deg2rad(10.0)
 
 
 class GravityAtRest(StrictModel):
-    """Largest difference between force and gravity, m/s², at rests of at least `shortest_rest_s`."""
+    """Largest difference in magnitude between force and gravity, m/s², at rests of at least `shortest_rest_s`."""
 
     within: float = Field(gt=0)
     shortest_rest_s: float = Field(default=2.0, ge=1.0)
 
 
 class ImprovementAtRest(StrictModel):
-    """Largest remaining share of the difference between force and gravity."""
+    """Largest remaining fraction of the difference in magnitude between force and gravity."""
 
-    below: float = Field(gt=0)  #: Largest share.
-    or_within: float = Field(default=0.0, ge=0)  #: An error this small, m/s², needs no improvement.
-    positions: list[int] | None = None  #: Numbers of the rests from 0; all by default.
-    stage: str | None = None  #: Whose rests; by default the last stage with rests.
+    below: float = Field(gt=0)  #: Largest remaining fraction.
+    or_within: float = Field(default=0.0, ge=0)  #: An error up to this, m/s², needs no improvement.
+    positions: list[int] | None = None  #: Numbers of the rests, from 0; by default all.
+    stage: str | None = None  #: Stage of the rests; by default the last stage with rests.
 
 
 class Level(StrictModel):
-    """Force components at the level position, m/s²: the first rest, or number `position` of `stage`."""
+    """Largest force errors, m/s², at the level position: the first rest, or rest `position` of `stage`."""
 
     horizontal_within: float | None = Field(default=None, gt=0)
     vertical_within: float | None = Field(default=None, gt=0)
@@ -43,16 +43,16 @@ class Level(StrictModel):
 
 
 class MotionAngle(StrictModel):
-    """Angle of motions by the calibrated gyros against the encoders', or against gravity without encoders."""
+    """Rotation angles from the calibrated gyros, compared with the encoders or, without encoders, with gravity."""
 
     within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
-    below: float | None = Field(default=None, gt=0)  #: Largest remaining share of the error before.
-    or_within: float = Field(default=0.0, ge=0)  #: An error this small, rad, needs no improvement.
-    stage: str | None = None  #: Whose motions; by default those of all stages.
+    below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the prior error.
+    or_within: float = Field(default=0.0, ge=0)  #: An error up to this, rad, needs no improvement.
+    stage: str | None = None  #: Stage of the motions; by default all stages.
 
 
 class OfflineOnline(StrictModel):
-    """Largest difference of a parameter from the run's own result, in its sigmas."""
+    """Largest difference of a parameter from the result of the run, in sigmas."""
 
     within_sigmas: float = Field(ge=0)
 
@@ -74,13 +74,13 @@ class Previous(StrictModel):
 
 
 class Excitation(StrictModel):
-    """Largest share of its prior sigma that a posterior sigma may keep."""
+    """Largest permitted ratio of posterior to prior sigma."""
 
     sigma_ratio_below: float = Field(gt=0, le=1)
 
 
 class ChecksSection(StrictModel):
-    """`[checks]` of a product; a value above the share `near_miss_beyond` of its limit is a near-miss."""
+    """`[checks]` of a product; a value above the fraction `near_miss_beyond` of its limit is a near miss."""
 
     near_miss_beyond: float = Field(default=NEAR, gt=0, lt=1)
     gravity_at_rest: GravityAtRest | None = None
@@ -93,7 +93,7 @@ class ChecksSection(StrictModel):
 
     @property
     def need_samples(self) -> bool:
-        """Whether a check needs the stages' rests and motions."""
+        """Whether a check needs the rests and motions of the stages."""
         needed = (self.gravity_at_rest, self.improvement_at_rest, self.level, self.motion_angle)
         return any(check is not None for check in needed)
 
@@ -105,9 +105,9 @@ def acceptance(
     solutions: Sequence[Solution],
     previous: Mapping[str, float],
 ) -> list[Check]:
-    """Evaluate a product's acceptance checks on the result of a chain of stages.
+    """Evaluate the acceptance checks of a product for the result of a chain of stages.
 
-    `prior` is that before the first stage; `previous` holds the last calibration of the same unit by parameter, SI.
+    `prior` applies before the first stage; `previous` is the last calibration of the same unit by parameter, SI.
     """
     if not solutions:
         return []
@@ -115,7 +115,7 @@ def acceptance(
 
 
 def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: Mapping[str, Any]) -> list[Check]:
-    """Compare the parameters of a log solved again with those its run found, both as the result JSON holds them."""
+    """Compare the parameters of a log that was solved again with those of its run, both as in the result JSON."""
     rule = section.offline_online
     shared = [n for n, row in offline.items() if n in online and online[n]["stage"] == row["stage"]]
     if rule is None or not shared:
@@ -135,7 +135,7 @@ def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: M
 
 
 class _Acceptance:
-    """A chain's solutions and the evidence to judge them by."""
+    """Solutions of a chain of stages and the evidence for their checks."""
 
     def __init__(
         self, section: ChecksSection, context: SolveContext, prior: Belief, solutions: Sequence[Solution]
@@ -146,7 +146,7 @@ class _Acceptance:
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
 
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
-        """All checks that the product asks for and the evidence allows."""
+        """Yield all checks that the product requires and the evidence permits."""
         s = self._section
         if s.gravity_at_rest is not None:
             yield from self._gravity_at_rest(s.gravity_at_rest)
@@ -166,7 +166,7 @@ class _Acceptance:
         return Check.compare(kind, value, limit, unit, subject=subject, near=near, where=where)
 
     def _force_error(self, rest: RestEvidence, parameters: FloatArray) -> float:
-        """Difference between the compensated force and gravity in magnitude, m/s²."""
+        """Return the difference in magnitude between the compensated force and gravity, m/s²."""
         return abs(float(np.linalg.norm(rest.compensated(parameters)[1])) - self._gravity)
 
     def _gravity_at_rest(self, rule: GravityAtRest) -> Iterator[Check]:
@@ -177,7 +177,7 @@ class _Acceptance:
             if rest.duration >= rule.shortest_rest_s
         ]
         if errors:
-            value, where = max(errors, key=_value_then_place)
+            value, where = max(errors, key=_value_then_where)
             yield self._check("gravity_at_rest", value, rule.within, "m/s²", where)
 
     def _improvement(self, rule: ImprovementAtRest) -> Iterator[Check]:
@@ -194,7 +194,7 @@ class _Acceptance:
             where = Where(stage=evidence.stage, rest=k)
             rows.append((after / max(limit, 1e-300), after, limit, where))
         if rows:
-            _, value, limit, where = max(rows, key=_value_then_place)
+            _, value, limit, where = max(rows, key=_value_then_where)
             yield self._check("improvement_at_rest", value, limit, "m/s²", where)
 
     def _level(self, rule: Level) -> Iterator[Check]:
@@ -223,7 +223,7 @@ class _Acceptance:
                     where = Where(stage=evidence.stage, samples=(motion.first_seq, motion.last_seq))
                     rows.append((*errors, where))
         if rows and rule.within is not None:
-            value, where = max(((after, where) for _, after, where in rows), key=_value_then_place)
+            value, where = max(((after, where) for _, after, where in rows), key=_value_then_where)
             yield self._check("motion_angle", value, rule.within, "rad", where)
         if rows and rule.below is not None:
             below, least = rule.below, rule.or_within
@@ -232,12 +232,12 @@ class _Acceptance:
                     (after / max(below * before, least, 1e-300), after, max(below * before, least), where)
                     for before, after, where in rows
                 ),
-                key=_value_then_place,
+                key=_value_then_where,
             )
             yield self._check("motion_improvement", value, limit, "rad", where)
 
     def _motion_errors(self, evidence: Evidence, motion: MotionEvidence) -> tuple[float, float] | None:
-        """Error of a motion's angle with the prior and with the found parameters, rad; None without a reference."""
+        """Return the errors of a rotation angle with the prior and the found parameters, rad."""
         first, second = evidence.rests[motion.before], evidence.rests[motion.after]
         found, table = self._found.mean, self._context.table
         earth, _ = first.compensated(found)
@@ -277,6 +277,6 @@ class _Acceptance:
             yield self._check("excitation", ratios[worst], rule.sigma_ratio_below, "1", Where(worst))
 
 
-def _value_then_place(row: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Sort key of rows that end with a `Where`; equal values are ordered by its text."""
+def _value_then_where(row: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the sort key of a row that ends with a `Where`; equal values are ordered by its text."""
     return (*row[:-1], str(row[-1]))

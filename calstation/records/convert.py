@@ -1,4 +1,4 @@
-"""Imports a CSV into a raw log and exports any log as CSV and TOML; both keep every value exactly."""
+"""Import of a CSV into a raw log, and export of any log as CSV and TOML; both preserve every value exactly."""
 
 import contextlib
 import itertools
@@ -14,9 +14,9 @@ from calstation.records.raw_log import SUFFIX, RawLogWriter
 
 
 def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> LogFacts:
-    """Write the raw log `target` from a CSV; no part of it remains if the CSV is not usable.
+    """Write a CSV to the raw log `target`, which is deleted if the CSV is not usable.
 
-    The configuration is the TOML beside the CSV or `meta_file`. Raises InputError or ConfigurationError.
+    The configuration is the TOML file beside the CSV or `meta_file`. Raises InputError or ConfigurationError.
     """
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)
@@ -28,7 +28,7 @@ def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> Log
         for block in itertools.chain([first], blocks):
             writer.append(block)
     except BaseException:
-        with contextlib.suppress(OSError, RuntimeError):  # the disk itself may have failed
+        with contextlib.suppress(OSError, RuntimeError):  # the disk may have failed
             writer.close("incomplete")
         target.unlink()
         raise
@@ -36,7 +36,7 @@ def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> Log
 
 
 def partial_path(target: Path) -> Path:
-    """Name of a file while it is being written."""
+    """Return the name of a file while it is being written."""
     return target.with_name("partial-" + target.name)
 
 
@@ -47,10 +47,10 @@ def export_csv(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> LogFacts:
-    """Write a log, or its samples `first_seq` to `last_seq`, as `target` (.csv or .csv.gz) and the TOML beside it.
+    """Write a log, or its samples `first_seq` to `last_seq`, to `target` (.csv or .csv.gz) and a TOML file beside it.
 
-    `progress` gets the number of samples written so far. Returns the facts of the whole log. Raises InputError if the
-    log cannot be read, or the target cannot be written.
+    `progress` is called with the number of samples written so far. Returns the facts of the whole log. Raises
+    InputError if the log cannot be read or the target cannot be written.
     """
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError("csv.export_name", file=target)

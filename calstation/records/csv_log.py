@@ -1,4 +1,4 @@
-"""Reads the contract's CSV in chunks as sample blocks, checks every cell, and writes blocks back exactly."""
+"""Reader and writer of the CSV format of CONTRACT.md: chunks of checked cells as blocks, and exact export."""
 
 import csv
 import difflib
@@ -22,14 +22,14 @@ from calstation.records.meta import FURTHER_IMUS, LogMeta
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")
-#: `ANGLES` may be absent together: a recording on a manual rig has no table.
+#: Both columns of `ANGLES` may be absent, because a recording on a manual rig has no table.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
 
 
 def further_channels(number: int) -> tuple[str, ...]:
-    """Columns of a further IMU on the same body: gyro2_x, ..., accel2_z."""
+    """Return the columns of a secondary IMU on the same body: gyro2_x, ..., accel2_z."""
     return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
 
 
@@ -37,13 +37,13 @@ _CHUNK_BYTES = 1 << 17
 
 
 def meta_path(path: Path) -> Path:
-    """NAME.toml beside NAME.csv or NAME.csv.gz."""
+    """Return NAME.toml beside NAME.csv or NAME.csv.gz."""
     name = path.name.removesuffix(".gz").removesuffix(".csv")
     return path.with_name(name + ".toml")
 
 
 def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
-    """Read a CSV's samples in order, counters unwrapped, cut at stage changes.
+    """Yield the samples of a CSV in order, with unwrapped counters, split at stage changes.
 
     Raises InputError with file, line, column and remedy.
     """
@@ -82,23 +82,23 @@ def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
 
 
 def csv_rows(path: Path) -> int:
-    """Estimate the number of samples in a CSV from its size and its first lines; at least 1."""
+    """Estimate the number of samples in a CSV from its size and its first lines; the result is at least 1."""
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
             head = stream.read(_CHUNK_BYTES)
         size = path.stat().st_size
         if path.suffix == ".gz":
-            with path.open("rb") as stream:  # RFC 1952, 2.3.1: the last four bytes are the size, modulo 2^32
+            with path.open("rb") as stream:  # RFC 1952, 2.3.1: the last four bytes are the size modulo 2^32
                 stream.seek(-4, io.SEEK_END)
                 size = int.from_bytes(stream.read(4), "little")
     except (OSError, EOFError, zlib.error):
-        return 1  # reading it reports what is wrong
+        return 1  # the error is reported when the file is read
     lines = head.count(b"\n")
     return max(1, round(size * lines / max(len(head), 1)) - 1)
 
 
 def _text_chunks(path: Path) -> Iterator[str]:
-    """The file's text in pieces of whole lines, without the last line's end."""
+    """Yield the text of the file in chunks of whole lines, without the final line break."""
     rest = b""
     try:
         with gzip.open(path) if path.suffix == ".gz" else path.open("rb") as stream:
@@ -121,7 +121,7 @@ def _text_chunks(path: Path) -> Iterator[str]:
 
 
 def _header(path: Path, text: str, meta: LogMeta) -> tuple[list[str], str]:
-    """Names of the columns, and the text after the header row. Raises InputError."""
+    """Return the column names and the text after the header row. Raises InputError."""
     first, _, rest = text.removeprefix("\ufeff").partition("\n")
     names = [name.strip() for name in next(_cells(path, [first], 1), [])]
     table = any(name in names for name in ANGLES)
@@ -148,7 +148,7 @@ def _header(path: Path, text: str, meta: LogMeta) -> tuple[list[str], str]:
 
 
 def _cells(path: Path, lines: Iterable[str], first: int) -> Iterator[list[str]]:
-    """Rows of cells, quotes removed; `first` is the number of the first line. Raises InputError."""
+    """Yield rows of cells without quotes; `first` is the number of the first line. Raises InputError."""
     try:
         yield from csv.reader(lines)
     except csv.Error as exc:
@@ -162,7 +162,7 @@ def _check_rate(path: Path, seq: IntArray, time: FloatArray, rate: float) -> Non
 
 
 class _Table:
-    """One chunk's cells by column; `first` is the number of its first line in the file."""
+    """Cells of a chunk by column; `first` is the number of its first line in the file."""
 
     def __init__(self, path: Path, header: list[str], text: str, first: int, further: int) -> None:
         self._path = path
@@ -177,10 +177,10 @@ class _Table:
             cells.append("\n")
         rows = len(cells) // (width + 1)
         if len(cells) != rows * (width + 1) or cells[width :: width + 1].count("\n") != rows:
-            self._complain_width(text)
+            self._raise_wrong_width(text)
         self._columns = {name: cells[i :: width + 1] for i, name in enumerate(header)}
 
-    def _complain_width(self, text: str) -> None:
+    def _raise_wrong_width(self, text: str) -> None:
         for k, line in enumerate(text.split("\n"), self.first):
             found = len(next(_cells(self._path, [line], k), []))
             if found != len(self._header):
@@ -194,13 +194,13 @@ class _Table:
 
     @cached_property
     def valid(self) -> BoolArray:
-        """Rows not marked as invalid, shape (n,)."""
+        """Mask of the rows not marked as invalid, shape (n,)."""
         if "valid" in self._header:
             return np.asarray(self.integers("valid") != 0)
         return np.ones(len(self._columns[self._header[0]]), np.bool_)
 
     def floats(self, name: str, may_be_empty: bool = False, *, spoilt: BoolArray | None = None) -> FloatArray:
-        """A column as float64, shape (n,); empty cells become NaN where allowed. Cells of `spoilt` rows may be so."""
+        """Return a column as float64, shape (n,); empty cells become NaN if permitted or in rows marked in `spoilt`."""
         cells = self._columns[name]
         lenient = may_be_empty or (spoilt is not None and bool(spoilt.any()))
         try:
@@ -229,7 +229,7 @@ class _Table:
             raise self._wrong_cell("csv.cell_not_number", name, row) from None
 
     def integers(self, name: str) -> IntArray:
-        """A column as int64, shape (n,)."""
+        """Return a column as int64, shape (n,)."""
         try:
             return np.fromiter(map(int, self._columns[name]), np.int64, len(self._columns[name]))
         except (ValueError, OverflowError):
@@ -240,7 +240,7 @@ class _Table:
         return values.astype(np.int64)
 
     def blocks(self, seq: IntArray, time: FloatArray, counts: FloatArray) -> Iterator[SampleBlock]:
-        """The chunk's samples, one block per run of a stage."""
+        """Yield the samples of the chunk, one block per interval of a stage."""
         n = len(seq)
         angles = np.full((n, 2), np.nan)
         if ANGLES[0] in self._header:
@@ -270,7 +270,7 @@ class _Table:
             )
 
     def _others(self, count: int) -> FloatArray:
-        """Columns of further IMUs, shape (n, k, 6)."""
+        """Return the columns of the secondary IMUs, shape (n, k, 6)."""
         if not self._further:
             return np.empty((count, 0, 6))
         names = [name for number in FURTHER_IMUS[: self._further] for name in further_channels(number)]
@@ -278,14 +278,14 @@ class _Table:
         return np.asarray(columns.reshape(count, self._further, 6))
 
     def _joints(self, count: int) -> FloatArray:
-        """Columns of a gimbal's joints, rad, shape (n, 3), or (n, 0) without a gimbal."""
+        """Return the joint angles of a gimbal, rad, shape (n, 3), or (n, 0) without a gimbal."""
         if JOINTS[0] not in self._header:
             return np.empty((count, 0))
         return snap_angles(np.deg2rad(np.column_stack([self.floats(name, True) for name in JOINTS])))
 
 
 def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
-    """Write blocks as the contract's CSV: integers exact, floats so that they read back the same."""
+    """Write blocks in the CSV format of CONTRACT.md; all values are read back exactly."""
     first = next(blocks, None)
     further = 0 if first is None else first.others.shape[1]
     names = [*REQUIRED, "temp_c", "valid"]
@@ -310,17 +310,17 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
 
 
 def _shortest_degrees(angles: FloatArray) -> FloatArray:
-    """Degrees rounded to ten decimals if these read back to the same `angles`, rad; else exact."""
+    """Return degrees, rounded to ten decimals if they are read back as the same `angles`, rad, or else exact."""
     exact = np.rad2deg(angles)
     short = np.round(exact, 10)
     return np.where(snap_angles(np.deg2rad(short)) == angles, short, exact)
 
 
 def _numbers(values: FloatArray) -> list[str]:
-    there = ~np.isnan(values)
-    if np.array_equal(values[there], np.rint(values[there])) and np.all(np.abs(values[there]) < 2**53):
-        whole = np.where(there, values, 0.0).astype(np.int64)
-        return [str(v) if t else "" for v, t in zip(whole.tolist(), there.tolist(), strict=True)]
+    present = ~np.isnan(values)
+    if np.array_equal(values[present], np.rint(values[present])) and np.all(np.abs(values[present]) < 2**53):
+        whole = np.where(present, values, 0.0).astype(np.int64)
+        return [str(v) if t else "" for v, t in zip(whole.tolist(), present.tolist(), strict=True)]
     return _blank_nan(values)
 
 
@@ -329,7 +329,7 @@ def _blank_nan(values: FloatArray) -> list[str]:
 
 
 def open_csv_for_writing(path: Path) -> IO[str]:
-    """Open NAME.csv or NAME.csv.gz for text. Raises InputError."""
+    """Open NAME.csv or NAME.csv.gz for writing text. Raises InputError."""
     try:
         if path.suffix == ".gz":
             return gzip.open(path, "wt", encoding="utf-8", newline="")

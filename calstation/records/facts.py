@@ -1,4 +1,4 @@
-"""Summary of a log's samples: range, gaps, temperature and sha256, independent of how blocks were cut."""
+"""Summary of the samples of a log: range, gaps, temperature and sha256; independent of the division into blocks."""
 
 import hashlib
 import math
@@ -24,14 +24,14 @@ _ROW = np.dtype(
 
 @dataclass(frozen=True)
 class LogFacts:
-    """Summary of a log's samples."""
+    """Summary of the samples of a log."""
 
     first_seq: int  #: Unwrapped count; 0 without samples.
     last_seq: int  #: Unwrapped count; -1 without samples.
     samples: int  #: Number of samples.
     gaps: int  #: Number of gaps.
     temperature: tuple[float, float, float] | None  #: Mean, lowest and highest, °C; None if unknown.
-    sha256: str  #: Of sample rows and configuration.
+    sha256: str  #: Digest of sample rows and configuration.
     damaged: int = 0  #: Number of rows that could not be read.
 
 
@@ -88,11 +88,11 @@ class FactsBuilder:
             self._highest = max(self._highest, float(temperature.max()))
 
     def facts(self) -> LogFacts:
-        """The summary so far."""
+        """Return the summary of the blocks added so far."""
         whole = hashlib.sha256()
         for part in (self._rows.digest(), self._stages.digest(), self._configuration.encode()):
             whole.update(part)
-        if self._has_further:  # so that logs without further columns keep their digest
+        if self._has_further:  # logs without these columns keep their digest
             whole.update(self._further.digest())
         temperature = None
         if self._temperature_count:

@@ -1,4 +1,4 @@
-"""A product's limits, which read as a sentence (value within, sigma below), and the checks against them."""
+"""Limits of a product (value `within`, sigma `below`), and the checks against them."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,18 +13,18 @@ from calstation.physics import GROUPS, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS
 from calstation.schema import EntryError, StrictModel, near_miss
 
 PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
-#: A value that uses more than this share of its limit is a near-miss, unless the product sets another share.
+#: A value above this fraction of its limit is a near miss, unless the product specifies another fraction.
 NEAR = 0.8
-#: A posterior sigma above this share of the prior's means that the data did not determine the parameter.
+#: A posterior sigma above this fraction of the prior sigma means that the data do not determine the parameter.
 OBSERVABLE_RATIO = 0.9
 
 
 class Limit(StrictModel):
-    """Limits of one parameter or group, SI."""
+    """Limits of a parameter or group, SI."""
 
     within: float | list[float] | None = None  #: Largest magnitude, or [low, high].
     sigma_below: float | None = Field(default=None, gt=0)  #: Largest standard deviation.
-    #: The same by the last stage that estimated the parameter, so that a partial run is judged fairly.
+    #: Largest standard deviation by the last stage that estimated the parameter, for partial runs.
     sigma_below_after: dict[str, float] = Field(default_factory=dict)
 
     @field_validator("within")
@@ -46,12 +46,12 @@ class Limit(StrictModel):
         return limits
 
     def sigma_limit(self, stage: str) -> float | None:
-        """Largest standard deviation of a parameter that `stage` estimated last, or None without a limit."""
+        """Return the largest standard deviation of a parameter last estimated by `stage`, or None without a limit."""
         return self.sigma_below_after.get(stage, self.sigma_below)
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Lowest and highest allowed value, or None without a limit."""
+        """Lowest and highest permitted value, or None without a limit."""
         if self.within is None:
             return None
         if isinstance(self.within, list):
@@ -67,8 +67,8 @@ def check_limit_names(limits: Mapping[str, Limit]) -> None:
             raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, known))
 
 
-#: What a check compares. ``within`` and ``sigma_below`` concern a parameter, ``consistency`` a stage, ``previous`` a
-#: parameter or group, ``other`` is a check of another version of the program; the rest concern the whole answer.
+#: Kind of a check. ``within`` and ``sigma_below`` apply to a parameter, ``consistency`` to a stage, ``previous`` to a
+#: parameter or group; ``other`` is a check of another version of the program; the rest apply to the whole result.
 CheckKind = Literal[
     "within",
     "sigma_below",
@@ -87,7 +87,7 @@ CheckKind = Literal[
     "other",
 ]
 
-#: Names in the result JSON that are not simply the kind; the braces stand for the subject.
+#: Names in the result JSON that differ from the kind; the braces are replaced by the subject.
 _NAMES: dict[CheckKind, str] = {
     "within": "{} within",
     "sigma_below": "{} sigma below",
@@ -100,15 +100,15 @@ _NAMES: dict[CheckKind, str] = {
 
 @dataclass(frozen=True)
 class Where:
-    """What a check's worst value belongs to: a parameter, or a rest or motion of a stage."""
+    """Origin of the worst value of a check: a parameter, or a rest or motion of a stage."""
 
-    parameter: str = ""  #: Its name, or "".
-    stage: str = ""  #: Of the rest or motion, or "".
+    parameter: str = ""  #: Name of the parameter, or "".
+    stage: str = ""  #: Stage of the rest or motion, or "".
     rest: int | None = None  #: Number of the rest, from 0.
     samples: tuple[int, int] | None = None  #: First and last sequence number of the motion.
 
     def __str__(self) -> str:
-        """As the result JSON holds it."""
+        """Return the text used in the result JSON."""
         if self.rest is not None:
             return f"{self.stage} rest {self.rest}"
         if self.samples is not None:
@@ -117,7 +117,7 @@ class Where:
 
     @classmethod
     def from_json(cls, text: str) -> "Where":
-        """Read back what `str` wrote."""
+        """Parse the text that `str` returns."""
         match text.split(" "):
             case [stage, "rest", rest] if rest.isdecimal():
                 return cls(stage=stage, rest=int(rest))
@@ -128,16 +128,16 @@ class Where:
 
 @dataclass(frozen=True)
 class Check:
-    """One comparison with a limit."""
+    """A comparison of a value with a limit."""
 
     kind: CheckKind
-    subject: str  #: The parameter, group or stage that the check concerns; "" for a check of the whole answer.
-    value: float  #: What was found, in `unit`; NaN if unknown.
+    subject: str  #: Parameter, group or stage that is checked; "" for a check of the whole result.
+    value: float  #: Compared value, in `unit`; NaN if unknown.
     limit: float | tuple[float, float]  #: Largest value, or (lowest, highest); infinite if unknown.
     unit: str
     passed: bool
-    near_miss: bool = False  #: Inside, but with little margin.
-    where: Where = Where()  #: What the value belongs to.
+    near_miss: bool = False  #: Whether the value is within the limit, but with little margin.
+    where: Where = Where()  #: Origin of the value.
 
     @classmethod
     def compare(
@@ -151,7 +151,7 @@ class Check:
         near: float = NEAR,
         where: Where | None = None,
     ) -> "Check":
-        """Compare a value with its limit; a value inside, but beyond the share `near` of the limit, is a near-miss."""
+        """Compare a value with its limit; within the limit but above its fraction `near`, the value is a near miss."""
         low, high = limit if isinstance(limit, tuple) else (-math.inf, limit)
         passed = bool(low <= value <= high)
         width = 0.5 * (high - low) if isinstance(limit, tuple) else abs(limit)
@@ -165,11 +165,11 @@ class Check:
 
     @property
     def margin(self) -> float:
-        """Distance between value and limit, in `unit`; negative outside."""
+        """Distance between value and limit, in `unit`; negative if the limit is exceeded."""
         return _margin(self.value, self.limit)
 
     def to_json(self) -> dict[str, Any]:
-        """The check as the result JSON holds it."""
+        """Return the check as a row of the result JSON."""
         row = {
             "name": self.name,
             "value": self.value,
@@ -184,7 +184,7 @@ class Check:
 
     @classmethod
     def from_json(cls, row: Mapping[str, Any]) -> "Check":
-        """A check of a result JSON, of any version of the program."""
+        """Read a check from a result JSON of any version of the program."""
         kind, subject = _kind_and_subject(row["name"])
         limit = row["limit"]
         return cls(
@@ -206,7 +206,7 @@ def _margin(value: float, limit: float | tuple[float, float]) -> float:
 
 
 def _kind_and_subject(name: str) -> tuple[CheckKind, str]:
-    """What `Check.name` was made of."""
+    """Return the kind and subject from which `Check.name` was formed."""
     for kind in get_args(CheckKind):
         before, braces, after = _NAMES.get(kind, kind).partition("{}")
         if braces and name.startswith(before) and name.endswith(after):
@@ -217,13 +217,13 @@ def _kind_and_subject(name: str) -> tuple[CheckKind, str]:
 
 
 def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
-    """The last stage that estimated each parameter, in the order of the parameter table."""
+    """Return the last stage that estimated each parameter, in the order of the parameter table."""
     last = {name: solution.stage for solution in solutions for name in solution.estimated}
     return {name: last[name] for name in NAMES if name in last}
 
 
 def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
-    """Parameters that a stage should estimate and the data did not determine: sigma over 0.9 of its prior's."""
+    """Return estimated parameters that the data do not determine: sigma above 0.9 of the prior sigma."""
     if not solutions:
         return []
     before, after = prior.sigma, solutions[-1].belief.sigma
@@ -236,7 +236,7 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
 
 
 def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> list[str]:
-    """Parameters with a limit that no stage estimated: a partial run is judged by its own stages alone."""
+    """Return parameters with a limit that no stage estimated; a partial run is judged only by its own stages."""
     estimated = estimated_stage(solutions)
     return [p.name for p in PARAMETERS if (p.name in limits or p.group in limits) and p.name not in estimated]
 
@@ -244,10 +244,10 @@ def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> 
 def check_limits(
     limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution], near: float = NEAR
 ) -> list[Check]:
-    """Compare a chain's answer with its product's limits; beyond the share `near` of a limit, a value is a near-miss.
+    """Compare the result of a chain of stages with the limits of its product.
 
-    A parameter's own limit takes precedence over its group's; only estimated parameters are compared. The innovations
-    of every stage and the absence of unobservable parameters are checked as well and are never near-misses.
+    A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
+    only estimated parameters are compared. Innovations and unobservable parameters are checked without near misses.
     """
     if not solutions:
         return []

@@ -1,4 +1,4 @@
-"""File locks that the operating system releases when their holder dies."""
+"""File locks that the operating system releases when the process ends."""
 
 import errno
 import os
@@ -8,19 +8,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-#: Error numbers for a lock that another process holds.
+#: Error numbers of a lock that another process holds.
 _HELD = (errno.EACCES, errno.EAGAIN, errno.EWOULDBLOCK, errno.EDEADLK)
 
-#: Seconds between two attempts.
+#: Time between two attempts, s.
 _RETRY_INTERVAL = 0.02
 
-#: Seconds for which `held` tries: another process that tests the lock holds it for a moment.
+#: Time for which `held` retries, s, because another process that tests the lock holds it briefly.
 _TEST_TIMEOUT = 0.2
 
 if sys.platform == "win32":
     import msvcrt
 
-    #: The locked byte; others cannot read it, so it lies beyond the content of the file.
+    #: Offset of the locked byte, beyond the content of the file because other processes cannot read it.
     _FAR = 1 << 30
 
     def _lock(handle: int, *, shared: bool) -> None:
@@ -43,7 +43,7 @@ else:
 
 @contextmanager
 def locked(path: Path, within: float) -> Iterator[None]:
-    """Hold the lock on a file, which is created if missing. Raises TimeoutError after `within` s, or OSError."""
+    """Lock a file, which is created if missing. Raises TimeoutError after `within` s, or OSError."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         if not take(handle, within):
@@ -57,9 +57,9 @@ def locked(path: Path, within: float) -> Iterator[None]:
 
 
 def take(handle: int, within: float, *, shared: bool = False) -> bool:
-    """Take the lock on an open file until it is closed; False if another process held it for `within` s.
+    """Lock an open file until it is closed; return False if another process held the lock for `within` s.
 
-    `shared` lets others share it, on systems with shared locks. Raises OSError if the file system has no locks.
+    `shared` requests a shared lock where the system has them. Raises OSError if the file system has no locks.
     """
     deadline = time.monotonic() + within
     while True:
@@ -76,7 +76,7 @@ def take(handle: int, within: float, *, shared: bool = False) -> bool:
 
 
 def held(path: Path) -> bool:
-    """Whether a process holds the lock on a file. Raises OSError if it cannot be opened or locked."""
+    """Whether a process holds the lock on a file. Raises OSError if the file cannot be opened or locked."""
     handle = os.open(path, os.O_RDONLY)
     try:
         return not take(handle, _TEST_TIMEOUT)

@@ -1,4 +1,4 @@
-"""One way to read any log: the project's raw log (.h5) or a CSV beside its TOML."""
+"""Common reader for all logs: raw logs (.h5) and CSV files with a TOML file."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -18,24 +18,24 @@ from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents, 
 
 @dataclass
 class Log:
-    """A log on disk; samples are streamed, never held."""
+    """A log on disk, whose samples are streamed and never kept in memory."""
 
     path: Path
     meta: LogMeta
     _scan: Callable[[], Iterator[SampleBlock]]
     events: list[dict[str, Any]] = field(default_factory=list)
     results: list[dict[str, Any]] = field(default_factory=list)
-    outcome: str | None = None  #: How the run ended; None for a run that did not reach its end, and for a CSV.
-    stored_sha256: str | None = None  #: Digest that the run recorded at its end.
-    #: Damaged rows of a raw log, which are left out as gaps; known once all samples were read.
+    outcome: str | None = None  #: Outcome of the run; None for a run that did not reach its end and for a CSV.
+    stored_sha256: str | None = None  #: Digest recorded at the end of the run.
+    #: Damaged rows of a raw log, which are omitted as gaps; known after all samples have been read.
     damaged_rows: tuple[DamagedRows, ...] = ()
     _found: list[DamagedRows] = field(default_factory=list)
     _facts: LogFacts | None = None
 
     def blocks(self, first_seq: int | None = None, last_seq: int | None = None) -> Iterator[SampleBlock]:
-        """Samples from `first_seq` to `last_seq` (both included, unwrapped counts), cut at stage changes.
+        """Yield the samples from `first_seq` to `last_seq` (both included, unwrapped counts), split at stage changes.
 
-        Raises InputError if the log is damaged beyond what can be left out, or has no sample in the range.
+        Raises InputError if the log has damage other than damaged rows, or has no sample in the range.
         """
         any_sample = False
         for block in self._all_blocks():
@@ -58,7 +58,7 @@ class Log:
         )
 
     def facts(self) -> LogFacts:
-        """Range, gaps, temperature and sha256 of the whole log, read once."""
+        """Return range, gaps, temperature and sha256 of the whole log, which is read only once."""
         if self._facts is None:
             for _ in self._all_blocks():
                 pass
@@ -66,7 +66,7 @@ class Log:
         return self._facts
 
     def _all_blocks(self) -> Iterator[SampleBlock]:
-        """All samples; at the end damaged rows and facts are known. Raises InputError."""
+        """Yield all samples; at the end, set damaged rows and facts. Raises InputError."""
         builder = FactsBuilder(self.meta)
         self._found.clear()
         for block in self._scan():
@@ -88,9 +88,9 @@ def _between(block: SampleBlock, first: int | None, last: int | None) -> SampleB
 
 
 def open_log(path: Path, meta_file: Path | None = None) -> Log:
-    """Open a raw log (.h5), or a CSV (.csv, .csv.gz) with its TOML beside it or at `meta_file`.
+    """Open a raw log (.h5), or a CSV (.csv, .csv.gz) with its TOML file beside it or at `meta_file`.
 
-    Raises InputError if the file is missing or of another kind, or its configuration is wrong.
+    Raises InputError if the file is missing or of another type, or if its configuration is invalid.
     """
     if path.suffix == SUFFIX:
         contents = read_contents(path)
@@ -114,17 +114,17 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
 
 
 def estimated_rows(path: Path) -> int:
-    """Number of rows in a raw log, or an estimate for a CSV; at least 1. Raises InputError."""
+    """Return the number of rows in a raw log, or an estimate for a CSV; at least 1. Raises InputError."""
     return max(1, row_count(path) if path.suffix == SUFFIX else csv_rows(path))
 
 
 def truth_path(path: Path) -> Path:
-    """Where the true parameters of a simulated recording are kept."""
+    """Return the path of the file with the true parameters of a simulated recording."""
     return path.with_suffix(".truth.json")
 
 
 def read_truth(path: Path) -> dict[str, float]:
-    """True parameters of a simulated recording, SI; empty for a recording of a real unit."""
+    """Read the true parameters of a simulated recording, SI; empty for a recording of a real unit."""
     try:
         found = json.loads(truth_path(path).read_text(encoding="utf-8"))
         return {str(name): float(value) for name, value in found.items()}

@@ -1,6 +1,6 @@
-"""The configuration of a log: all that solving needs beside the samples.
+"""Configuration of a log: everything that the solvers need besides the samples.
 
-It is the TOML beside a CSV, is stored in a raw log, and holds the last cross-calibration of each pair of IMUs.
+It is stored beside a CSV as TOML or inside a raw log, and includes the last cross-calibration of each pair of IMUs.
 """
 
 import json
@@ -23,12 +23,12 @@ from calstation.records.limits import Limit, check_limit_names
 from calstation.schema import EntryError, StrictModel, load, near_miss, validate
 
 _UNIT_TOLERANCE = 1e-3
-#: Numbers that secondary IMUs may have in files.
+#: Permitted numbers of secondary IMUs in files.
 FURTHER_IMUS = tuple(range(2, 10))
 
 
 class SiteSection(StrictModel):
-    """`[site]`: where the table stands."""
+    """`[site]`: location of the table."""
 
     latitude_deg: float = Field(ge=-90, le=90)
     longitude_deg: float = Field(ge=-180, le=360)
@@ -38,7 +38,7 @@ class SiteSection(StrictModel):
 
 
 class ImuSection(StrictModel):
-    """`[imu]`: stream and noise; units as `estimation.context.ImuModel`."""
+    """`[imu]`: output format and noise, in the units of `estimation.context.ImuModel`."""
 
     serial: str = Field(min_length=1)
     sample_rate_hz: float = Field(gt=0, le=100_000)
@@ -52,7 +52,7 @@ class ImuSection(StrictModel):
 
 
 class StoredPairSection(StrictModel):
-    """`[imuN.stored]`: the last cross-calibration, as `estimation.context.StoredPair`."""
+    """`[imuN.stored]`: the last cross-calibration, as in `estimation.context.StoredPair`."""
 
     values: dict[str, float] = Field(default_factory=dict)
     gyro_static: float | None = Field(default=None, ge=0)
@@ -75,7 +75,7 @@ class FurtherImuSection(ImuSection):
 
 
 class TableSection(StrictModel):
-    """`[table]`: axes, and how accurate the table's angles and its rest are."""
+    """`[table]`: axes of the table, and accuracy of its angles and of its rest."""
 
     outer_axis: list[float] = Field(default=[1.0, 0.0, 0.0], min_length=3, max_length=3)
     inner_axis: list[float] = Field(default=[0.0, 0.0, 1.0], min_length=3, max_length=3)
@@ -103,14 +103,14 @@ class TableSection(StrictModel):
 
 
 class PriorSection(StrictModel):
-    """`[prior.NAME]`: what is known of a parameter before, SI."""
+    """`[prior.NAME]`: value and sigma of a parameter before the calibration, SI."""
 
     value: float | None = None
     sigma: float | None = Field(default=None, ge=0)
 
 
 class ProductSection(StrictModel):
-    """`[product]`: the unit type, its limits, acceptance checks and the sigmas at which a stage may stop."""
+    """`[product]`: type of the unit, limits, acceptance checks, and target sigmas at which a stage may stop."""
 
     name: str
     limits: dict[str, Limit] = Field(default_factory=dict)
@@ -125,16 +125,16 @@ class ProductSection(StrictModel):
 
 
 class FileSection(StrictModel):
-    """`[run.files.KIND]`: the station, product, table or IMU file that a run used."""
+    """`[run.files.KIND]`: a station, product, table or IMU file that the run used."""
 
     name: str
-    #: Number among the versions saved on this computer; None for a shipped file, or one edited elsewhere.
+    #: Number of the version saved on this computer; None for a supplied file or a file edited elsewhere.
     version: int | None = None
     sha256: str
 
 
 class RunSection(StrictModel):
-    """`[run]`: who measured, with what and when; absent from a foreign CSV."""
+    """`[run]`: operator, station, software and time of the run; absent from a CSV of another program."""
 
     stages: list[str]
     station: str | None = None
@@ -143,12 +143,12 @@ class RunSection(StrictModel):
     attempt: int = Field(default=1, ge=1)
     software: str
     started_utc: str
-    files: dict[str, FileSection] | None = None  #: By kind.
-    resumed_from: str | None = None  #: Name of the log whose completed stages this one begins with.
+    files: dict[str, FileSection] | None = None  #: Files by kind.
+    resumed_from: str | None = None  #: Name of the log whose completed stages this log begins with.
 
 
 class LogMeta(StrictModel):
-    """All sections of a log's configuration; `imu2` to `imu9` are numbered without a gap."""
+    """All sections of the configuration of a log; `imu2` to `imu9` are numbered without gaps."""
 
     site: SiteSection
     imu: ImuSection
@@ -156,10 +156,10 @@ class LogMeta(StrictModel):
     prior: dict[str, PriorSection] = Field(default_factory=dict)
     product: ProductSection | None = None
     run: RunSection | None = None
-    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Of each stage's method.
-    profiles: dict[str, str] = Field(default_factory=dict)  #: Texts of the run's station and product files, by kind.
-    registers: dict[str, float] = Field(default_factory=dict)  #: Of the unit, SI, if its stream follows them.
-    previous: dict[str, float] = Field(default_factory=dict)  #: Last calibration, SI, if the product compares with it.
+    schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Schedule of each stage.
+    profiles: dict[str, str] = Field(default_factory=dict)  #: Texts of the station and product files, by kind.
+    registers: dict[str, float] = Field(default_factory=dict)  #: Registers of the unit, SI, if they act on its output.
+    previous: dict[str, float] = Field(default_factory=dict)  #: Last calibration, SI, if the product's checks use it.
     imu2: FurtherImuSection | None = None
     imu3: FurtherImuSection | None = None
     imu4: FurtherImuSection | None = None
@@ -171,7 +171,7 @@ class LogMeta(StrictModel):
 
     @property
     def secondaries(self) -> dict[int, FurtherImuSection]:
-        """The further IMUs by number."""
+        """The secondary IMUs by number."""
         sections = {number: getattr(self, f"imu{number}") for number in FURTHER_IMUS}
         return {number: section for number, section in sections.items() if section is not None}
 
@@ -194,11 +194,11 @@ class LogMeta(StrictModel):
         return table
 
     def to_json(self) -> str:
-        """Canonical JSON: the configuration's part of a log's sha256."""
+        """Return canonical JSON, which is also the configuration's contribution to the sha256 of a log."""
         return json.dumps(self._plain(), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
     def to_toml(self) -> str:
-        """TOML that reads back to an equal `LogMeta`."""
+        """Return TOML from which an equal `LogMeta` can be read."""
         return tomli_w.dumps(self._plain())
 
     def _plain(self) -> dict[str, Any]:
@@ -213,7 +213,7 @@ def _without_none(value: Any) -> Any:
 
 
 def load_meta(path: Path) -> LogMeta:
-    """Read the TOML beside a CSV. Raises InputError with file, field and remedy."""
+    """Read the TOML file of a CSV. Raises InputError with file, field and remedy."""
     return load(LogMeta, path, InputError)
 
 
@@ -227,7 +227,7 @@ def meta_from_json(text: str, source: str | Path) -> LogMeta:
 
 
 def context_from_meta(meta: LogMeta) -> SolveContext:
-    """Site, IMUs and table as the solvers use them, SI; the same for a run and for its log."""
+    """Return site, IMUs and table for the solvers, SI; the result is the same for a run and for its log."""
     site = meta.site
     azimuth = None if site.azimuth_deg is None else float(np.deg2rad(site.azimuth_deg))
     latitude, longitude = float(np.deg2rad(site.latitude_deg)), float(np.deg2rad(site.longitude_deg))
@@ -271,7 +271,7 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 
 def prior_from_meta(meta: LogMeta) -> Belief:
-    """Prior of the 30 parameters before the first stage: independent; 0 and wide if not stated."""
+    """Return the independent priors of the 30 parameters before the first stage; 0 with default sigma if not given."""
     mean = np.zeros(COUNT)
     sigma = np.array([p.prior_sigma for p in PARAMETERS])
     for name, prior in meta.prior.items():
@@ -286,13 +286,13 @@ def prior_from_meta(meta: LogMeta) -> Belief:
 
 
 def pair_path(folder: Path, primary: str, secondary: str) -> Path:
-    """File of a pair of IMUs, named after both serial numbers."""
+    """Return the path of the file of a pair of IMUs, which is named after both serial numbers."""
     names = [re.sub(r"[^A-Za-z0-9.-]", "-", serial) for serial in (primary, secondary)]
     return folder / f"{names[0]}_{names[1]}.toml"
 
 
 def load_pair(folder: Path, primary: str, secondary: str) -> StoredPair:
-    """The last cross-calibration of a pair; empty if there is none. Raises InputError for a damaged file."""
+    """Load the last cross-calibration of a pair; empty if there is none. Raises InputError for a damaged file."""
     path = pair_path(folder, primary, secondary)
     if not path.exists():
         return StoredPair()

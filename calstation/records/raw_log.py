@@ -1,15 +1,15 @@
-"""Writes the raw log: HDF5 in SWMR mode, flushed so often that a kill or a power cut loses less than two seconds.
+"""Writer of the raw log: HDF5 in SWMR mode; a killed process or a power failure loses less than two seconds.
 
-One compound dataset holds the samples, so that their columns have equal lengths after a crash. Configuration, events,
+The samples are in one compound dataset, so that their columns have equal lengths after a crash. Configuration, events,
 results and the closing record are JSON lines in byte datasets. Everything is created before SWMR mode is switched on,
 because nothing can be created afterwards. Samples are not compressed: rewriting a partly filled compressed chunk at
-every flush would leak file space, and a torn chunk would lose all its rows. Every row has a check value, so that
-damage is located to the row.
+every flush would waste file space, and an incompletely written chunk would lose all its rows. Every row has a check
+value, so that individual damaged rows can be identified.
 
 References
 ----------
 M. Dietzfelbinger, *Universal hashing and k-wise independent random variables via integer arithmetic without primes*,
-STACS 1996: multiply, add, take the upper half. S. Vigna's splitmix64 gives the multipliers.
+STACS 1996: multiply, add, and use the upper half. The multipliers are from splitmix64 by S. Vigna.
 """
 
 import itertools
@@ -40,16 +40,16 @@ from calstation.records.superblock import SUPERBLOCK, superblock_end
 
 FORMAT = "calstation.log/1"
 SUFFIX = ".h5"
-#: Host seconds between flushes to the operating system: a kill loses less than this and one tick.
+#: Host time between flushes to the operating system, s: killing the process loses less than this plus one tick.
 FLUSH_INTERVAL = 0.1
-#: Host seconds between fsyncs: a power cut loses less than this, a tick and the fsync itself. They have their own
-#: thread: a disk may take seconds, and meanwhile the table's watchdog must be fed.
+#: Host time between fsyncs, s: a power failure loses less than this plus a tick and the duration of the fsync. They run
+#: in their own thread, because a disk may take seconds, during which the table's watchdog must be fed.
 SYNC_INTERVAL = 0.8
-#: Host seconds to wait for the lock: `being_written` holds it for a moment.
+#: Host time to wait for the lock, s, because `being_written` holds it briefly.
 _LOCK_TIMEOUT = 1.0
-#: Name of the column with each row's check value.
+#: Name of the column with the check values of the rows.
 CHECK = "check"
-#: Columns of every log; those of further IMUs and of a gimbal come after them, and each row's check last.
+#: Columns of every log; those of secondary IMUs and of a gimbal follow, and the check value is last.
 ROW = np.dtype(
     [
         ("seq", "<i8"),
@@ -63,22 +63,22 @@ ROW = np.dtype(
     ]
 )
 CHUNK_ROWS = 1024
-#: Bytes that must be left on the disk: the end of the log and the result must still fit.
+#: Free disk space, bytes, to be kept for the end of the log and the result.
 RESERVE = 32_000_000
 _TEXTS = ("events", "results", "closing")
-#: Start of a row's check value: a row of zeros that was never written does not pass.
+#: Initial value of a row's check value, so that a row of zeros that was never written does not pass.
 _SEED = np.uint64(0x9E3779B97F4A7C15)
 
 
 def row_dtype(further_imus: int, joints: bool) -> np.dtype:
-    """Columns of a log with a number of further IMUs, with or without the joints of a gimbal."""
+    """Return the dtype of a row with a number of secondary IMUs, with or without the joints of a gimbal."""
     further = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
     return np.dtype([*ROW.descr, *further, *gimbal, (CHECK, "<u4")])
 
 
 def row_checks(rows: np.ndarray) -> NDArray[np.uint32]:
-    """Check values of rows, shape (n,), over all columns but `CHECK`."""
+    """Compute the check values of rows, shape (n,), from all columns except `CHECK`."""
     total = np.full(len(rows), _SEED, np.uint64)
     names = [name for name in rows.dtype.names or () if name != CHECK]
     columns = itertools.chain.from_iterable(rows[name].reshape(len(rows), -1).T for name in names)
@@ -91,7 +91,7 @@ def row_checks(rows: np.ndarray) -> NDArray[np.uint32]:
 
 @cache
 def _multiplier(column: int) -> np.uint64:
-    """An odd number of 64 random bits for each column (splitmix64)."""
+    """Return an odd 64-bit pseudo-random number for a column (splitmix64)."""
     mask = (1 << 64) - 1
     z = ((column + 1) * int(_SEED)) & mask
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
@@ -100,18 +100,18 @@ def _multiplier(column: int) -> np.uint64:
 
 
 def free_space(path: Path) -> int:
-    """Bytes left on the disk of a file."""
+    """Return the free space on the disk of a file, bytes."""
     return shutil.disk_usage(path.parent).free
 
 
-#: Writers whose file could not be written to its end, kept alive because closing the file may crash the process.
+#: Writers with a failed write, kept referenced because closing their file may crash the process.
 _abandoned: list["RawLogWriter"] = []
 
 
 class RawLogWriter:
-    """Appends a run's samples, events and results to a new file; `joints` says whether the blocks have gimbal joints.
+    """Appends samples, events and results of a run to a new file; `joints` is True if the blocks have gimbal joints.
 
-    While the writer lives it holds a lock on the file (`raw_read.being_written`). It buffers between flushes;
+    The file is locked until the writer closes it (`raw_read.being_written`). Data are buffered between flushes;
     `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
     created.
     """
@@ -121,7 +121,7 @@ class RawLogWriter:
         self.meta = meta
         self.free_space = free_space
         try:
-            # HDF5's own lock would be given up when SWMR mode is switched on.
+            # HDF5 would release its own lock when SWMR mode is switched on.
             self._file = h5py.File(path, "x", libver="latest", locking=False)
             self._sync_handle = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
             locked = take(self._sync_handle, _LOCK_TIMEOUT, shared=True)
@@ -152,7 +152,7 @@ class RawLogWriter:
         self.sync()
 
     def append(self, block: SampleBlock) -> None:
-        """Keep a block; the end of a stage is flushed at once."""
+        """Append a block; the end of a stage is flushed immediately."""
         if len(block) == 0 or self._refused:
             return
         if block.stage != self._stage:
@@ -172,23 +172,23 @@ class RawLogWriter:
         self.service()
 
     def event(self, event: Mapping[str, Any]) -> None:
-        """Keep an event, a JSON-ready mapping."""
+        """Append an event, a mapping of JSON values."""
         if self._refused:
             return
         self._write_line("events", event)
         self.service()
 
     def add_result(self, result: Mapping[str, Any]) -> None:
-        """Keep a result JSON beside the samples; the sha256 does not cover it."""
+        """Append a result JSON, which the sha256 does not include."""
         self._write_line("results", result)
         self.flush()
 
     def facts(self) -> LogFacts:
-        """Range, gaps, temperature and sha256 of everything appended so far."""
+        """Return range, gaps, temperature and sha256 of everything appended so far."""
         return self._facts.facts()
 
     def service(self) -> None:
-        """Flush and sync if due; call it at every tick, with data or without. Raises ConfigurationError, once."""
+        """Flush and sync if due; to be called at every tick, with or without data. Raises ConfigurationError once."""
         now = time.monotonic()
         if now - self._flushed >= FLUSH_INTERVAL:
             self.flush()
@@ -197,7 +197,7 @@ class RawLogWriter:
             self.begin_sync()
 
     def flush(self) -> None:
-        """Hand everything to the operating system: safe from the death of this process."""
+        """Pass all data to the operating system, so that they survive the end of this process."""
         if self._refused:
             return
         with self._writing():
@@ -215,12 +215,12 @@ class RawLogWriter:
         self._flushed = time.monotonic()
 
     def sync(self) -> None:
-        """Flush, and wait until everything is on disk: safe from a power cut."""
+        """Flush and wait until all data are on disk, so that they survive a power failure."""
         self.begin_sync().result()
         self._raise_failure()
 
     def begin_sync(self) -> Future[None]:
-        """Flush, and begin to write to the disk in the background; a later `service` raises what fails there."""
+        """Flush and start to write to disk in the background; a later `service` raises any failure."""
         self.flush()
         if not self._refused:
             self._syncing = self._disk.submit(self._sync_in_background)
@@ -248,15 +248,15 @@ class RawLogWriter:
             raise _ReplacedError
 
     def close(self, outcome: str) -> LogFacts:
-        """Write the closing record and close; later calls do nothing."""
+        """Write the closing record and close the file; later calls have no effect."""
         facts = self.facts()
         if not self._file:
             return facts
         if self._refused:
-            # Closing a file that could not be written may crash the process inside HDF5: it stays open.
+            # Closing a file after a failed write may crash the process inside HDF5, so it stays open.
             if self not in _abandoned:
                 _abandoned.append(self)
-                self._disk.submit(os.close, self._sync_handle)  # after what is still being written
+                self._disk.submit(os.close, self._sync_handle)  # after pending writes
                 self._disk.shutdown(wait=self._syncing.done())
             return facts
         self._write_line("closing", {"outcome": outcome, "sha256": facts.sha256})
@@ -269,7 +269,7 @@ class RawLogWriter:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Turn a failed write into one ConfigurationError; the log is kept as it is and gets no more data."""
+        """Convert a failed write to a ConfigurationError; the log is left as it is and no more data are written."""
         try:
             yield
         except (OSError, RuntimeError) as exc:  # h5py raises both
@@ -279,7 +279,7 @@ class RawLogWriter:
             raise ConfigurationError("log.not_written", file=self.path, reason=_os_reason(exc)) from exc
 
     def _extend_to_stated_length(self) -> None:
-        """Extend the file to the length in its superblock, because readers refuse a file that was cut short."""
+        """Extend the file to the length in its superblock, because readers reject a truncated file."""
         os.lseek(self._sync_handle, 0, os.SEEK_SET)
         length = superblock_end(os.read(self._sync_handle, SUPERBLOCK))
         if os.fstat(self._sync_handle).st_size < length:
@@ -307,11 +307,11 @@ def _extend(dataset: h5py.Dataset, text: str) -> None:
 
 
 class _ReplacedError(OSError):
-    """Another file has taken the place of the log."""
+    """The log has been replaced by another file."""
 
 
 def _os_reason(error: OSError | RuntimeError) -> Text:
-    """Why a file cannot be written; h5py has the error number of the system in its message only."""
+    """Return why a file cannot be written; h5py includes the system's error number only in its message."""
     if isinstance(error, _ReplacedError):
         return Text("log.replaced")
     if isinstance(error, OSError) and error.errno:

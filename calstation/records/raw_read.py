@@ -1,4 +1,4 @@
-"""Reads raw logs, also those of a run that was killed; damaged rows are left out and reported."""
+"""Reader of raw logs, including those of killed runs; damaged rows are omitted and reported."""
 
 import itertools
 import json
@@ -23,40 +23,40 @@ from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end
 
 _READ_ROWS = 16 * CHUNK_ROWS
-#: Raised by h5py for a damaged file.
+#: Exceptions that h5py raises for a damaged file.
 _BROKEN = (OSError, RuntimeError, KeyError)
 _NO_DAMAGE = np.empty((0, 2), np.int64)
-#: Attempts to open a file that a run may be writing, and seconds between them.
+#: Number of attempts to open a file that a run may be writing, and seconds between them.
 _ATTEMPTS, _RETRY_INTERVAL = 4, 0.05
-#: Number of damaged parts that a message lists.
+#: Largest number of damaged intervals listed in a message.
 _LISTED = 6
 
 
 @dataclass(frozen=True)
 class DamagedRows:
-    """Consecutive damaged rows, which are left out as a gap."""
+    """Consecutive damaged rows, which are omitted as a gap."""
 
     row: int  #: Number of the first row, from 0.
     count: int  #: Number of rows.
-    after: int | None  #: Sequence number of the sound sample before them; None at the start of the log.
-    before: int | None  #: Sequence number of the sound sample after them; None at the end of the log.
+    after: int | None  #: Sequence number of the intact sample before them; None at the start of the log.
+    before: int | None  #: Sequence number of the intact sample after them; None at the end of the log.
 
     @property
     def missing(self) -> str:
-        """First and last missing sequence number, as far as they are known."""
+        """First and last missing sequence number, as far as known."""
         first = "" if self.after is None else f"{self.after + 1}"
         last = "" if self.before is None else f"{self.before - 1}"
         return f"{first}…{last}"
 
 
 def damage_summary(damaged: Sequence[DamagedRows]) -> dict[str, int | str]:
-    """Values for a message on damaged rows: their number, and where the first of them are."""
+    """Return the values for a message about damaged rows: their number, and the first missing intervals."""
     where = [part.missing for part in damaged[:_LISTED]] + ["…"] * (len(damaged) > _LISTED)
     return {"rows": sum(part.count for part in damaged), "where": ", ".join(where)}
 
 
 def sound_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.int64]:
-    """Stored numbers of the sound rows `start` to `stop`; `damaged` as in `raw_rows`."""
+    """Return the stored row numbers of the intact rows `start` to `stop`; `damaged` is as in `raw_rows`."""
     left_out = np.cumsum(damaged[:, 1])
     number = np.arange(start, stop)
     parts_before = np.searchsorted(damaged[:, 0] - left_out + damaged[:, 1], number, side="right")
@@ -65,7 +65,7 @@ def sound_rows(damaged: NDArray[np.int64], start: int, stop: int) -> NDArray[np.
 
 @dataclass(frozen=True)
 class RawLogContents:
-    """What a raw log holds beside its samples; `outcome` is None if the run did not reach its end."""
+    """Contents of a raw log other than samples; `outcome` is None if the run did not reach its end."""
 
     meta: LogMeta
     events: list[dict[str, Any]]
@@ -89,7 +89,7 @@ def read_contents(path: Path) -> RawLogContents:
 
 
 def being_written(path: Path) -> bool:
-    """Whether a log's run is still going: its writer holds a lock on it. Raises InputError for an unreadable file."""
+    """Whether a run is still writing the log, shown by a lock. Raises InputError for an unreadable file."""
     try:
         return held(path)
     except OSError as exc:
@@ -97,18 +97,18 @@ def being_written(path: Path) -> bool:
 
 
 def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
-    """The stages that a log's events say were solved, in order."""
+    """Return the stages that were solved according to the events of a log, in order."""
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
 def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator[SampleBlock]:
-    """Read a raw log's samples in order in blocks of one stage.
+    """Yield the samples of a raw log in order, in blocks of one stage.
 
-    Damaged rows are left out and added to `damaged`. At the end of a log that was not closed they were never written
-    and do not count as damaged. In a log of an early version, whose rows have no check values, a damaged row ends the
-    samples.
+    Damaged rows are omitted and added to `damaged`. Rows at the end of a log that was not closed were never written and
+    do not count as damaged. In a log of an early version, whose rows have no check values, reading ends at a damaged
+    row.
 
-    Raises InputError if the file is damaged otherwise.
+    Raises InputError if other parts of the file are damaged.
     """
     with _opened(path) as file:
         samples = file["samples"]
@@ -139,15 +139,15 @@ def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator
 
 
 def row_count(path: Path) -> int:
-    """Number of rows in a raw log, damaged ones included. Raises InputError."""
+    """Return the number of rows in a raw log, including damaged ones. Raises InputError."""
     with _opened(path) as file:
         return _row_count(path, file["samples"])
 
 
 def raw_rows(path: Path, start: int, stop: int, damaged: NDArray[np.int64] = _NO_DAMAGE) -> np.ndarray:
-    """Sound rows `start` to `stop` of a raw log as they are stored, structured as `raw_log.row_dtype`.
+    """Read the intact rows `start` to `stop` of a raw log as stored, with the dtype `raw_log.row_dtype`.
 
-    `damaged` holds the first row and the number of rows of each damaged part, shape (n, 2). Raises InputError.
+    `damaged` contains the first row and the number of rows of each damaged interval, shape (n, 2). Raises InputError.
     """
     with _opened(path) as file:
         samples = file["samples"]
@@ -158,14 +158,14 @@ def raw_rows(path: Path, start: int, stop: int, damaged: NDArray[np.int64] = _NO
 
 
 def _row_count(path: Path, samples: h5py.Dataset) -> int:
-    """The stored number of rows, limited by the size of the file, since the number itself may be damaged."""
+    """Return the stored number of rows, limited by the file size because the number itself may be damaged."""
     return min(int(samples.shape[0]), path.stat().st_size // int(samples.dtype.itemsize))
 
 
 def _rows_and_sound(
     samples: h5py.Dataset, start: int, stop: int, checked: bool
 ) -> tuple[np.ndarray, NDArray[np.bool_]]:
-    """Rows `start` to `stop`, and which of them are sound; none in a chunk that cannot be read."""
+    """Return rows `start` to `stop` and a mask of the intact ones; a chunk that cannot be read has none."""
     try:
         rows = samples[start:stop]
     except _BROKEN:
@@ -180,7 +180,7 @@ def _rows_and_sound(
 
 
 def _rising(seq: NDArray[np.int64], sound: NDArray[np.bool_], last: int) -> NDArray[np.bool_]:
-    """Which sound rows have a sequence number above those of all sound rows before them."""
+    """Return a mask of the intact rows whose sequence number is above those of all preceding intact rows."""
     kept = np.where(sound, seq, -1)
     return kept > np.maximum.accumulate(np.concatenate([[last], kept[:-1]]))
 
@@ -205,7 +205,7 @@ def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[h5py.File]:
-    """Open an HDF5 file for reading; every failure inside becomes one InputError."""
+    """Open an HDF5 file for reading; every failure inside the context is raised as InputError."""
     if not path.is_file():
         raise InputError("log.not_found", file=path)
     try:
@@ -216,7 +216,7 @@ def _opened(path: Path) -> Iterator[h5py.File]:
 
 
 def _open_repeatedly(path: Path, stack: ExitStack) -> h5py.File:
-    """Open the file, again after a while if a run is writing it. Raises InputError or `_BROKEN`."""
+    """Open the file, with retries while a run is writing it. Raises InputError or `_BROKEN`."""
     for _ in range(_ATTEMPTS - 1):
         with suppress(*_BROKEN), ExitStack() as opened:
             file = _open(path, opened)
@@ -229,7 +229,7 @@ def _open_repeatedly(path: Path, stack: ExitStack) -> h5py.File:
 
 
 def _open(path: Path, stack: ExitStack) -> h5py.File:
-    """Open the file as it is, closed or not. Raises InputError for another format, else `_BROKEN`."""
+    """Open the file, whether it was closed or not. Raises InputError for another format, or `_BROKEN`."""
     with path.open("rb") as stream:
         head = stream.read(SUPERBLOCK)
     if not sound(head):
@@ -245,7 +245,7 @@ def _open(path: Path, stack: ExitStack) -> h5py.File:
 def _is_raw_log(file: h5py.File) -> bool:
     """Whether a file is a raw log.
 
-    The format of early logs is not read: HDF5 hangs on such a string of variable length in a damaged file.
+    The format of early logs, a string of variable length, is not read, because HDF5 hangs on it in a damaged file.
     """
     if "format" not in file.attrs or "samples" not in file:
         return False
@@ -258,7 +258,7 @@ def _text(data: NDArray[np.uint8]) -> str:
 
 
 def _json_lines(file: h5py.File, name: str) -> list[dict[str, Any]]:
-    """All lines that parse; what a crash left half written, or damage made unreadable, is skipped."""
+    """Return all lines that can be parsed; incomplete lines after a crash and damaged lines are skipped."""
     try:
         text = _text(file[name][:])
     except _BROKEN:

@@ -1,4 +1,4 @@
-"""A search index of runs in SQLite. The files of the runs are authoritative; a lost index is rebuilt from them."""
+"""Search index of runs in SQLite. The files of the runs are authoritative; a lost index is rebuilt from them."""
 
 import json
 import sqlite3
@@ -29,13 +29,13 @@ from sqlalchemy import (
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
-#: Version of the tables; an index of another version is rebuilt.
+#: Version of the table layout; an index of another version is rebuilt.
 _VERSION = 5
 
-#: Name of the index in the folder of the runs.
+#: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
 
-#: Seconds for which another program may hold the index.
+#: Longest time to wait for another program that has locked the index, s.
 _BUSY_S = 5.0
 
 T = TypeVar("T")
@@ -43,7 +43,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One run of the index."""
+    """A run in the index."""
 
     serial: str
     started_utc: str  #: ISO 8601.
@@ -52,29 +52,29 @@ class RunRecord:
     product: str | None
     station: str | None
     operator: str | None
-    stages: tuple[str, ...]  #: Those that were solved.
+    stages: tuple[str, ...]  #: Stages that were solved.
     log: Path
     result: Path | None  #: None if there is no result.
-    duration: float  #: Of the samples, s.
-    error: str | None = None  #: Cause of a fault, or of a stop.
-    resumed_from: str | None = None  #: Name of the log that this run continued; None for a fresh run.
-    closed: bool = False  #: Whether an operator decided not to resume it.
+    duration: float  #: Duration of the samples, s.
+    error: str | None = None  #: Cause of a fault or a stop.
+    resumed_from: str | None = None  #: Name of the log that this run continued; None for a new run.
+    closed: bool = False  #: Whether an operator decided not to resume the run.
 
 
 @dataclass(frozen=True)
 class IndexedRun:
     """A row of the index."""
 
-    name: str  #: Stem of the log, the key.
-    stamp: str  #: Of the files that the row was read from.
+    name: str  #: File name of the log without suffix, the key.
+    stamp: str  #: Stamp of the files from which the row was read.
     record: RunRecord
     values: Mapping[str, float]  #: Solved values by parameter, SI.
-    #: Value and sigma of each register that the run wrote from its own result and verified, SI.
+    #: Value and sigma of each register that the run wrote from its result and verified, SI.
     written: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 _RUN = TypeAdapter(IndexedRun)
-#: Columns for searching; `content` is the whole `IndexedRun` as JSON.
+#: Searchable columns; `content` is the whole `IndexedRun` as JSON.
 _SEARCHED = ("serial", "started_utc", "outcome", "product", "station", "operator", "resumed_from")
 _metadata = MetaData()
 _runs = Table(
@@ -88,17 +88,17 @@ _runs = Table(
 
 
 class RunIndex:
-    """The index in a folder of runs; it moves to memory if its file cannot be used, so that it never stops a run."""
+    """Index of a folder of runs; it is kept in memory if its file cannot be used, so that it never stops a run."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._path = folder / FILE
-        self.lost = False  #: The index was damaged or could not be written, and is empty again.
+        self.lost = False  #: Whether the index was damaged or not writable and is now empty.
         self._engine = _file_engine(self._path)
         self._try(_create)
 
     def stamps(self) -> dict[str, str]:
-        """Stamp of each run by name."""
+        """Return the stamp of each run by name."""
         return self._try(
             lambda connection: {row.name: row.stamp for row in connection.execute(select(_runs.c.name, _runs.c.stamp))}
         )
@@ -117,7 +117,7 @@ class RunIndex:
         self._try(change)
 
     def find(self, search: str, outcome: str | None, limit: int) -> list[RunRecord]:
-        """Find runs, latest first, by outcome and by part of serial number, name, product, station, operator, date."""
+        """Find runs, latest first, by outcome and by text in serial, name, product, station, operator or date."""
         query = select(_runs).order_by(_runs.c.started_utc.desc(), _runs.c.name.desc()).limit(limit)
         if search.strip():
             columns = ("serial", "started_utc", "product", "station", "operator", "name")
@@ -127,7 +127,7 @@ class RunIndex:
         return [run.record for run in self._found(query)]
 
     def of(self, serial: str, outcomes: tuple[str, ...] | None = None, before: str | None = None) -> list[IndexedRun]:
-        """A unit's runs, latest first, with one of these outcomes and begun before a time, ISO 8601; any if None."""
+        """Return the runs of a unit, latest first, filtered by outcomes and by start before a time (ISO 8601)."""
         query = select(_runs).where(_runs.c.serial == serial)
         if outcomes is not None:
             query = query.where(_runs.c.outcome.in_(outcomes))
@@ -137,7 +137,7 @@ class RunIndex:
         return self._found(query)
 
     def count(self, serial: str) -> int:
-        """Number of runs begun for a unit; a resumed run counts once."""
+        """Return the number of runs started for a unit; a resumed run counts once."""
         query = select(func.count()).select_from(_runs).where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
@@ -145,7 +145,7 @@ class RunIndex:
         return self._try(lambda connection: [self._run(row.content) for row in connection.execute(query)])
 
     def _run(self, content: str) -> IndexedRun:
-        """A stored run, with its files in the folder of the index."""
+        """Return a stored run with the paths of its files in the folder of the index."""
         run = _RUN.validate_python(json.loads(content))
         result = run.record.result and self._folder / run.record.result.name
         return replace(run, record=replace(run.record, log=self._folder / run.record.log.name, result=result))
@@ -187,15 +187,15 @@ def _file_engine(path: Path) -> Engine:
 
     @event.listens_for(engine, "connect")
     def _prepare(connection: sqlite3.Connection, _: object) -> None:
-        with suppress(sqlite3.OperationalError):  # a network folder has no WAL
+        with suppress(sqlite3.OperationalError):  # WAL is not available in a network folder
             connection.execute("PRAGMA journal_mode=WAL")
-        connection.execute("PRAGMA synchronous=OFF")  # what a power cut destroys is rebuilt
+        connection.execute("PRAGMA synchronous=OFF")  # the index is rebuilt after a power failure
 
     return engine
 
 
 def _create(connection: Connection) -> None:
-    """Create the table; an index of another version is emptied."""
+    """Create the table; delete the rows of an index of another version."""
     if connection.execute(text("PRAGMA user_version")).scalar_one() != _VERSION:
         _metadata.drop_all(connection)
         connection.execute(text(f"PRAGMA user_version={_VERSION}"))

@@ -1,7 +1,7 @@
-"""The superblock of an HDF5 file, by which a file that was not closed is read as a closed one.
+"""Superblock of an HDF5 file, which is patched so that a file that was not closed is read like a closed one.
 
-HDF5's own mode for a file that a writer left open (SWMR) retries damaged metadata with doubling waits: a single wrong
-byte would block the reader for hours. In a closed file the same damage is an error at once.
+The HDF5 mode for a file left open by its writer (SWMR) retries damaged metadata with doubling waits, so that a single
+wrong byte would block the reader for hours. In a closed file the same damage causes an error immediately.
 
 References
 ----------
@@ -12,7 +12,7 @@ import io
 from pathlib import Path
 from typing import Any
 
-#: Bytes of a superblock of version 3.
+#: Size of a superblock of version 3, bytes.
 SUPERBLOCK = 48
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n\x03"
@@ -21,12 +21,12 @@ _ALL = 0xFFFFFFFF
 
 
 def superblock_end(head: bytes) -> int:
-    """Length of the file according to its first `SUPERBLOCK` bytes."""
+    """Return the length of the file according to its first `SUPERBLOCK` bytes."""
     return int.from_bytes(head[_END], "little")
 
 
 def sound(head: bytes) -> bool:
-    """Whether a file begins with a superblock of version 3 with the right checksum."""
+    """Whether a file begins with a superblock of version 3 with a correct checksum."""
     return (
         len(head) == SUPERBLOCK
         and head.startswith(_SIGNATURE)
@@ -40,7 +40,7 @@ def left_open(head: bytes) -> bool:
 
 
 class AsClosed(io.FileIO):
-    """Presents a file that was not closed, or was cut short, as if it had been closed at its present length."""
+    """Reads a file that was not closed, or was truncated, as if it had been closed at its present length."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "rb")
@@ -62,7 +62,7 @@ class AsClosed(io.FileIO):
 
 
 def _lookup3(data: bytes | bytearray) -> int:
-    """Jenkins' 32-bit hash, HDF5's checksum of metadata."""
+    """Return the 32-bit Jenkins hash, which HDF5 uses as checksum of metadata."""
     a = b = c = (0xDEADBEEF + len(data)) & _ALL
     rest = bytes(data)
     while len(rest) > 12:

@@ -1,6 +1,6 @@
-"""What is written into units: transfer, journal, interrupted transfers and verification.
+"""Registers of units: transfer, journal, interrupted transfers and verification.
 
-A driver's register map belongs to `devices`.
+The register maps of the drivers are in `devices`.
 """
 
 import lazy_loader as lazy

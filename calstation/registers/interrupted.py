@@ -1,4 +1,4 @@
-"""Recovers transfers that were interrupted: found at the next start, finished or restored as a person decides."""
+"""Recovers interrupted transfers: finds them at the next start, and finishes or restores them as decided."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from calstation.registers.preconditions import check_unit_model, register_map, u
 from calstation.registers.verification import finish_verification
 from calstation.sequencer import Emit, Message, RunInBackground, VerificationData, check_power
 
-#: What can be done about an interrupted transfer: complete and verify the new registers, or restore the old ones.
+#: Options for an interrupted transfer: complete and verify the new registers, or restore the old ones.
 DECISIONS = ("finish", "restore")
 
 
@@ -39,11 +39,11 @@ def recover_interrupted(
 ) -> UnverifiedTransfer | None:
     """Recover an interrupted transfer to the unit before a run.
 
-    A unit that still holds its old registers is unchanged, which is reported. For any other the request's `unfinished`
-    decides; without a decision the run is refused and the choices are reported. New registers are left for the run's
-    own table to verify once it is ready; on a manual rig they are verified here, at rest.
+    If the unit still has its old registers, this is reported and nothing is changed. Otherwise the request's
+    `unfinished` decides; without a decision the run is refused and the options are reported. New registers are verified
+    later, when the run's table is ready; on a manual rig they are verified here, at rest.
 
-    Raises DeviceFaultError: no decision was made, the output is wrong, or the link failed.
+    Raises DeviceFaultError if no decision was made, the output is wrong, or the link failed.
     """
     request, imu, table = setup.request, devices.imu, devices.table
     entry = journal.interrupted(runs, request.serial, journal_folder(setup.station))
@@ -77,7 +77,7 @@ def recover_interrupted(
         report()
     else:
         table.identify()
-        check_power(table.status())  # nothing is written if the table could not verify it
+        check_power(table.status())  # write nothing that the table could not verify
         unverified = UnverifiedTransfer(setup, imu, finish(imu, registers, entry), report)
     imu.start()
     return unverified

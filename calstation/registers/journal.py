@@ -1,10 +1,10 @@
-"""The journal of each unit's registers: what was to be written when, by whom, and how far it came.
+"""The journal of each unit's registers: the intended values of every transfer, its time, its author and its progress.
 
-One file for a serial number, a checked line for every event (`checked_lines`), each on disk before what it announces
-is done. A journal that does not read as it was written refuses its unit, because it is then unknown what was written.
+There is one file per serial number, with a checksummed line for every event (`checked_lines`), each on disk before the
+announced action. With a damaged journal the unit is refused, because it is then unknown what was written.
 
-Units on hardware have theirs in the site's own folder, whatever folder a run writes into: flash cycles and interrupted
-transfers belong to the unit. Those of a virtual bench are beside the runs that the units belong to.
+The journals of hardware units are in the site's own folder, regardless of the folder of a run: flash cycles and
+interrupted transfers belong to the unit. Those of virtual units are in the folder of their runs.
 """
 
 import hashlib
@@ -24,31 +24,31 @@ from calstation.errors import ConfigurationError
 from calstation.messages import Text, Value, os_reason
 from calstation.records import DamagedLineError, Line, Lines, append_line, read_lines
 
-#: In the site's folder, or beside the runs.
+#: Folder of the journals, in the site's folder or in the folder of the runs.
 FOLDER = "registers"
 
-#: Kind of a unit's station; ``unknown`` for what was written before hardware had journals of its own.
+#: Kind of a unit's station; ``unknown`` for transfers recorded before hardware had separate journals.
 Kind = Literal["hardware", "virtual", "unknown"]
 
 _SUFFIX = ".jsonl"
 
 _BOTH = {"event", "id", "utc"}
-#: Keys of every event's line; a line without a checksum has these and no others. One with a checksum may have more.
+#: Keys of every event's line. A line without a checksum has exactly these; one with a checksum may have more.
 _KEYS = {
     "intended": _BOTH | {"serial", "by", "why", "source", "old", "new"},
     "step": _BOTH | {"step"},
     "closed": _BOTH | {"closing"},
 }
 
-#: Keys of a register's entry that do not change the meaning of its content.
+#: Keys of a register entry that do not affect the meaning of its content.
 _WITHOUT_MEANING = {"tolerance", "range"}
 
 
 @dataclass(frozen=True)
 class UnitType:
-    """Model of a unit as it reports it, and the profile and product with which it was written; "" if unknown.
+    """Model reported by a unit, and the profile and product with which it was written; "" if unknown.
 
-    map : digest of the profile's registers, as far as they define what a content means
+    map : digest of the profile's register entries that define the meaning of the content
     """
 
     model: str = ""
@@ -63,7 +63,7 @@ class UnitType:
 
 @dataclass(frozen=True)
 class Purpose:
-    """Who wants a transfer, and what for (run, hand or restore); `source` is the log or set of values behind it."""
+    """Requester and reason of a transfer (run, hand or restore); `source` is the log or set of values that it uses."""
 
     by: str | None
     why: str
@@ -72,13 +72,13 @@ class Purpose:
 
     @classmethod
     def of(cls, setup: ResolvedConfiguration, model: str, why: str, source: str) -> "Purpose":
-        """The purpose of a configuration's operator, for a unit that reports `model`."""
+        """Return the purpose for the operator of a configuration and a unit that reports `model`."""
         unit_type = UnitType(model, setup.imu.name, setup.product.name, map_digest(setup.imu.registers))
         return cls(setup.request.operator, why, source, unit_type)
 
 
 def map_digest(registers: list[RegisterEntry]) -> str:
-    """A digest that is equal for registers whose contents mean the same."""
+    """Return a digest that is equal for registers whose contents have the same meaning."""
     rows = sorted(
         json.dumps(entry.model_dump(mode="json", exclude=_WITHOUT_MEANING), sort_keys=True) for entry in registers
     )
@@ -87,10 +87,10 @@ def map_digest(registers: list[RegisterEntry]) -> str:
 
 @dataclass
 class Transfer:
-    """One transfer as the journal has it; implements `transfer.Entry`. `id` increases with time.
+    """One transfer as recorded in the journal; implements `transfer.Entry`. `id` increases with time.
 
-    old, new : the unit's registers before, and as intended, by parameter, SI
-    closing : how it ended; None while it is open
+    old, new : the unit's registers before the transfer, and the intended ones, by parameter, SI
+    closing : how the transfer ended; None while it is open
     """
 
     path: Path
@@ -112,13 +112,13 @@ class Transfer:
         self.steps.append(str(step))
 
     def close(self, closing: Closing) -> None:
-        """Record how it ended. Raises ConfigurationError if it cannot be written."""
+        """Record how the transfer ended. Raises ConfigurationError if it cannot be written."""
         self._add({"event": "closed", "closing": closing})
         self.closing = str(closing)
 
     @property
     def cycles(self) -> int:
-        """Flash cycles that it cost the unit."""
+        """Flash cycles that the transfer used."""
         return self.steps.count(Step.COMMITTING)
 
     def _add(self, line: Mapping[str, Any]) -> None:
@@ -133,9 +133,7 @@ def begin(
     purpose: Purpose,
     site: Path | None = None,
 ) -> Transfer:
-    """Record an intention; it is on disk when this returns. Raises ConfigurationError if the journal is damaged or
-    cannot be written; nothing was written to the unit.
-    """
+    """Record an intended transfer on disk. Raises ConfigurationError if the journal is damaged or cannot be written."""
     history(runs, serial, site)
     path = _path(site or runs, serial)
     ident = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(3)}"
@@ -147,10 +145,10 @@ def begin(
 
 
 def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]:
-    """Every transfer to a unit, oldest first. Raises ConfigurationError: a journal does not read as it was written.
+    """Return every transfer to a unit, oldest first. Raises ConfigurationError if a journal is damaged.
 
-    `site` is the site's folder for a unit on hardware, None for one of a virtual bench, whose journal is beside the
-    `runs`. There are also transfers on hardware from before the site had journals.
+    `site` is the site's folder for a hardware unit, None for a virtual one, whose journal is in the folder `runs`. That
+    folder may also contain older transfers on hardware, from before the site had journals.
     """
     if site is None:
         return [transfer for transfer, _ in _transfers(_path(runs, serial), serial)]
@@ -159,7 +157,7 @@ def history(runs: Path, serial: str, site: Path | None = None) -> list[Transfer]
 
 
 def by_station(runs: Path, serial: str, site: Path) -> dict[Kind, list[Transfer]]:
-    """Every transfer by the kind of its station; those of an unknown station count for both in `history`."""
+    """Return every transfer by the kind of its station; `history` counts those of unknown stations for both kinds."""
     beside = _transfers(_path(runs, serial), serial)
     return {
         "hardware": [transfer for transfer, _ in _transfers(_path(site, serial), serial)],
@@ -169,46 +167,46 @@ def by_station(runs: Path, serial: str, site: Path) -> dict[Kind, list[Transfer]
 
 
 def interrupted(runs: Path, serial: str, site: Path | None = None) -> Transfer | None:
-    """The unit's latest transfer if it is still open. Arguments and exceptions as `history`."""
+    """Return the unit's latest transfer if it is still open, else None. Arguments and exceptions: see `history`."""
     transfers = history(runs, serial, site)
     return transfers[-1] if transfers and transfers[-1].closing is None else None
 
 
 def truncated(runs: Path, serial: str, site: Path | None = None) -> Path | None:
-    """The unit's journal if a power cut truncated its last line. Arguments and exceptions as `history`."""
+    """Return the unit's journal if a power failure truncated it. Arguments and exceptions: see `history`."""
     path = _path(site or runs, serial)
     return path if _lines(path, serial).torn else None
 
 
 def journal_folder(station: StationConfig) -> Path | None:
-    """The site's folder for a station on hardware; None for a virtual bench, whose journals are beside the runs."""
+    """Return the site's folder for a hardware station; None for a virtual bench, whose journals are with the runs."""
     return None if station.bench is not None else site_folder()
 
 
 def serials(folder: Path) -> list[str]:
-    """Serial numbers that have a journal in a folder of runs or the site's, sorted."""
+    """Return the sorted serial numbers that have a journal in a folder of runs or in the site's folder."""
     return sorted(unquote(path.name.removesuffix(_SUFFIX)) for path in (folder / FOLDER).glob(f"*{_SUFFIX}"))
 
 
 def cycles(runs: Path, serial: str, site: Path | None = None) -> int:
-    """Flash cycles of the unit that the journal knows. Arguments and exceptions as `history`."""
+    """Return the number of the unit's flash cycles in the journal. Arguments and exceptions: see `history`."""
     return sum(transfer.cycles for transfer in history(runs, serial, site))
 
 
 def _transfers(path: Path, serial: str) -> list[tuple[Transfer, bool]]:
-    """A journal's transfers to a unit, each with whether its intention has a checksum. Raises ConfigurationError."""
+    """Return a journal's transfers to a unit, and whether each has a checksum. Raises ConfigurationError."""
     found: dict[str, tuple[Transfer, bool]] = {}
     for line in _lines(path, serial).lines:
         try:
             _take(found, path, line)
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as exc:
             raise _damaged(path, serial, line.number, Text("journal.unknown_content")) from exc
-    # A file system that ignores case gives two serial numbers one file.
+    # On a case-insensitive file system, two serial numbers may share a file.
     return [(transfer, checked) for transfer, checked in found.values() if transfer.serial == serial]
 
 
 def _take(found: dict[str, tuple[Transfer, bool]], path: Path, line: Line) -> None:
-    """Add a line to the transfers found so far. Raises any of many errors for a line with other content."""
+    """Add a line to the transfers found so far. Raises various errors for a line with invalid content."""
     content = line.content
     keys = _KEYS[content["event"]]
     if not (keys <= content.keys() if line.checked else keys - {"source"} <= content.keys() <= keys):

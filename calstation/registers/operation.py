@@ -1,8 +1,8 @@
-"""Register operations outside a run: write, finish or restore, with the guards and the safe stop of a run.
+"""Register operations outside a run: write, finish or restore, with the same guards and safe stop as a run.
 
-If a table is driven, it is made ready before the first register is written, and turns the restarted unit afterwards. On
-a manual rig, or if the table is to be left alone, the output is verified at rest. Who wanted what is in the unit's
-journal, with the old values, on disk before the first register is written.
+A driven table is made ready before the first register is written, and turns the restarted unit afterwards. On a manual
+rig, or if the table must not move, the output is verified at rest. The requester, the purpose and the old values are in
+the unit's journal, on disk, before the first register is written.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -53,28 +53,29 @@ from calstation.sequencer import (
     VerificationData,
 )
 
-#: Takes the operator's commands; raises StopRequested.
+#: Type of a function that processes the operator's commands; it raises StopRequested if a stop is requested.
 CheckCancelled = Callable[[], None]
 
 _PROOFS = {Step.TURNED: "turn", Step.AT_REST: "rest"}
 
 
 def moves_table(operation: RegisterOperation) -> bool:
-    """Whether a table moves for an operation. Raises InputError if there is nothing to do, ConfigurationError."""
+    """Whether an operation moves a table. Raises InputError if there is nothing to do, or ConfigurationError."""
     setup = resolve_configuration(operation.request)
-    _Work.of(operation, setup, lambda event: None)
+    _ActiveOperation.of(operation, setup, lambda event: None)
     return not (operation.at_rest or setup.by_hand)
 
 
 def run_operation(operation: RegisterOperation, emit: Emit, control: Control) -> None:
-    """Do a register operation; its last event is `Settled`, or the `Fault` that ended it.
+    """Execute a register operation; its last event is `Settled`, or the `Fault` that ended it.
 
-    New registers with a wrong output are taken back. After a stop or a fault of the table following the write they
-    stay written and their transfer stays open: the next start offers to finish or to restore it.
+    If the output with the new registers is wrong, the old ones are restored. After a stop or a table fault that follows
+    the write, the new registers stay written and their transfer stays open: the next start offers to finish or to
+    restore it.
 
-    Raises InputError: there is nothing to finish, or the journal does not know the transfer; ConfigurationError: the
-    journal cannot be written; nothing was written to the unit; DeviceFaultError: another unit answers, an earlier
-    transfer is open, a value is out of range, or the link fails.
+    Raises InputError if there is nothing to finish or the journal does not contain the transfer; ConfigurationError if
+    the journal cannot be written (the unit is then unchanged); DeviceFaultError if another unit is connected, an
+    earlier transfer is open, a value is out of range, or the link fails.
     """
 
     def check_cancelled() -> None:
@@ -82,7 +83,7 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
         if control.stopping:
             raise StopRequested
 
-    work = _Work.of(operation, resolve_configuration(operation.request), emit)
+    work = _ActiveOperation.of(operation, resolve_configuration(operation.request), emit)
     try:
         if operation.at_rest or work.setup.by_hand:
             settled: Settled | None = _at_rest(work, check_cancelled)
@@ -95,12 +96,12 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
 
 
 @dataclass
-class _Work:
-    """An operation that is being done.
+class _ActiveOperation:
+    """An operation in progress.
 
     entry : the interrupted transfer to complete; None for a new one
-    values, source : of the new one, SI by parameter, and where they come from
-    earlier : the transfer before which the unit held these values; None for those of a result
+    values, source : values of a new transfer, SI by parameter, and their origin
+    earlier : the transfer that replaced these values; None for values of a result
     """
 
     operation: RegisterOperation
@@ -113,8 +114,8 @@ class _Work:
     identity: ImuIdentity = field(init=False)
 
     @classmethod
-    def of(cls, operation: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_Work":
-        """Find out what there is to do. Raises InputError, or ConfigurationError for a worn out flash."""
+    def of(cls, operation: RegisterOperation, setup: ResolvedConfiguration, emit: Emit) -> "_ActiveOperation":
+        """Determine what to do. Raises InputError, or ConfigurationError if the flash is worn out."""
         request, site = operation.request, journal_folder(setup.station)
         runs, serial = request.out, request.serial
         entry = journal.interrupted(runs, serial, site)
@@ -134,11 +135,11 @@ class _Work:
 
     @property
     def restoring(self) -> bool:
-        """Whether the old registers of an interrupted transfer are restored."""
+        """Whether the operation restores the old registers of an interrupted transfer."""
         return self.entry is not None and self.operation.what == "restore"
 
     def unchanged(self, imu: Imu) -> Settled | None:
-        """The last event for a unit that has its old registers already; None if there is something to do."""
+        """Return the last event for a unit that still has its old registers; None if there is something to do."""
         request = self.operation.request
         check_serial(imu, request.serial)
         self.identity = imu.identify()
@@ -152,7 +153,7 @@ class _Work:
         return None
 
     def write(self, imu: Imu) -> Transferred:
-        """Write, read back, commit, restart, read again. Raises DeviceFaultError, ConfigurationError."""
+        """Write, read back, commit, restart and read again. Raises DeviceFaultError or ConfigurationError."""
         entries = register_map(self.setup)
         if self.entry is not None:
             return (put_back if self.restoring else finish)(imu, entries, self.entry)
@@ -160,7 +161,7 @@ class _Work:
 
     @contextmanager
     def verifying(self, check_cancelled: CheckCancelled) -> Iterator[None]:
-        """Report how the unit is left if anything ends the verification of the restarted unit early."""
+        """Report the state of the unit if the verification of the restarted unit ends early."""
         try:
             try:
                 check_cancelled()
@@ -176,7 +177,7 @@ class _Work:
     def verify(
         self, imu: Imu, done: Transferred, data: VerificationData, run_in_background: RunInBackground | None = None
     ) -> Settled:
-        """Close the transfer by the verification data. Raises DeviceFaultError if the output is wrong."""
+        """Verify the output and close the transfer. Raises DeviceFaultError if the output is wrong."""
         if self.restoring:
             finish_restored(self.setup, done, data)
         else:
@@ -197,7 +198,7 @@ class _Work:
         return journal.begin(request.out, request.serial, old, new, purpose, journal_folder(self.setup.station))
 
 
-def _at_rest(work: _Work, check_cancelled: CheckCancelled) -> Settled:
+def _at_rest(work: _ActiveOperation, check_cancelled: CheckCancelled) -> Settled:
     with open_imu_session(_unreported, work.setup, check_cancelled) as unit:
         work.emit(StateChanged(State.PREPARING, State.IDLE))
         unchanged = work.unchanged(unit.imu)
@@ -212,8 +213,8 @@ def _at_rest(work: _Work, check_cancelled: CheckCancelled) -> Settled:
         return work.verify(unit.imu, done, data)
 
 
-def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) -> Settled | None:
-    """Make the table ready, write, turn the unit, move to the load position; None after a fault that was emitted."""
+def _with_turns(work: _ActiveOperation, control: Control, check_cancelled: CheckCancelled) -> Settled | None:
+    """Prepare the table, write, turn the unit, move to the load position; return None after an emitted fault."""
     settled: Settled | None = None
     with ExitStack() as stack:
         with _offering_at_rest():
@@ -252,8 +253,8 @@ def _with_turns(work: _Work, control: Control, check_cancelled: CheckCancelled) 
     return settled or Settled(work.operation.request.serial, "stopped", "")
 
 
-def _context(work: _Work, devices: Devices, control: Control) -> RunContext:
-    """A run without stages, log and solvers; the output is not checked before wrong registers are replaced."""
+def _context(work: _ActiveOperation, devices: Devices, control: Control) -> RunContext:
+    """Return a run without stages, log or solvers; the output is not checked before wrong registers are replaced."""
     setup = work.setup
     unit = setup.unit_task()
     preflight = replace(unit.preflight, warm_up=0.0, warm_up_slope=None, output=not setup.after_registers)
@@ -262,7 +263,7 @@ def _context(work: _Work, devices: Devices, control: Control) -> RunContext:
 
 
 def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> Transfer:
-    """The transfer before which the unit held the wanted registers. Raises InputError."""
+    """Return the transfer that replaced the registers to restore. Raises InputError."""
     folder = str(site or runs)
     known = journal.history(runs, serial, site)
     if not known:
@@ -275,7 +276,7 @@ def _earlier(runs: Path, serial: str, ident: str | None, site: Path | None) -> T
 
 @contextmanager
 def _offering_at_rest() -> Iterator[None]:
-    """Add to errors of the table, before anything is written, that the operation is possible without it."""
+    """Add to table errors before the write the note that the operation is possible without the table."""
     try:
         yield
     except CalstationError as error:
@@ -287,4 +288,4 @@ def _offering_at_rest() -> Iterator[None]:
 
 
 def _unreported(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Events report the progress."""
+    """Ignore the progress, which is reported by events."""

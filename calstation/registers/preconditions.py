@@ -1,7 +1,7 @@
-"""What must hold before registers are written: flash cycles left, the right type of unit, no interrupted transfer.
+"""Preconditions for writing registers: remaining flash cycles, the correct unit type, no interrupted transfer.
 
-Restoring old registers and finishing an interrupted transfer is never refused for flash wear: a unit must not be left
-half written.
+Restoring old registers and finishing an interrupted transfer are never refused for flash wear: a unit must not be left
+partially written.
 """
 
 from pathlib import Path
@@ -14,7 +14,7 @@ from calstation.registers import journal
 from calstation.registers.journal import Transfer, journal_folder, map_digest
 from calstation.sequencer import Emit, Message
 
-#: Share of the flash cycles from which a warning is given.
+#: Fraction of the flash cycles above which a warning is emitted.
 _NEAR = 0.9
 
 
@@ -23,7 +23,7 @@ def register_map(setup: ResolvedConfiguration) -> RegisterMap:
 
 
 def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
-    """Check, before anything is opened, that the unit's flash may be written once more; warns when that is near."""
+    """Check, before any device is opened, that the unit's flash may be written again; warn near the limit."""
     serial = setup.request.serial
     site = journal_folder(setup.station)
     used = journal.cycles(runs, serial, site)
@@ -40,9 +40,9 @@ def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
 
 
 def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
-    """Check, before anything is opened, that a transfer's values fit the product's registers; raises InputError.
+    """Check, before any device is opened, that a transfer's values match the product's registers. Raises InputError.
 
-    Without a recorded type only the parameters are compared.
+    If no unit type was recorded, only the parameters are compared.
     """
     recorded, profile = entry.unit_type, setup.imu
     about = {"id": entry.id, "serial": entry.serial, "profile": profile.name}
@@ -55,21 +55,21 @@ def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
 
 
 def check_unit_model(entry: Transfer, model: str) -> None:
-    """Raise DeviceFaultError if a transfer was to another model of unit than the one that answers."""
+    """Raise DeviceFaultError if a transfer was to another unit model than that of the connected unit."""
     recorded = entry.unit_type.model
     if recorded and recorded != model:
         raise DeviceFaultError("transfer.other_model", id=entry.id, serial=entry.serial, recorded=recorded, model=model)
 
 
 def check_interrupted(setup: ResolvedConfiguration, runs: Path) -> None:
-    """Check, before anything is opened, the type of unit of the interrupted transfer; raises InputError."""
+    """Check, before any device is opened, the unit type of an interrupted transfer. Raises InputError."""
     entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
     if entry is not None:
         check_register_map(entry, setup)
 
 
 def check_no_interrupted(imu: Imu, setup: ResolvedConfiguration, runs: Path) -> None:
-    """Raise DeviceFaultError if a transfer to the unit awaits a decision; one that changed nothing is closed."""
+    """Raise DeviceFaultError if a transfer to the unit awaits a decision; close a transfer that changed nothing."""
     entry = journal.interrupted(runs, setup.request.serial, journal_folder(setup.station))
     if entry is not None:
         check_unit_model(entry, imu.identify().model)
@@ -80,5 +80,5 @@ def check_no_interrupted(imu: Imu, setup: ResolvedConfiguration, runs: Path) -> 
 
 
 def undecided(entry: Transfer, holds: Holds) -> DeviceFaultError:
-    """The fault of a unit whose interrupted transfer awaits a decision."""
+    """Return the fault of a unit whose interrupted transfer awaits a decision."""
     return DeviceFaultError("transfer.interrupted", serial=entry.serial, utc=entry.utc, holds=str(holds))

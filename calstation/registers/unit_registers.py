@@ -1,4 +1,4 @@
-"""The registers of a unit: read from the unit in the fixture, and as a result asks for them."""
+"""The registers of a unit: those read from the unit in the fixture, and those that a result requires."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -33,7 +33,7 @@ class Register:
 
 @dataclass(frozen=True)
 class UnitRegisters:
-    """What a unit holds, by increasing address; `commits` are the flash cycles that its journal knows."""
+    """Registers read from a unit, by increasing address; `commits` is the number of flash cycles in its journal."""
 
     serial: str
     model: str
@@ -51,13 +51,13 @@ class UnitRegisters:
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "UnitRegisters":
-        """Read what `to_json` wrote."""
+        """Convert the output of `to_json` back."""
         return cls(**{**data, "registers": tuple(Register(**row) for row in data["registers"])})
 
 
 @dataclass(frozen=True)
 class TargetRegisters:
-    """The registers that a result asks for, and those that its run found and replaced, and wrote and verified."""
+    """The registers that a result requires, those that its run replaced, and those that it wrote and verified."""
 
     serial: str
     registers: tuple[Register, ...]
@@ -71,7 +71,7 @@ class TargetRegisters:
 
 
 def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> UnitRegisters:
-    """Read the registers of the unit in the fixture; writes nothing. Raises DeviceFaultError, ConfigurationError."""
+    """Read the registers of the unit in the fixture; write nothing. Raises DeviceFaultError or ConfigurationError."""
     setup = resolve_configuration(request)
     with open_imu_session(progress, setup) as unit:
         values = unit.imu.read_registers()
@@ -79,12 +79,12 @@ def read_unit(progress: ProgressCallback, request: RunRequest, runs: Path) -> Un
 
 
 def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Result) -> TargetRegisters:
-    """The registers that a result asks for, with the encoding of its product's profile.
+    """Return the registers that a result requires, with the encoding of its product's profile.
 
-    If its run wrote registers these are it; registers that it kept are left out. A result that was found after the
-    unit's registers is combined with those that its log says were applied.
+    If its run wrote registers, these are returned, except for those that it kept. A result estimated from output
+    corrected by registers is combined with the registers in its log.
 
-    Raises InputError: the log is needed and missing, or the result is of another IMU profile than the product's.
+    Raises InputError if the log is needed but missing, or if the result has another IMU profile than the product.
     """
     setup = resolve_configuration(request)
     used, own = result.configuration.get("imu"), setup.sources["imu"].section.name
@@ -116,7 +116,7 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
 def unit_registers(
     setup: ResolvedConfiguration, identity: ImuIdentity, values: Mapping[str, float], runs: Path
 ) -> UnitRegisters:
-    """What a unit holds: `values` of its registers, SI by parameter, and the flash cycles in its journal."""
+    """Combine the `values` of a unit's registers, SI by parameter, with the flash cycles in its journal."""
     return UnitRegisters(
         identity.serial,
         identity.model,
@@ -128,12 +128,11 @@ def unit_registers(
 
 
 def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
-    """Combine registers with a solution that was found from their output into one set of registers.
+    """Combine registers with a solution estimated from their output into one set of registers.
 
-    With raw = (I + M_old) y + b_old and y = (I + M) ω + b the raw output is
-    (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the
-    specific force itself, add to first order. The accelerometer matrix stays lower triangular because
-    the product of two is.
+    With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is
+    (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,
+    add to first order. The accelerometer matrix stays lower triangular, as a product of lower triangular matrices.
     """
     was, now = parameter_vector(old), parameter_vector(found)
     result = was + now
@@ -155,5 +154,5 @@ def _rows(entries: RegisterMap, values: Mapping[str, float]) -> tuple[Register, 
 
 
 def parameter_vector(values: Mapping[str, float]) -> FloatArray:
-    """Parameters, SI, shape (30,); 0 where `values` has none."""
+    """Return the parameters, SI, shape (30,); 0 for those not in `values`."""
     return np.array([values.get(name, 0.0) for name in NAMES])

@@ -1,14 +1,14 @@
-"""Verifies a unit's output after its registers were written, against their definition and against known references.
+"""Verifies a unit's output after its registers were written, against their definition and known references.
 
 Rests and turns are compared with the same ones captured without the registers (`compare`). The reference is the raw
-output (or that after other registers) of the same unit in the same orientations, corrected by the parameters that were
-written. Mounting, table orientation and encoder errors are in both and cancel; so does the uncertainty of the
-parameters. What remains is noise and the repeatability of the table.
+output (or the output with other registers) of the same unit in the same orientations, corrected by the parameters that
+were written. Mounting, table orientation and encoder errors are common to both and cancel, as does the uncertainty of
+the parameters. Only noise and the repeatability of the table remain.
 
-Then the output alone is compared with known values: its magnitude at rest with gravity and earth rate, turns with
-encoders; and if nothing measures a turn, gravity at its end with the gravity that the gyros carried there. A unit that
-provides only raw output is corrected here by the registers that it returned: this shows that it works, not how it
-applies them.
+Then the output alone is compared with known values: its magnitude at rest with gravity and earth rate, and turns with
+encoders. If no encoder measures a turn, gravity at its end is compared with the gravity propagated by the gyros. The
+output of a unit that provides only raw output is corrected here by the registers that were read back: this verifies the
+unit's function, but not how it applies the registers.
 """
 
 from collections.abc import Callable, Mapping
@@ -42,25 +42,25 @@ from calstation.registers.preconditions import register_map
 from calstation.registers.unit_registers import parameter_vector
 from calstation.sequencer import RunInBackground, Turned, VerificationData
 
-#: A deviation of more than this many standard deviations is wrong; noise reaches it once in 10^8 times.
+#: Maximum deviation in standard deviations; noise exceeds it with a probability of about 1e-8.
 SIGMAS = 6.0
 
-#: Bias instabilities by which a bias may have drifted since it was estimated.
+#: Allowed drift of a bias since its estimation, in bias instabilities.
 DRIFT = 3.0
 
-#: Largest change of a gyro's scale factor between the rate of its calibration and the rate of the turns.
+#: Maximum change of a gyro's scale factor between the rate of its calibration and the rate of the turns.
 _NONLINEARITY = 5e-4
 
-#: Largest cosine between the forces of two rests that are upside down to each other.
+#: Maximum cosine of the angle between the specific forces of two opposite rests.
 _OPPOSITE = -0.9
 
-#: Checks that compare the output with that under the old registers.
+#: Checks that compare the output with the reference.
 _DIFFERENCES = frozenset({"force_difference", "rate_difference", "turn_difference"})
 
 
 @dataclass(frozen=True)
 class VerificationCheck:
-    """One comparison: measured and expected value, and how far they may differ, SI."""
+    """One comparison: measured value, expected value and tolerance, SI."""
 
     name: str
     value: float
@@ -70,7 +70,7 @@ class VerificationCheck:
 
     @property
     def passed(self) -> bool:
-        """Whether the two agree; NaN does not."""
+        """Whether the two values agree; False for NaN."""
         return abs(self.value - self.expected) <= self.tolerance
 
     def to_json(self) -> dict[str, Any]:
@@ -79,7 +79,7 @@ class VerificationCheck:
 
 @dataclass(frozen=True)
 class AppliedRegisters:
-    """Registers of the unit, and those applied in the reference (None for raw output); SI by parameter."""
+    """Registers of the unit, and those applied in the reference (None for raw output), by parameter, SI."""
 
     held: Mapping[str, float]
     before: Mapping[str, float] | None = None
@@ -94,7 +94,7 @@ def finish_verification(
 ) -> None:
     """Close the transfer of new registers, or restore the old ones and raise DeviceFaultError if the output is wrong.
 
-    `run_in_background` runs work while the table is looked after; None if no table moves.
+    `run_in_background` runs a function while the table's watchdog is fed; None if no table moves.
     """
     run: Callable[[Callable[[], object]], object] = run_in_background or (lambda work: work())
     wrong = _wrong_checks(setup, done, data, restored=False)
@@ -105,7 +105,7 @@ def finish_verification(
 
 
 def finish_restored(setup: ResolvedConfiguration, done: Transferred, data: VerificationData) -> None:
-    """Close the transfer of restored registers; raises DeviceFaultError afterwards if the output is wrong."""
+    """Close the transfer of restored registers. Raises DeviceFaultError afterwards if the output is wrong."""
     entry = done.entry
     wrong = _wrong_checks(setup, done, data, restored=True)
     entry.note(Step.REFUTED if wrong else verification_step(data))
@@ -115,13 +115,13 @@ def finish_restored(setup: ResolvedConfiguration, done: Transferred, data: Verif
 
 
 def restore_refuted(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, float]:
-    """Restore the old registers of a unit whose output was wrong; returns what it holds then."""
+    """Restore the old registers of a unit whose output was wrong; return the registers read back."""
     entry.note(Step.REFUTED)
     return restore(imu, registers, entry)
 
 
 def close_verified(entry: Entry, data: VerificationData) -> None:
-    """Close the transfer of registers whose output is right."""
+    """Close the transfer of registers whose output is correct."""
     entry.note(verification_step(data))
     entry.close(Closing.DONE)
 
@@ -133,12 +133,12 @@ def verification_step(data: VerificationData) -> Step:
 
 
 def verified_on(data: VerificationData) -> str:
-    """What was verified: "corrected_output", or "read_back" if the unit provides none."""
+    """Return what was verified: "corrected_output", or "read_back" if the unit has no corrected output."""
     return "corrected_output" if data.corrected else "read_back"
 
 
 def output_error(check: VerificationCheck) -> DeviceFaultError:
-    """The fault of a unit whose output with new registers is wrong and whose old registers were restored."""
+    """Return the fault of a unit whose output with new registers is wrong and whose old registers were restored."""
     return _check_error("verification.differs" if check.name in _DIFFERENCES else "verification.wrong", check)
 
 
@@ -151,7 +151,7 @@ def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
 def _wrong_checks(
     setup: ResolvedConfiguration, done: Transferred, data: VerificationData, *, restored: bool
 ) -> list[VerificationCheck]:
-    """Failed checks without a run's own estimate: tolerances allow for any unit of the type."""
+    """Return the failed checks without an estimate from a run; the tolerances allow for any unit of the type."""
     meta = setup.log_meta()
     entry = done.entry
     registers = AppliedRegisters(entry.old if restored else entry.new, entry.old if setup.after_registers else None)
@@ -167,10 +167,10 @@ def verify_output(
     context: SolveContext,
     repeatability: float,
 ) -> tuple[VerificationCheck, ...]:
-    """Compare a unit's corrected output with what it should be.
+    """Compare a unit's corrected output with its expected values.
 
-    covariance : of the parameters in the registers, SI, shape (30, 30)
-    repeatability : of the table's positions, rad, one sigma
+    covariance : covariance of the parameters in the registers, SI, shape (30, 30)
+    repeatability : repeatability of the table's positions, rad, one sigma
     """
     checks: list[VerificationCheck] = []
     if data.reference is not None:
@@ -207,7 +207,7 @@ def compare(
     context: SolveContext,
     repeatability: float,
 ) -> tuple[VerificationCheck, ...]:
-    """Compare each rest and turn of a unit's own output with a reference; `repeatability` is the table's, rad."""
+    """Compare each rest and turn of a unit's output with a reference; `repeatability` is that of the table, rad."""
     seen, expected = np.array(data.rests), _expected(np.array(reference.rests), registers)
     imu = context.imu
     checks = []
@@ -221,14 +221,14 @@ def compare(
         there = _net(before, _expected_turn(before, registers), expected)
         difference = _net(own_turn, own_turn.angle, seen) - there
         scatter = _turn_scatter(there, (before.seconds, data.seconds), imu, repeatability)
-        # The earth turns on while one turn takes longer than the other.
+        # Earth rate accumulates if one turn takes longer than the other.
         more = 2.0 * RATE * abs(own_turn.seconds - before.seconds)
         checks.append(_difference("turn_difference", difference, scatter, "rad", more))
     return tuple(checks)
 
 
 def without_register(belief: Belief, held: Mapping[str, float]) -> FloatArray:
-    """Covariance of a belief, shape (30, 30), widened by the parameters without a register in `held`."""
+    """Return the covariance of a belief, shape (30, 30), increased for parameters without a register in `held`."""
     left = np.array([0.0 if name in held else value for name, value in zip(NAMES, belief.mean, strict=True)])
     return np.asarray(belief.covariance + np.diag(left**2))
 
@@ -243,9 +243,9 @@ def _opposite(force: FloatArray) -> list[int] | None:
 def _earth_rate_up(
     omega: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext, noise: float
 ) -> VerificationCheck:
-    """Vertical earth rate from two rests upside down to each other, free of gyro bias; reveals a wrong latitude."""
+    """Check the vertical earth rate from two opposite rests, free of gyro bias; detects a wrong latitude."""
     up = force / np.linalg.norm(force, axis=1, keepdims=True)
-    left = up.mean(axis=0)  # part of the biases that does not cancel
+    left = up.mean(axis=0)  # bias along this direction does not cancel
     biases = group_indices("gyro_bias")
     bias = float(np.sqrt(max(left @ covariance[np.ix_(biases, biases)] @ left, 0.0)))
     drift = DRIFT * context.imu.gyro_bias_instability
@@ -259,7 +259,7 @@ def _earth_rate_up(
 def _turn(
     turned: Turned, net: FloatArray, covariance: FloatArray, context: SolveContext, repeatability: float, noise: float
 ) -> VerificationCheck:
-    """Angle of a turn against the encoder, whatever its axis in the body; `net` is free of bias and earth rate, rad."""
+    """Check the angle of a turn about any body axis against the encoder; `net` is free of bias and earth rate, rad."""
     size, measured = abs(turned.turn.amount), float(np.linalg.norm(net))
     jacobian = np.zeros(COUNT)
     for i, p in enumerate(PARAMETERS):
@@ -276,9 +276,9 @@ def _turn(
 def _carried_turn(
     angles: FloatArray, force: FloatArray, covariance: FloatArray, context: SolveContext
 ) -> VerificationCheck:
-    """Angle between gravity at the second rest and gravity carried there by the gyros, rad; needs no encoder.
+    """Check the angle, rad, between gravity at the second rest and gravity propagated by the gyros; needs no encoder.
 
-    `angles` are those of every sample between the rests, rad; `force` is the mean at both rests, m/s².
+    `angles` are the rotations in every sample between the rests, rad; `force` is the mean at both rests, m/s².
     """
     sigma = np.sqrt(np.diag(covariance))
     seconds = len(angles) / context.imu.sample_rate
@@ -298,7 +298,7 @@ def _carried_turn(
 
 
 def _tolerance(covariance: FloatArray, sensor: str, seen: FloatArray, noise: float, instability: float) -> float:
-    """Tolerance of the magnitude of a corrected vector `seen`, whatever its direction."""
+    """Return the tolerance of the magnitude of a corrected vector `seen`, for any direction."""
     jacobian = np.zeros((3, COUNT))
     for i, p in enumerate(PARAMETERS):
         if p.group == f"{sensor}_bias":
@@ -312,20 +312,20 @@ def _tolerance(covariance: FloatArray, sensor: str, seen: FloatArray, noise: flo
 
 
 def _expected(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
-    """The reference's rests with the registers that are held now, shape (n, 6)."""
+    """Return the rests of the reference, corrected by the unit's current registers, shape (n, 6)."""
     raw = _raw(rests, registers.before)
     omega, force = compensate(compensation(parameter_vector(registers.held)), raw[:, :3], raw[:, 3:])
     return np.hstack([omega, force])
 
 
 def _expected_turn(turned: Turned, registers: AppliedRegisters) -> FloatArray:
-    """Integral of the reference's rate over a turn with the registers that are held now, rad, shape (3,)."""
+    """Return the integral of the reference's rate over a turn with the unit's current registers, rad, shape (3,)."""
     mean = np.hstack([turned.angle / turned.seconds, np.zeros(3)])[None]
     return _expected(mean, registers)[0, :3] * turned.seconds
 
 
 def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
-    """The raw output of a unit that applied registers, shape (n, 6); the size effect, 0 at rest, is left out."""
+    """Return the raw output of a unit that applied `registers`, shape (n, 6), without the size effect (0 at rest)."""
     if registers is None:
         return output
     p = parameter_vector(registers)
@@ -340,12 +340,12 @@ def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArra
 
 
 def _net(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
-    """A turn without the gyro's output at rest (bias and earth rate along the axis), rad, shape (3,)."""
+    """Return a turn minus the gyro output at rest (bias and earth rate along the axis), rad, shape (3,)."""
     return np.asarray(angle - rests[turned.turn.still, :3] * turned.seconds)
 
 
 def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, repeatability: float) -> FloatArray:
-    """Covariance of a force difference, (m/s²)², shape (3, 3); the table's tilt shows across the force only."""
+    """Return the covariance of a force difference, (m/s²)², shape (3, 3); table tilt acts only across the force."""
     size = float(np.linalg.norm(force))
     up = force / size
     drift = DRIFT * context.imu.accel_bias_instability
@@ -354,7 +354,7 @@ def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, rep
 
 
 def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel, repeatability: float) -> FloatArray:
-    """Covariance of a turn difference, rad², shape (3, 3): the joint's angle along it, the other joint's across it."""
+    """Return the covariance of a turn difference, rad², shape (3, 3): own joint along it, other joint across it."""
     duration, rest = seconds
     size = float(np.linalg.norm(turn))
     along = np.outer(turn, turn) / size**2
@@ -367,7 +367,7 @@ def _turn_scatter(turn: FloatArray, seconds: tuple[float, float], imu: ImuModel,
 def _difference(
     name: str, difference: FloatArray, scatter: FloatArray, unit: str, more: float = 0.0
 ) -> VerificationCheck:
-    """Magnitude of a difference, and its tolerance in that direction."""
+    """Check the magnitude of a difference against its tolerance in that direction."""
     size = float(np.linalg.norm(difference))
     way = difference / size if size > 0.0 else np.array([1.0, 0.0, 0.0])
     sigma = 1.0 / np.sqrt(way @ np.linalg.solve(scatter, way))
@@ -375,15 +375,15 @@ def _difference(
 
 
 def _rate_noise(imu: ImuModel, seconds: float) -> float:
-    """Sigma of one axis of `mean_at_rest` of the gyro, rad/s: 6/5 of a plain mean's variance."""
+    """Return the sigma of one axis of `mean_at_rest` of the gyro, rad/s; the variance is 6/5 of a plain mean's."""
     return float(imu.gyro_arw * np.sqrt(1.2 / seconds))
 
 
 def _force_noise(context: SolveContext, seconds: float) -> float:
-    """Sigma of one axis of `mean_at_rest` of the accelerometer, m/s².
+    """Return the sigma of one axis of `mean_at_rest` of the accelerometer, m/s².
 
-    Its own noise as the gyro's, and the vibration of the base: the slope of a line through the velocities that the
-    table's profile states, σ √12 / (T √n).
+    It combines the sensor noise, as for the gyro, with the vibration of the base: the slope of a line through
+    velocities with the sigma in the table's profile, σ √12 / (T √n).
     """
     imu, table = context.imu, context.table
     count = seconds / table.velocity_interval

@@ -1,4 +1,4 @@
-"""The solver chain, solving logs again, the result model, history and hand-over; no devices, no estimators."""
+"""The solver chain, re-solving of logs, the result model, history and hand-over; no devices, no estimators."""
 
 import lazy_loader as lazy
 

@@ -1,6 +1,6 @@
 """Diagnostics of a result: innovations, residuals and observability of every stage.
 
-A result JSON keeps their summary only. Solving the log again gives the same bits, so details are computed on demand.
+A result JSON contains only a summary; the details are computed on demand by solving the log again, bit-exactly.
 """
 
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ from calstation.jobs import ProgressCallback
 from calstation.records import context_from_meta, open_log
 from calstation.results.solver_chain import one_blas_thread, solve
 
-#: Share of solving in the work.
+#: Fraction of the job's progress taken by solving.
 _SOLVING = 0.9
 
 
@@ -28,14 +28,14 @@ class StageDiagnostics:
     sample_rate: float  #: Samples per second.
     consistency: Consistency
     innovations: Innovations | None  #: None if the method has none.
-    rests: RestResiduals  #: Residuals at its rests with the final solution.
+    rests: RestResiduals  #: Residuals at the stage's rests with the final solution.
     observability: Mapping[str, Any] = field(default_factory=dict)
     details: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Diagnostics:
-    """All stages of a log, in the order in which they were solved."""
+    """Diagnostics of all stages of a log, in the order in which they were solved."""
 
     log: Path
     serial: str
@@ -49,7 +49,7 @@ def diagnose(
     first_seq: int | None = None,
     last_seq: int | None = None,
 ) -> Diagnostics:
-    """Job: solve a log again and keep what the result leaves out.
+    """Job: solve a log again and return the details that its result omits.
 
     Parameters and exceptions are those of `resolve`.
     """

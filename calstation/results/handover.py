@@ -1,6 +1,6 @@
-"""Delivers every run's result to the factory's system, exactly once: a JSON file and a CSV line.
+"""Delivers the result of every run to the factory's system exactly once, as a JSON file and a CSV line.
 
-A run is pending from its start, whatever ends it, until its result is delivered, perhaps with a later run's.
+A run is pending from its start until its result is delivered, whatever its outcome; a later run may deliver it.
 """
 
 import csv
@@ -24,17 +24,17 @@ from calstation.sequencer import Emit, Message
 
 CSV_NAME = "handover.csv"
 
-#: Folder beside the runs with an empty file for each pending run.
+#: Folder inside the runs folder, with an empty file for each pending run.
 WAITING = ".handover"
 
-#: Time that a run waits for an unresponsive folder, s.
+#: Maximum time that a run waits for an unresponsive folder, s.
 _WAIT = 10.0
 
 _LOCKED_WITHIN = 5.0
-#: Bytes at the end of the CSV that are searched for a line whose delivery a power cut interrupted.
+#: Number of bytes at the end of the CSV that are searched for a line from an interrupted delivery.
 _TAIL = 65_536
 
-#: Columns of the CSV before the last, `result`, which names the JSON file beside it.
+#: Columns of the CSV except the last, `result`, which names the JSON file in the same folder.
 COLUMNS: dict[str, Callable[[Result], Any]] = {
     **{n: attrgetter(n) for n in ("started_utc", "serial", "outcome", "attempt", "product", "station", "operator")},
     "stages": lambda r: " ".join(r.solved_stages),
@@ -51,7 +51,7 @@ COLUMNS: dict[str, Callable[[Result], Any]] = {
 
 @dataclass(frozen=True)
 class Delivery:
-    """Outcome of a delivery: results delivered, results still pending, and why."""
+    """Outcome of a delivery: number of results delivered, number still pending, and the reason."""
 
     folder: Path
     done: int
@@ -60,7 +60,7 @@ class Delivery:
 
 
 class HandOver:
-    """Delivers in a thread of its own, so that a slow folder does not delay the run."""
+    """Delivers results in a separate thread, so that a slow folder does not delay the run."""
 
     def __init__(self, runs: Path, station_path: Path, station: StationConfig, emit: Emit) -> None:
         self._runs = runs
@@ -70,7 +70,7 @@ class HandOver:
         self._delivery: Delivery | None = None
 
     def start(self) -> None:
-        """Start to deliver results that are pending from earlier runs."""
+        """Start delivering the results that are pending from earlier runs."""
         self._thread = threading.Thread(target=self._deliver, name="handover", daemon=True)
         self._thread.start()
 
@@ -97,7 +97,7 @@ class HandOver:
 
 
 def register_pending(runs: Path, name: str) -> None:
-    """Register a run, by its log's stem, as pending. Raises OSError."""
+    """Register a run as pending; `name` is the stem of its log. Raises OSError."""
     folder = runs / WAITING
     folder.mkdir(exist_ok=True)
     (folder / name).touch()
@@ -105,20 +105,20 @@ def register_pending(runs: Path, name: str) -> None:
 
 
 def deliver_pending(report: ProgressCallback, runs: Path, station: Path | None) -> Delivery:
-    """Job: deliver the results pending beside the runs to the folder of a station file."""
+    """Job: deliver the pending results of a runs folder to the hand-over folder of a station file."""
     path, config = load_station(station)
     return _deliver(runs, *_target(runs, path, config))
 
 
 def _target(runs: Path, station_path: Path, station: StationConfig) -> tuple[Path, bool]:
-    """The hand-over folder, and whether it may be created: a missing share must not become a local folder."""
+    """Return the hand-over folder and whether it may be created; a missing share must not become a local folder."""
     if station.handover is None:
         return runs.absolute().parent / "handover", True
     return station_path.absolute().parent / Path(station.handover.folder).expanduser(), False
 
 
 def _waiting(runs: Path) -> list[str]:
-    """Stems of the pending runs, oldest first; those without any file are dropped."""
+    """Return the stems of the pending runs, oldest first; drop those without any file."""
     names = []
     for entry in (runs / WAITING).glob("*"):
         if (runs / f"{entry.name}.json").exists():
@@ -129,7 +129,7 @@ def _waiting(runs: Path) -> list[str]:
 
 
 def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
-    """Deliver the pending results; after a failure the others are tried as long as the folder exists."""
+    """Deliver the pending results; after a failure, continue with the others as long as the folder exists."""
     done = 0
     reason: Text | None = None
     try:
@@ -154,13 +154,13 @@ def _deliver(runs: Path, folder: Path, make: bool) -> Delivery:
 def _hand_over(runs: Path, name: str, folder: Path) -> None:
     content = (runs / f"{name}.json").read_bytes()
     write_atomic(folder / f"{name}.json", content)
-    with suppress(ValueError):  # JSON of another program has no line
+    with suppress(ValueError):  # JSON from another program gets no line
         _append(folder, name, Result.from_json(json.loads(content)))
     (runs / WAITING / name).unlink(missing_ok=True)
 
 
 def _append(folder: Path, name: str, result: Result) -> None:
-    """Append the run's line in one write, after the header in a new file; a line that exists is not repeated."""
+    """Append the run's line in one write, after the header in a new file; do not repeat an existing line."""
     cells = [*(_cell(column(result)) for column in COLUMNS.values()), f"{name}.json"]
     with ExitStack() as stack:
         try:
@@ -177,7 +177,7 @@ def _append(folder: Path, name: str, result: Result) -> None:
         tail = os.read(handle, _TAIL)
         if f",{name}.json\n".encode() in tail:
             return
-        begin = "" if not tail or tail.endswith(b"\n") else "\n"  # a line cut by a power failure
+        begin = "" if not tail or tail.endswith(b"\n") else "\n"  # a line truncated by a power failure
         header = "" if size else _line([*COLUMNS, "result"])
         os.write(handle, (begin + header + _line(cells)).encode())
         os.fsync(handle)

@@ -1,4 +1,4 @@
-"""History of the runs in a folder, by serial number, outcome and date, from an index built of the runs' files."""
+"""History of the runs in a folder by serial number, outcome and date, read from an index of the runs' files."""
 
 import json
 import math
@@ -23,15 +23,15 @@ from calstation.records import (
 from calstation.results.merge_previous import VerifiedRegister
 from calstation.results.result import Result
 
-#: Runs read between two progress reports.
+#: Number of runs read between two progress reports.
 _AT_ONCE = 100
 
 _SOLVED = ("passed", "failed")
 
-#: Raised for a JSON that is not a result.
+#: Exceptions raised for JSON that is not a result.
 _NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
 
-_MOST_ATTEMPTS = 1_000_000
+_MAX_ATTEMPTS = 1_000_000
 
 T = TypeVar("T")
 
@@ -44,7 +44,7 @@ class History:
         self._index = RunIndex(folder)
 
     def refresh(self, report: Callable[[float], None] | None = None) -> int:
-        """Update the index from the folder; returns the number of changed runs."""
+        """Update the index from the folder; return the number of changed runs."""
         known = self._index.stamps()
         files = _files(self._folder)
         gone = [name for name in known if name not in files]
@@ -63,40 +63,40 @@ class History:
         return count
 
     def runs(self, search: str = "", outcome: str | None = None, limit: int = 200) -> list[RunRecord]:
-        """Runs, the latest first, at most `limit`.
+        """Return at most `limit` runs, the latest first.
 
         `search` is part of a serial number, date (``2026-11-21``), product, station, operator or file name; `outcome`
-        is passed, failed, stopped, fault or incomplete, None for all.
+        is passed, failed, stopped, fault or incomplete, or None for all.
         """
         return self._ask(lambda: self._index.find(search, outcome, limit))
 
     def of(self, serial: str) -> list[RunRecord]:
-        """All runs of a unit, the latest first."""
+        """Return all runs of a unit, the latest first."""
         return [run.record for run in self._ask(lambda: self._index.of(serial))]
 
     def passed_before(self, serial: str) -> RunRecord | None:
-        """The unit's latest run that passed."""
+        """Return the unit's latest run that passed, or None."""
         found = self._ask(lambda: self._index.of(serial, ("passed",)))
         return found[0].record if found else None
 
     def attempts(self, serial: str) -> int:
-        """Number of runs of the unit; a resumed run counts once."""
+        """Return the number of runs of the unit; a resumed run counts once."""
         return self._ask(lambda: self._index.count(serial))
 
     def failures(self, serial: str) -> int:
-        """Number of failures of the unit since it last passed."""
+        """Return the number of failures of the unit since it last passed."""
         runs = self._ask(lambda: self._index.of(serial, _SOLVED))
         return sum(1 for _ in takewhile(lambda run: run.record.outcome == "failed", runs))
 
     def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
-        """The unit's latest solved value of each parameter, SI, from runs started before `before` (ISO 8601)."""
+        """Return the unit's latest solved value of each parameter, SI, from runs started before `before` (ISO 8601)."""
         values: dict[str, float] = {}
         for run in self._ask(lambda: self._index.of(serial, _SOLVED, before)):
             values = {**run.values, **values}
         return values
 
     def verified_registers(self, serial: str) -> Mapping[str, VerifiedRegister]:
-        """The unit's registers by parameter, each as the latest run that estimated it wrote and verified it."""
+        """Return the unit's registers by parameter, as written and verified by the latest run that estimated each."""
         found: dict[str, VerifiedRegister] = {}
         for run in self._ask(lambda: self._index.of(serial, ("passed",))):
             for name, (value, sigma) in run.written.items():
@@ -104,7 +104,7 @@ class History:
         return found
 
     def solved(self, serial: str) -> list[IndexedRun]:
-        """The unit's solved runs with their values, the oldest first."""
+        """Return the unit's solved runs with their values, the oldest first."""
         return self._ask(lambda: self._index.of(serial, _SOLVED))[::-1]
 
     def _ask(self, question: Callable[[], T]) -> T:
@@ -117,12 +117,12 @@ class History:
 
 
 def refresh_history(report: ProgressCallback, folder: Path) -> int:
-    """Job: update a folder's index; returns the number of changed runs."""
+    """Job: update a folder's index; return the number of changed runs."""
     return History(folder).refresh(report)
 
 
 def _files(folder: Path) -> dict[str, str]:
-    """Stamp of each run's files by stem, without logs that are still being written."""
+    """Return a stamp of each run's files by stem, except for logs that are still being written."""
     if not folder.is_dir():
         return {}
     stamps: dict[str, dict[str, str]] = {SUFFIX: {}, ".json": {}}
@@ -146,7 +146,7 @@ def _is_running(folder: Path, stem: str) -> bool:
 
 
 def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
-    """A run from its result, or from its log without one; None for other or damaged files."""
+    """Read a run from its result, or from its log if it has no result; return None for other or damaged files."""
     beside = folder / f"{name}.json"
     try:
         if not stamp.startswith("log "):
@@ -164,7 +164,7 @@ def _read(folder: Path, name: str, stamp: str) -> IndexedRun | None:
 
 
 def _is_run(result: Result, name: str) -> bool:
-    """Whether a result is the run's of this name, and not a copy or another log's solution."""
+    """Whether a result belongs to the run with this name, and is not a copy or the solution of another log."""
     return result.outcome != "resolved" and Path(result.log.file.replace("\\", "/")).stem == name
 
 
@@ -173,7 +173,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         serial=result.serial,
         started_utc=result.started_utc or "",
         outcome=result.outcome,
-        attempt=min(result.attempt, _MOST_ATTEMPTS),
+        attempt=min(result.attempt, _MAX_ATTEMPTS),
         product=result.product,
         station=result.station,
         operator=result.operator,
@@ -186,13 +186,13 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         closed=result.closed_utc is not None,
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
-    "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # a lone surrogate cannot be stored
+    "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate
     values = {name: row.value for name, row in result.parameters.items() if math.isfinite(row.value)}
     return IndexedRun(name, stamp, record, values, _written(result))
 
 
 def _written(result: Result) -> dict[str, tuple[float, float]]:
-    """Value and sigma of each register that a run wrote from its own answer and verified, SI."""
+    """Return value and sigma of each register that a run wrote from its own solution and verified, SI."""
     registers = result.registers
     if result.outcome != "passed" or registers is None or not registers.verified:
         return {}

@@ -34,11 +34,11 @@ class Judgement:
     """Checks of the solutions against the product's limits."""
 
     checks: tuple[Check, ...]
-    passed: bool | None  #: None without limits.
+    passed: bool | None  #: None if there are no limits.
     not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated; they do not fail the unit.
 
     def with_more(self, checks: list[Check]) -> "Judgement":
-        """Add checks; one that is not passed fails the judgement."""
+        """Return the judgement with more checks; it fails if one of them does not pass."""
         if not checks:
             return self
         passed = (self.passed is not False) and all(check.passed for check in checks)
@@ -61,7 +61,7 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
 
 
 def is_partial(meta: LogMeta) -> bool:
-    """Whether the run left out stages of its product; a foreign log is never partial."""
+    """Whether the run omitted stages of its product; a log without a run section is never partial."""
     text = meta.profiles.get("product")
     if meta.run is None or text is None:
         return False
@@ -78,11 +78,11 @@ class Ending:
     facts: LogFacts
     first_seq: int | None = None  #: First sequence number solved; None for that of the log.
     last_seq: int | None = None  #: Last sequence number solved; None for that of the log.
-    registers: Mapping[str, Any] | None = None  #: As in the result JSON.
+    registers: Mapping[str, Any] | None = None  #: The registers as in the result JSON.
     error: CalstationError | None = None
-    stop_reason: str | None = None  #: Who or what stopped a stopped run.
-    advice: str | None = None  #: What to do next, see `calstation.runs.verdict`.
-    finished_stages: tuple[str, ...] | None = None  #: Of an incomplete run, those that were solved before it died.
+    stop_reason: str | None = None  #: Source of the stop of a stopped run.
+    advice: str | None = None  #: Recommended action, see `calstation.runs.verdict`.
+    finished_stages: tuple[str, ...] | None = None  #: Stages that an incomplete run solved before it ended.
 
 
 def build_result(
@@ -140,7 +140,7 @@ def build_result(
 
 
 def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
-    """The solved parameters by contract name."""
+    """Return the solved parameters by contract name."""
     if not solutions:
         return {}
     belief = solutions[-1].belief

@@ -1,4 +1,4 @@
-"""Keeps registers that an earlier run estimated much better than a partial run, if they do not contradict it.
+"""Keeps registers that an earlier run estimated much more accurately than a partial run, unless they contradict it.
 
 The other parameters are conditioned on them, so that the registers remain consistent. A full calibration keeps none.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from calstation.estimation.common import Belief
 from calstation.physics import INDEX, display, number
 
-#: Ratio of the present to the previous sigma above which the previous value is kept.
+#: Ratio of the current to the previous sigma above which the previous value is kept.
 BETTER = 2.0
 
 #: Difference in combined sigmas above which the unit has changed and the previous value is discarded.
@@ -30,7 +30,7 @@ class VerifiedRegister:
 
 @dataclass(frozen=True)
 class PreviousValue:
-    """A parameter that an earlier run estimated much better, and its present estimate, SI."""
+    """A parameter that an earlier run estimated much more accurately, and its current estimate, SI."""
 
     name: str
     before: VerifiedRegister
@@ -39,7 +39,7 @@ class PreviousValue:
     contradicted: bool
 
     def values(self) -> dict[str, Any]:
-        """Values of its message, with units that read the same in every language."""
+        """Return the values of its message, with units that are the same in every language."""
         return {
             "parameter": self.name,
             "before": _sigma(self.name, self.before.sigma),
@@ -48,7 +48,7 @@ class PreviousValue:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """As in the result JSON."""
+        """Return the entry for the result JSON."""
         now = {"sigma_now": self.sigma, "value_now": self.now}
         return {"sigma": self.before.sigma, **now, "from": self.before.started_utc}
 
@@ -61,11 +61,11 @@ def better_previous_values(
     *,
     after_registers: bool,
 ) -> tuple[PreviousValue, ...]:
-    """Find the estimated parameters that an earlier run estimated much better.
+    """Find the estimated parameters that an earlier run estimated much more accurately.
 
-    `held` are the unit's present registers by parameter, SI; one that has been changed since it was verified is
-    ignored. `belief` is the posterior of this run, `previous` the registers as earlier runs wrote and verified them. If
-    the stream follows the registers (`after_registers`), this run estimates the remaining error.
+    `held` contains the unit's current registers by parameter, SI; a register changed since its verification is ignored.
+    `belief` is the posterior of this run, `previous` contains the registers written and verified by earlier runs. If
+    the registers are applied to the stream (`after_registers`), this run estimates the remaining error.
     """
     better = []
     for name in estimated:
@@ -85,7 +85,7 @@ def better_previous_values(
 def condition_on(
     belief: Belief, kept: Iterable[PreviousValue], held: Mapping[str, float], *, after_registers: bool
 ) -> Belief:
-    """Condition the posterior on the previous values to keep; other parameters as for `better_previous_values`."""
+    """Condition the posterior on the previous values to keep; other arguments are as in `better_previous_values`."""
     chosen = tuple(kept)
     if not chosen:
         return belief

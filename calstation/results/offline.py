@@ -1,4 +1,4 @@
-"""Jobs of the offline page: solving a range of a log with progress, and exports of log and result."""
+"""Jobs of the offline page: solving a range of a log with progress, and exporting logs and results."""
 
 import csv
 import io
@@ -25,7 +25,7 @@ def offline_solve(
     last_seq: int,
     spans: Sequence[StageSpan],
 ) -> Resolved:
-    """Job: solve a log between two sequence numbers, see `resolve`; the note of its progress is the stage.
+    """Job: solve a log between two sequence numbers, see `resolve`; the progress note is the stage.
 
     `spans` are the log's stages, from its index.
     """
@@ -63,7 +63,7 @@ def drop_partial(report: ProgressCallback, target: Path) -> None:
 
 
 def export_result(report: ProgressCallback, result: Result, stored: Result | None, target: Path) -> Path:
-    """Job: write a result as JSON, or for a ``.csv`` its parameters beside those that the run stored, if it did.
+    """Job: write a result as JSON, or to a ``.csv`` file its parameters next to those that the run stored, if any.
 
     Raises ConfigurationError if the file cannot be written.
     """
@@ -79,9 +79,9 @@ def export_result(report: ProgressCallback, result: Result, stored: Result | Non
 
 
 def in_sigma(offline: Parameter, online: Parameter) -> float:
-    """Difference of two estimates of a parameter, offline minus online, divided by the larger sigma.
+    """Return the difference of two estimates of a parameter, offline minus online, divided by the larger sigma.
 
-    If one uses part of the other's data, the sigma of the difference is never larger than that
+    If one estimate uses part of the other's data, the sigma of the difference is never larger than the larger sigma
     (J. A. Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1).
     """
     difference = offline.value - online.value

@@ -1,6 +1,6 @@
 """Replays a log of IMUs on one body as if live: checks them, calibrates those out of tolerance, stores the result.
 
-The calibration of a pair is stored in the site's folder; the next log is compensated with it first.
+The calibration of a pair is stored in the site's folder and applied to the next log before its check.
 """
 
 import json
@@ -39,11 +39,11 @@ def watch_log(
     on_event: Callable[[WatchEvent], None] = lambda event: None,
     on_second: Callable[[float, PairWatch], None] = lambda time, watch: None,
 ) -> PairWatchResult:
-    """Replay a log from start to end; raises InputError or ConfigurationError if it cannot be used.
+    """Replay a log from start to end. Raises InputError or ConfigurationError if it cannot be used.
 
-    A pair without a file in `folder` starts with the values in the log. With `command` it is checked at the first rest,
-    whatever triggers the log's schedule has. `on_event` is called with every event, `on_second` every second of the log
-    with its time, s, and the watch.
+    A pair without a file in `folder` starts with the values in the log. With `command`, it is checked at the first
+    rest, regardless of the triggers in the log's schedule. `on_event` is called with every event, `on_second` for every
+    second of the log with its time, s, and the watch.
     """
     log = open_log(path)
     context = context_from_meta(log.meta)
@@ -85,20 +85,20 @@ def watch_log(
 class PairProgress:
     """Progress of a replayed recording."""
 
-    time: float  #: Replayed so far, s.
-    duration: float  #: Of the whole recording, s.
+    time: float  #: Time replayed so far, s.
+    duration: float  #: Duration of the whole recording, s.
     state: str  #: ``waiting``, ``checking`` or ``calibrating``.
-    motion: float  #: Share of the motion that a calibration needs, 0 to 1.
+    motion: float  #: Fraction of the motion that a calibration needs, 0 to 1.
     events: tuple[WatchEvent, ...]  #: Events so far.
 
     def to_note(self) -> str:
-        """As the note of a job's progress."""
+        """Return the progress as the note of a job."""
         events = [(h.kind, h.time, h.number, values_to_json(h.values)) for h in self.events]
         return json.dumps([self.time, self.duration, self.state, self.motion, events])
 
 
 def progress_from_note(note: str) -> PairProgress | None:
-    """Read `PairProgress.to_note`; None for any other note."""
+    """Return the progress from a note of `PairProgress.to_note`; None for any other note."""
     if not note.startswith("["):
         return None
     time, duration, state, motion, rows = json.loads(note)
@@ -108,7 +108,7 @@ def progress_from_note(note: str) -> PairProgress | None:
 
 @dataclass(frozen=True)
 class PairCheckResult:
-    """A replayed recording: the last check of each secondary by number, and its stored calibration."""
+    """Result of a replayed recording: the last check of each secondary by number, and its stored calibration."""
 
     progress: PairProgress
     checks: Mapping[int, Mapping[str, Any]]

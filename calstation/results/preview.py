@@ -1,6 +1,6 @@
 """Preview of a run by covariance analysis: joint angles, duration, violated limits, and sigmas after every stage.
 
-Plans and solvers are those of the run; the solvers receive a perfect unit's samples of the planned motion.
+Plans and solvers are those of the run; the solvers receive simulated samples of a perfect unit in the planned motion.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,34 +20,34 @@ from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.sequencer import JOINTS, StagePlan, check_limits, move_time, named, planned, step_time
 from procedures import method
 
-#: Rounds after which a stage without another end than its targets is abandoned.
+#: Maximum number of rounds of a stage that only its targets can end.
 MOST_ROUNDS = 20
 
-#: Points of a drawn move, enough for its ramps.
+#: Number of points per drawn move, enough to show its ramps.
 _CORNERS = 9
 
 #: Assumed mounting error in units of the profile's mount sigma. A perfect fixture would separate scale factors and
 #: misalignments slightly better than any real one.
 _MOUNT = np.full(3, 0.3)
 
-#: Largest fraction reported before the last stage is solved.
+#: Maximum progress reported before the last stage is solved.
 _FEEDING = 0.95
 
 
 @dataclass(frozen=True)
 class Violation:
-    """A planned step that exceeds the table."""
+    """A planned move that exceeds a limit of the table."""
 
     stage: str
-    step: int  #: Number of the stage's move, from 1.
+    step: int  #: Number of the move in the stage, from 1.
     label: tuple[str | float, ...]  #: Label of the move.
-    kind: str  #: ``rate``, ``acceleration`` or ``travel``; ``plan`` if no motion was found.
-    text: Text  #: The run's error.
+    kind: str  #: ``rate``, ``acceleration`` or ``travel``; ``plan`` if no motion could be planned.
+    text: Text  #: The error that the run would raise.
     joint: str = ""  #: ``outer`` or ``inner``; empty for both.
-    value: float = 0.0  #: Needed by the move, rad, rad/s or rad/s².
+    value: float = 0.0  #: Value required by the move, rad, rad/s or rad/s².
     low: float = 0.0  #: Lowest allowed value.
     high: float = 0.0  #: Highest allowed value.
-    more: int = 0  #: Further moves of the stage with the same violation.
+    more: int = 0  #: Number of other moves of the stage with the same violation.
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,13 @@ class StagePreview:
     """Preview of a stage."""
 
     stage: str
-    begin: float  #: Since the start of the first stage, s.
-    end: float  #: Since the start of the first stage, s.
-    reason: str  #: What ends it: plan, rounds, duration or targets; "" if MOST_ROUNDS are not enough.
+    begin: float  #: Start time, since the start of the first stage, s.
+    end: float  #: End time, since the start of the first stage, s.
+    reason: str  #: Reason for its end: plan, rounds, duration or targets; "" if MOST_ROUNDS are not enough.
     rounds: int  #: Complete rounds.
     moves: int  #: Number of moves of the table.
-    estimated: tuple[str, ...]  #: Names of the parameters.
-    sigma: FloatArray | None = None  #: Of the parameters at its end, SI, shape (30,); None if not computed.
+    estimated: tuple[str, ...]  #: Names of the estimated parameters.
+    sigma: FloatArray | None = None  #: Sigmas of the parameters at its end, SI, shape (30,); None if not computed.
     error: Text | None = None  #: Why `sigma` was not computed.
     observability: Mapping[str, Any] = field(default_factory=dict)
 
@@ -71,10 +71,10 @@ class Preview:
     """Preview of a run."""
 
     stages: tuple[StagePreview, ...]
-    time: FloatArray  #: Of the vertices of the trajectory, s, shape (n,).
-    outer: FloatArray  #: Angle of the joint at each vertex, rad, shape (n,).
-    inner: FloatArray  #: Angle of the joint at each vertex, rad, shape (n,).
-    violations: tuple[Violation, ...]  #: Of the table's limits; with any, no sigma is computed.
+    time: FloatArray  #: Time of each vertex of the trajectory, s, shape (n,).
+    outer: FloatArray  #: Angle of the outer joint at each vertex, rad, shape (n,).
+    inner: FloatArray  #: Angle of the inner joint at each vertex, rad, shape (n,).
+    violations: tuple[Violation, ...]  #: Violations of the table's limits; if any, no sigma is computed.
     before: FloatArray  #: Sigmas before the first stage, SI, shape (30,).
     limits: Mapping[str, float]  #: Largest allowed sigma of estimated parameters, SI.
     targets: Mapping[str, float]  #: Sigma at which a repeated stage may stop, per parameter, SI.
@@ -83,7 +83,7 @@ class Preview:
 
     @property
     def duration(self) -> float:
-        """Seconds of all stages."""
+        """Total duration of all stages, s."""
         return self.stages[-1].end if self.stages else 0.0
 
 
@@ -136,7 +136,7 @@ class _Previewer:
         )
 
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:
-        """Check every move of a plan against the table's limits; returns its duration without targets, s."""
+        """Check every move of a plan against the table's limits; return the plan's duration without targets, s."""
         seconds, moves = 0.0, 0
         found: dict[tuple[str, str], Violation] = {}
         try:
@@ -170,7 +170,7 @@ class _Previewer:
                 yield Violation(stage, number, move.label, "travel", text, name, target, *span)
 
     def _drive(self, plan: StagePlan, solve: bool, expected: float) -> StagePreview:
-        """Execute a stage; `expected` is the approximate duration of the run, s."""
+        """Simulate a stage; `expected` is the approximate duration of the run, s."""
         begin = self._clock
         moves, rounds, reason, by_hand = 0, 0, "plan", False
         if solve:
@@ -205,7 +205,7 @@ class _Previewer:
         return replace(stage, sigma=solution.belief.sigma, observability=solution.observability)
 
     def _reason(self, plan: StagePlan, rounds: int, elapsed: float, solve: bool) -> str | None:
-        """Why a repeated plan ends after this round, or None."""
+        """Return why a repeated plan ends after this round, or None if it continues."""
         rule = plan.rule
         measured = solve and bool(rule.targets)
         reason = rule.reason(rounds, elapsed, self._chain.sigma() if measured else None, enough=False)

@@ -1,4 +1,4 @@
-"""Solves a stored log again with the same chain of solvers as a run; loads finished runs for analysis."""
+"""Solves a stored log again with the same solver chain as a run; loads finished runs for analysis."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,7 +17,7 @@ from calstation.results.solver_chain import SolveProgress, solve
 
 
 def warm_up() -> None:
-    """Compile the kernels that solving needs; importing this module imports the rest."""
+    """Compile the kernels for solving; importing this module has already loaded everything else."""
     from calstation.estimation.navigation import warm_up as compile_kernels
 
     compile_kernels()
@@ -25,11 +25,11 @@ def warm_up() -> None:
 
 @dataclass(frozen=True)
 class Resolved:
-    """The result of a log solved again, and the remarks of its stages as (message id, values)."""
+    """The result of a log solved again, and the messages of its stages as (message id, values)."""
 
     result: Result
     messages: tuple[tuple[str, dict[str, Any]], ...]
-    missing_data: tuple[Text, ...] = ()  #: Why stages could not be solved.
+    missing_data: tuple[Text, ...] = ()  #: Reasons why stages could not be solved.
 
 
 def resolve(
@@ -39,10 +39,10 @@ def resolve(
     last_seq: int | None = None,
     progress: SolveProgress | None = None,
 ) -> Resolved:
-    """Solve a log, or CSV beside its TOML, between two sequence numbers (both included, unwrapped).
+    """Solve a log, or a CSV with its TOML, between two sequence numbers (both included, unwrapped).
 
-    Without `stages`, stages of the log that lack data are skipped, and the result can fail but not pass. Damaged rows
-    are treated as gaps and reported by the message ``log_damaged``. `progress` is called from time to time.
+    Without `stages`, stages of the log that lack data are skipped; the result can then fail but not pass. Damaged rows
+    are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
@@ -87,16 +87,16 @@ def _check_complete(log: Log, solved: list[str]) -> None:
 
 @dataclass(frozen=True)
 class FinishedRun:
-    """A result and what it is compared with."""
+    """A result and the values that it is compared with."""
 
     result: Result
-    log: Path | None  #: None if it is missing.
+    log: Path | None  #: The run's log; None if it is missing.
     previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
-    solved_now: bool = False  #: The log held no result and has been solved.
+    solved_now: bool = False  #: Whether the log had no result and was solved now.
 
 
 def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
-    """Job: read a result file, or a log that is solved if it has no result; `runs` is the folder of the unit's history.
+    """Job: read a result file, or a log, solving it if it has no result; `runs` is the folder of the unit's history.
 
     Raises InputError or ConfigurationError if the file cannot be used.
     """

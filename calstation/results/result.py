@@ -1,4 +1,4 @@
-"""The result of a run or of a log solved again: typed values, read from and written to the contract's result JSON."""
+"""Typed result of a run or of a log solved again, read from and written to the result JSON of the contract."""
 
 import json
 import math
@@ -16,10 +16,10 @@ from calstation.records import Check, FileSection, write_atomic
 
 SCHEMA = "calstation.result/1"
 
-#: A number; ``null`` in JSON stands for one that is not finite.
+#: A number; a non-finite one is ``null`` in JSON.
 Number = Annotated[float, BeforeValidator(lambda value: math.nan if value is None else value)]
 
-#: A check, in the form that the result JSON gives it.
+#: A check, serialised as in the result JSON.
 CheckField = Annotated[
     Check,
     BeforeValidator(lambda value: value if isinstance(value, Check) else Check.from_json(value)),
@@ -28,13 +28,13 @@ CheckField = Annotated[
 
 
 class _Section(BaseModel):
-    """A part of a result. Keys of other versions of the program are kept."""
+    """A section of a result. Keys from other versions of the program are kept."""
 
     model_config = ConfigDict(frozen=True, extra="allow", populate_by_name=True, arbitrary_types_allowed=True)
 
 
 class Parameter(_Section):
-    """A solved parameter, SI, and the stage that was the last to estimate it."""
+    """A solved parameter, SI, and the last stage that estimated it."""
 
     value: Number
     sigma: Number
@@ -43,7 +43,7 @@ class Parameter(_Section):
 
 
 class StageConsistency(_Section):
-    """Innovation test of a stage: the mean normalised innovation squared and its band."""
+    """Innovation test of a stage: the mean normalised innovation squared and its acceptance band."""
 
     nis_mean: Number
     nis_low: Number
@@ -53,7 +53,7 @@ class StageConsistency(_Section):
 
     @classmethod
     def of(cls, found: Consistency) -> "StageConsistency":
-        """Convert the test of a solution."""
+        """Convert the consistency of a solution."""
         passed, warning = bool(found.passed), bool(found.warning)
         nis = {"nis_mean": found.nis_mean, "nis_low": found.nis_low, "nis_high": found.nis_high}
         return cls(**nis, passed=passed, warning=warning)
@@ -68,7 +68,7 @@ class Temperature(_Section):
 
 
 class KeptRegister(_Section):
-    """A register that was not rewritten because an earlier run had estimated it better; SI."""
+    """A register that was not rewritten because an earlier run had estimated it more accurately; SI."""
 
     sigma: Number = math.nan
     sigma_now: Number = math.nan
@@ -92,10 +92,10 @@ class Registers(_Section):
 
     old: dict[str, Number] = Field(default_factory=dict)
     new: dict[str, Number] | None = None  #: None if nothing was written.
-    verified: bool = False  #: The unit's output was compared and agrees.
-    kept: dict[str, KeptRegister] = Field(default_factory=dict)  #: Registers that were left as they were.
-    proof: list[Verification] = Field(default_factory=list)  #: The comparisons.
-    proved_on: str | None = None  #: What was compared: ``turn``, ``rest`` or ``read_back``.
+    verified: bool = False  #: Whether the unit's output was compared and agrees.
+    kept: dict[str, KeptRegister] = Field(default_factory=dict)  #: Registers that were left unchanged.
+    proof: list[Verification] = Field(default_factory=list)  #: The comparisons of the output.
+    proved_on: str | None = None  #: Basis of the verification: ``corrected_output`` or ``read_back``.
     written_utc: str | None = None
 
 
@@ -107,7 +107,7 @@ class DamagedRange(_Section):
 
 
 class LogSection(_Section):
-    """The log that was solved, and the range of sequence numbers."""
+    """The log that was solved, and the range of its sequence numbers."""
 
     file: str
     sha256: str = ""
@@ -118,7 +118,7 @@ class LogSection(_Section):
 
 
 class LatitudeUnknown(_Section):
-    """An inconsistent stage and the latitude, degrees, that it assumed and no rest confirmed."""
+    """An inconsistent stage, and the latitude, degrees, that it assumed but no rest confirmed."""
 
     stage: str
     latitude: float
@@ -131,31 +131,30 @@ class Unit(_Section):
 
 
 class Software(_Section):
-    """The program that solved."""
+    """The program that computed the result."""
 
     version: str
 
 
 class Result(_Section):
-    """A result as in the contract; missing sections have their defaults."""
+    """A result as defined in the contract; missing sections have their defaults."""
 
     schema_name: Literal["calstation.result/1"] = Field(alias="schema")
     unit: Unit
     stages: list[str]  #: Solved stages.
-    partial: bool = Field(
-        default=False, validation_alias=AliasChoices("partial", "part")
-    )  #: The run left out stages of the product.
-    passed: bool | None = None  #: None without limits.
+    #: Whether the run omitted stages of the product.
+    partial: bool = Field(default=False, validation_alias=AliasChoices("partial", "part"))
+    passed: bool | None = None  #: None if there are no limits.
     parameters: dict[str, Parameter]
     unobservable: list[str] = Field(default_factory=list)  #: Parameters that the data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
     not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage estimated.
     consistency: dict[str, StageConsistency] = Field(default_factory=dict)
-    #: By stage, as its method reports them; so are the details.
+    #: Observability and details by stage, as reported by its method.
     observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     details: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
     outcome: str
-    advice: str | None = None  #: What to do next: reseat, repeat, set_aside or resume.
+    advice: str | None = None  #: Recommended action: reseat, repeat, set_aside or resume.
     attempt: int = 1
     operator: str | None = None
     station: str | None = None
@@ -172,13 +171,13 @@ class Result(_Section):
     error_code: str | None = None  #: Catalogue code of the fault.
     error_values: dict[str, JsonValue] | None = None  #: Values of the fault's message.
     stop_reason: str | None = None
-    finished_stages: list[str] | None = None  #: Of an incomplete run, those that were solved before it died.
+    finished_stages: list[str] | None = None  #: Stages that an incomplete run solved before it ended.
     latitude_untold: LatitudeUnknown | None = None
     resumed_from: str | None = None
-    #: Why a stage could not be solved, by stage.
+    #: Reason why a stage could not be solved, by stage.
     missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
-    closed_utc: str | None = None  #: When it was decided not to resume an incomplete run.
-    closed_by: str | None = None  #: Who decided it.
+    closed_utc: str | None = None  #: Time of the decision not to resume an incomplete run.
+    closed_by: str | None = None  #: Person who made this decision.
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Result":
@@ -186,7 +185,7 @@ class Result(_Section):
         return cls.model_validate(data)
 
     def to_json(self) -> dict[str, Any]:
-        """The contract's result JSON, with the keys that were given."""
+        """Return the result JSON of the contract, with the keys that were set."""
         rows: dict[str, Any] = plain(self.model_dump(by_alias=True, exclude_unset=True))
         return rows
 
@@ -202,17 +201,17 @@ class Result(_Section):
 
     @property
     def failed_checks(self) -> list[Check]:
-        """The checks that were not passed."""
+        """The checks that did not pass."""
         return [check for check in self.checks if not check.passed]
 
     @property
     def end_reason(self) -> str | None:
-        """What ended a faulty or stopped run, in English."""
+        """Why the run ended in a fault or was stopped, in English."""
         return self.error or self.stop_reason
 
     @property
     def fault(self) -> CalstationError | None:
-        """The fault that ended the run; None for a result without the values of its message."""
+        """The fault that ended the run; None if the result lacks the values of its message."""
         if self.error_code is None or self.error_values is None or not known(self.error_code):
             return None
         return CalstationError(self.error_code, **values_from_json(self.error_values))
@@ -236,7 +235,7 @@ def load_result(path: Path) -> Result:
 
 
 def plain(value: Any) -> Any:
-    """Convert numbers and containers to those of JSON; a number that is not finite becomes null."""
+    """Convert numbers and containers to JSON types; a non-finite number becomes null."""
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

@@ -1,4 +1,4 @@
-"""Chain of stage solvers, fed by a run as samples arrive or from a log: same calls, same bits."""
+"""Chain of stage solvers, fed by a run as samples arrive or from a log, with bit-identical results."""
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -19,16 +19,16 @@ from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
 
-#: Starts reading the samples of a log from the beginning.
+#: Type of a function that starts reading the samples of a log from the beginning.
 Blocks = Callable[[], Iterable[SampleBlock]]
 
-#: Takes the stage, the latest sequence number read, and the fraction of the stage solved, 0 while it is read.
+#: Callback with the stage, the latest sequence number read, and the solved fraction of the stage, 0 while it is read.
 SolveProgress = Callable[[str, int, float], None]
 
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit linear algebra to one thread, so that the order of its sums, and so every digit, is fixed."""
+    """Limit linear algebra to one thread, which fixes the order of its sums and thus every digit."""
     with threadpool_limits(limits=1):
         yield
 
@@ -43,7 +43,7 @@ class StageChain:
         #: Posterior of the last completed stage.
         self.belief = self.prior
         self.solutions: list[Solution] = []
-        #: Why a stage was skipped, by stage.
+        #: Reason why a stage was skipped, by stage.
         self.missing_data: dict[str, Text] = {}
         self._solver: StageSolver | None = None
         self._stage = ""
@@ -58,7 +58,7 @@ class StageChain:
         warm_up()
 
     def start(self, stage: str) -> None:
-        """Start a stage. Raises ConfigurationError for an unknown one, InputError for a wrong schedule."""
+        """Start a stage. Raises ConfigurationError for an unknown stage, InputError for an invalid schedule."""
         chosen = method(stage)
         self._stage = stage
         schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
@@ -75,13 +75,11 @@ class StageChain:
             self._resting.feed(block)
 
     def sigma(self) -> FloatArray:
-        """Standard deviations of the 30 parameters so far, shape (30,), SI."""
+        """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
         return self.belief.sigma if self._solver is None else self._solver.sigma()
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the started stage; its posterior becomes the next stage's prior. Raises InputError if the solution
-        diverges.
-        """
+        """Solve the started stage; its posterior becomes the next prior. Raises InputError if the solution diverges."""
         assert self._solver is not None, "start a stage before finishing it"
         try:
             solution = self._solver.finish(progress)
@@ -100,7 +98,7 @@ class StageChain:
         return solution
 
     def skip_stage(self, reason: Text) -> None:
-        """Give up the started stage; the next one begins with the posterior of the one before."""
+        """Skip the started stage; the next one begins with the posterior of the previous one."""
         self._solver = None
         self.missing_data[self._stage] = reason
 
@@ -113,10 +111,10 @@ def solve(
     source: str | Path = "log",
     progress: SolveProgress | None = None,
 ) -> StageChain:
-    """Solve the chosen stages of a log in order, by default all in its order; `source` names the log in messages.
+    """Solve the chosen stages of a log in order, by default all as recorded; `source` names the log in messages.
 
-    Raises InsufficientDataError if a chosen stage lacks data, or every stage of the log; InputError if the log cannot
-    be solved otherwise.
+    Raises InsufficientDataError if a chosen stage or every stage of the log lacks data; InputError if the log cannot be
+    solved for another reason.
     """
     replay = _Replay(blocks, StageChain(meta), source, progress)
     with one_blas_thread():
@@ -135,7 +133,7 @@ class _Replay:
         self._stage, self._seq = "", 0
 
     def as_recorded(self) -> None:
-        """Solve all stages in the order of the log; those that lack data are skipped."""
+        """Solve all stages in the order of the log; skip those that lack data."""
         seen: set[str] = set()
         for block in self._blocks():
             if block.stage and block.stage != self._stage:
@@ -159,7 +157,7 @@ class _Replay:
             raise InsufficientDataError("solution.in_log", file=self._source, what=reason)
 
     def chosen(self, stages: tuple[str, ...]) -> None:
-        """Solve chosen stages; the log is read once if they are in its order."""
+        """Solve the chosen stages; the log is read only once if they are in its order."""
         for stage in stages:
             method(stage)
         waiting = list(stages)
@@ -171,14 +169,14 @@ class _Replay:
             if not method(waiting[0]).needs_no_table:
                 code = "solution.stage_not_in_range" if recorded else "solution.range_without_stages"
                 raise self._in_log(InsufficientDataError(code, stage=waiting[0], held=recorded))
-            # A recording made by hand names no stages, or others: all of its samples are the stage.
+            # A manual recording names no stages, or other ones; all of its samples belong to this stage.
             self._start(waiting.pop(0))
             for block in self._blocks():
                 self._feed(block)
             self._finish()
 
     def _one_pass(self, waiting: list[str]) -> list[str]:
-        """Solve and remove stages of `waiting` as far as one reading allows; returns the stages of the log."""
+        """Solve and remove as many stages of `waiting` as one pass allows; return the stages of the log."""
         recorded: dict[str, None] = {}
         self._stage = ""
         for block in self._blocks():
@@ -211,7 +209,7 @@ class _Replay:
             self._progress(self._stage, self._seq, solved)
 
     def _finish(self, *, skip: bool = False) -> None:
-        """Finish a stage; with `skip`, one that lacks data is left out, as the last one of an interrupted run."""
+        """Finish a stage; with `skip`, omit it if it lacks data, as the last one of an interrupted run may."""
         try:
             self.chain.finish(None if self._progress is None else self._report)
         except InsufficientDataError as exc:

@@ -1,6 +1,6 @@
-"""The engine process and the life of a run: start, resume, finalise, recover at start-up.
+"""The engine process and the life cycle of a run: start, resume, finalize, start-up recovery.
 
-Steps and motion belong to `sequencer`; simulation hooks in from outside.
+Steps and motion are in `sequencer`; simulations use `RunHooks`.
 """
 
 import lazy_loader as lazy

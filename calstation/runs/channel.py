@@ -1,4 +1,4 @@
-"""The engine's end of the pipe to its listener: events and heartbeats out, commands in; detects a lost listener."""
+"""The engine's end of the listener pipe: sends events and heartbeats, receives commands, detects a lost listener."""
 
 import threading
 import time
@@ -9,13 +9,13 @@ from typing import Any
 
 from calstation.sequencer import LOSSY, Command, Event, to_json
 
-#: Heartbeat over the pipe; the listener answers each with the same.
+#: Heartbeat over the pipe; the listener replies to each with the same message.
 BEAT = "beat"
 
 #: Host time between two heartbeats, s.
 BEAT_EVERY = 0.25
 
-#: Host time without an answer to a heartbeat after which the listener counts as frozen, s.
+#: Host time without a reply to a heartbeat after which the listener counts as frozen, s.
 LISTENER_SILENT_AFTER = 10.0
 
 _MAX_WAITING = 10_000
@@ -23,11 +23,11 @@ _FLUSH_WITHIN = 5.0
 
 
 class Channel:
-    """Sends events without ever making the engine wait, and hands commands to `on_command`.
+    """Sends events without ever blocking the engine, and passes commands to `on_command`.
 
-    Heartbeats go out while `alive()` says that the engine's thread is not stuck. A listener that hangs up, dies
-    or sends nonsense is lost: `on_lost` is called once. One that leaves heartbeats unanswered is frozen:
-    `on_silent` is called each time, and the channel stays open in case it comes back.
+    Heartbeats are sent as long as `alive()` returns True (the engine's thread is not stuck). A listener that
+    disconnects, dies or sends invalid data is lost: `on_lost` is called once. A listener that does not reply to
+    heartbeats is frozen: `on_silent` is called each time, and the channel stays open in case it recovers.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Channel:
             self._lose()
 
     def close(self) -> None:
-        """Send what is waiting, then hang up."""
+        """Send all queued events, then close the connection."""
         self._closing = True
         if not self._lost.is_set():
             self._queue.put(None)
@@ -86,14 +86,14 @@ class Channel:
                 if message is None:
                     return
                 self._connection.send(message)
-        except Exception:  # noqa: BLE001 - whatever ends the sending, the listener is lost
+        except Exception:  # noqa: BLE001 - whatever the error, the listener is lost
             self._lose()
 
     def _receive(self) -> None:
         while True:
             try:
                 if not self._connection.poll(BEAT_EVERY):
-                    # Only when nothing waits to be read: a late engine must not take its listener for frozen.
+                    # Only if there is nothing to read: a late engine must not treat its listener as frozen.
                     since = self._unanswered
                     if since is not None and time.monotonic() - since > self._silent_after:
                         self._unanswered = None
@@ -102,7 +102,7 @@ class Channel:
                 text = self._connection.recv()
                 if text != BEAT:
                     self._on_command(Command(text))
-            except Exception:  # noqa: BLE001 - end of the pipe, or nonsense
+            except Exception:  # noqa: BLE001 - end of the pipe, or invalid data
                 self._lose()
                 return
             self._unanswered = None

@@ -1,4 +1,4 @@
-"""Runs and register operations in a process of their own, which takes commands and sends events."""
+"""Executes runs and register operations in a separate process, which receives commands and sends events."""
 
 import logging
 import multiprocessing
@@ -23,38 +23,38 @@ from calstation.sequencer import Command, Control, Event, Fault, Settled, StopRe
 if TYPE_CHECKING:
     from calstation.runs.hooks import RunHooks
 
-#: Longest uninterruptible wait for a message, s.
+#: Maximum uninterruptible wait for a message, s.
 _SLICE = 0.2
 
-#: Host time without a message, while the listener polled, after which the engine counts as frozen, s.
+#: Host time without a message, while the listener polls, after which the engine counts as frozen, s.
 FROZEN_AFTER = 2.0
 
-#: The same for `events`, which raises then, s.
-_FROZEN_UNSEEN_AFTER = 30.0
+#: Host time without a message after which `events` raises an error, s.
+_EVENTS_FROZEN_AFTER = 30.0
 
-#: The same until its first event: a computer just switched on loads hundreds of megabytes of libraries, s.
-_BEGINS_WITHIN = 60.0
+#: Limit for the first event, s: a computer that was just started loads hundreds of megabytes of libraries.
+_FIRST_EVENT_WITHIN = 60.0
 
-#: Host time after which a sequencer that takes no commands lets the heartbeat stop, s: three lost answers of a
-#: slow table and a slow disk are shorter.
+#: Host time without processing commands after which the sequencer counts as stuck and heartbeats stop, s. Three lost
+#: replies of a slow table and a slow disk take less time.
 STUCK_AFTER = 10.0
 
-#: Time that `close` allows an engine for its safe stop and its result, s.
+#: Maximum time that `close` waits for the engine's safe stop and its result, s.
 _CLOSES_WITHIN = 60.0
 
 _KILLED_WITHIN = 5.0
 
-#: Kind of a `Fault` that is a mistake of the program; its text is the traceback.
+#: Kind of a `Fault` that is a programming error; its text is the traceback.
 INTERNAL = "internal"
 
 logger = logging.getLogger(__name__)
 
 
 class Engine:
-    """A running engine as its listener sees it: by `poll` from a timer, or by `events` in a loop.
+    """The listener's interface to a running engine: use `poll` in a timer, or `events` in a loop.
 
-    A listener must read at least every few seconds; one that does not counts as frozen, and its run is stopped
-    safely. `ended` : nothing more will come from `poll`.
+    A listener must read at least every few seconds; otherwise it counts as frozen, and its run is stopped safely. If
+    `ended`, `poll` returns no more events.
     """
 
     def __init__(self, process: BaseProcess, connection: "Connection[Any, Any]") -> None:
@@ -70,7 +70,7 @@ class Engine:
 
     @classmethod
     def start(cls, request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None" = None) -> "Engine":
-        """Start a run, which `hooks` accompany, or a register operation in a new process."""
+        """Start a run, with `hooks`, or a register operation in a new process."""
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_engine, args=(there, request, hooks), name="calstation engine")
@@ -80,25 +80,25 @@ class Engine:
 
     @property
     def alive(self) -> bool:
-        """Whether the engine's process lives; it may do so for a moment after its last event."""
+        """Whether the engine's process is alive; it may stay alive briefly after its last event."""
         return self.process.is_alive()
 
     def poll(self) -> list[Event]:
-        """All events since the last call, possibly none. Never waits.
+        """Return all events since the last call, possibly none, without waiting.
 
-        An engine that ended without an ending event, or has been silent for `FROZEN_AFTER` s, gives one `Fault`
-        of kind DeviceFaultError. A frozen engine may come back; its events then follow.
+        If the engine ended without a final event, or has been silent for `FROZEN_AFTER` s, one `Fault` of kind
+        DeviceFaultError is returned. A frozen engine may recover; its events then follow.
         """
         return self._read(FROZEN_AFTER)
 
     def events(self, timeout: float | None = None) -> Iterator[Event]:
-        """Events as they come, until the engine has ended or `timeout` s pass without one.
+        """Yield events as they arrive, until the engine has ended or `timeout` s pass without one.
 
-        Raises DeviceFaultError if the engine dies without an ending event or stays frozen.
+        Raises DeviceFaultError if the engine dies without a final event or stays frozen.
         """
         last = time.monotonic()
         while not self.ended:
-            for event in self._read(_FROZEN_UNSEEN_AFTER, _SLICE):
+            for event in self._read(_EVENTS_FROZEN_AFTER, _SLICE):
                 if isinstance(event, Fault) and not self._has_ending:
                     raise DeviceFaultError(event.code, **event.values)
                 yield event
@@ -112,9 +112,9 @@ class Engine:
         self._send(str(command))
 
     def hang_up(self) -> None:
-        """Stop listening: a run that is still going stops safely by itself, a frozen engine is killed.
+        """Stop listening without waiting: a run in progress then stops safely by itself, a frozen engine is killed.
 
-        Never waits; `alive` becomes false when the process is gone.
+        `alive` becomes False when the process has ended.
         """
         self.ended = True
         self._pipe_reader.close()
@@ -122,7 +122,7 @@ class Engine:
             self.process.kill()
 
     def close(self, within: float = _CLOSES_WITHIN) -> None:
-        """Hang up and wait at most `within` s for the safe stop and the result; then end the process."""
+        """Hang up and wait at most `within` s for the safe stop and the result; then kill the process."""
         self.hang_up()
         self.process.join(within)
         if self.process.is_alive():
@@ -136,7 +136,7 @@ class Engine:
         self.close()
 
     def _read(self, frozen_after: float, wait: float = 0.0) -> list[Event]:
-        """Complete messages, waiting at most `wait` s for the first, so that Ctrl-C always takes effect."""
+        """Return complete messages; wait at most `wait` s for the first, so that Ctrl-C always takes effect."""
         events: list[Event] = []
         received = False
         while not self.ended:
@@ -168,14 +168,14 @@ class Engine:
                 self._connection.send(text)
 
     def _becomes_frozen(self, received: bool, frozen_after: float) -> bool:
-        """Whether the engine has just become frozen; only time in which this listener polled counts."""
+        """Whether the engine has just become frozen; only time during which this listener polled counts."""
         now = time.monotonic()
         if received:
             self._silence, self._frozen = 0.0, False
         else:
             self._silence += min(now - self._polled, _SLICE)
         self._polled = now
-        if self._frozen or self._silence <= (frozen_after if self._begun else _BEGINS_WITHIN):
+        if self._frozen or self._silence <= (frozen_after if self._begun else _FIRST_EVENT_WITHIN):
             return False
         self._frozen = True
         return True
@@ -189,13 +189,13 @@ class Engine:
 def _engine(
     connection: "Connection[Any, Any]", request: RunRequest | RegisterOperation, hooks: "type[RunHooks] | None"
 ) -> None:
-    """Entry of the engine's process: no signal that it can handle ends it without a safe stop."""
+    """Entry point of the engine's process; no signal that it can handle ends it without a safe stop."""
     applog.configure("engine")
     logger.info("engine begins, calstation %s", __version__)
     control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda number, frame: control.send(Command.STOP, StopReason.SIGNAL))
-    if sys.platform != "win32":  # a closed terminal ends the listener, and that is a stop
+    if sys.platform != "win32":  # closing the terminal ends the listener, which stops the run
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
     def send(command: Command, reason: StopReason = StopReason.OPERATOR) -> None:

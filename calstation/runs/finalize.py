@@ -1,4 +1,4 @@
-"""Decides on a run: limits after each stage and at the end, transfer of the registers, and their verification."""
+"""Evaluates a run: checks limits after each stage and at the end, transfers the registers and verifies them."""
 
 import logging
 from collections.abc import Callable, Mapping
@@ -31,7 +31,7 @@ logger = logging.getLogger(__name__)
 
 
 class Finalization:
-    """The evaluation of a run, see `calstation.sequencer.sequencer.Evaluation`."""
+    """Evaluates a run, see `calstation.sequencer.sequencer.Evaluation`."""
 
     def __init__(self, run: OpenRun, imu: Imu) -> None:
         self._run = run
@@ -43,14 +43,14 @@ class Finalization:
         self._covariance: FloatArray | None = None
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
-        """Verifies a transfer that was finished before the run; None if there is none."""
+        """Return a function that verifies a transfer finished before the run, or None if there is none."""
         unverified = self._run.unverified
         return None if unverified is None else unverified.verify_output
 
     def stage_passed(self, solution: Solution) -> bool:
-        """Whether to go on after a stage: not if the product ends early and a limit is missed.
+        """Whether to continue after a stage; False if the product ends early and a limit is missed.
 
-        Raises ConfigurationError if the station cannot be where its file says.
+        Raises ConfigurationError if the measured latitude contradicts the station file.
         """
         run, solutions = self._run, tuple(self._run.chain.solutions)
         check_seen_latitude(run.meta, solutions)
@@ -62,10 +62,10 @@ class Finalization:
     def finalize(
         self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, capture_reference: CaptureReference
     ) -> Finalized:
-        """Check the limits; write the registers of a unit inside them, after a capture of its output.
+        """Check the limits; if they are met, capture the unit's output and write its registers.
 
-        A stop before the first register takes effect at once; a later one waits until the transfer is done.
-        Raises DeviceFaultError, StopRequested.
+        A stop before the first register takes effect immediately; a later one waits until the transfer is done. Raises
+        DeviceFaultError or StopRequested.
         """
         run = self._run
         if not judge(run.meta, run.chain.prior, solutions).passed:
@@ -76,7 +76,7 @@ class Finalization:
             return Finalized(passed=False, written=False)
         if not self._entries.parameters:
             return Finalized(passed=True, written=False)
-        # The log belongs to this thread, so the registers are read and logged before the transfer begins.
+        # Only this thread may write the log, so the registers are read and logged before the transfer begins.
         old = run_in_background(lambda: flash_registers(self._imu))
         self._log_old(old, run_in_background)
         wanted = self._wanted(solutions, old)
@@ -99,7 +99,7 @@ class Finalization:
         return Finalized(passed=True, written=True)
 
     def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
-        """Verify the restarted unit's output; if it is wrong, the old registers are restored.
+        """Verify the restarted unit's output; if it is wrong, restore the old registers.
 
         Raises DeviceFaultError.
         """
@@ -125,7 +125,7 @@ class Finalization:
         run.emit(Message(message, {"count": len(self._done.found)}))
 
     def _wanted(self, solutions: tuple[Solution, ...], old: Mapping[str, float]) -> dict[str, float]:
-        """Registers to write; a partial calibration keeps better ones."""
+        """Return the registers to write; a partial calibration keeps more accurate ones."""
         run, after_registers = self._run, self._setup.after_registers
         belief, estimated = solutions[-1].belief, estimated_stage(solutions)
         better: tuple[PreviousValue, ...] = ()
@@ -150,7 +150,7 @@ class Finalization:
         return register_journal.begin(log.parent, self._run.serial, old, new, purpose, site)
 
     def _log_old(self, old: Mapping[str, float], run_in_background: RunInBackground) -> None:
-        """Write the unit's registers to the log, and the log to the disk, before anything is written to the unit."""
+        """Log the unit's registers and sync the log to disk before anything is written to the unit."""
         run = self._run
         run.registers |= {"old": dict(old), "new": None, "verified": False}
         run.log.event({"event": "OldRegisters", "registers": dict(old)})

@@ -1,4 +1,4 @@
-"""Incomplete runs: those whose process died get a result, and those that will not be resumed are closed."""
+"""Incomplete runs: writes a result for those whose process died, and closes those that will not be resumed."""
 
 import json
 from contextlib import suppress
@@ -24,10 +24,9 @@ from calstation.results import (
 
 
 def finish_incomplete(folder: Path) -> list[Path]:
-    """Write the result ``incomplete`` beside every log in `folder` whose run died; returns those logs.
+    """Write the result ``incomplete`` next to every log in `folder` whose run died; return those logs.
 
-    Their results wait for the next hand-over, and their runs can still be resumed. A log that cannot be read is
-    ignored.
+    Their results are delivered at the next hand-over, and their runs can still be resumed. Unreadable logs are ignored.
     """
     found = []
     for path in sorted(folder.glob(f"*{SUFFIX}")):
@@ -46,9 +45,9 @@ def finish_incomplete(folder: Path) -> list[Path]:
 
 
 def close_incomplete(path: Path, operator: str | None = None) -> Path:
-    """Decide that a run is not to be resumed; returns its result file, which names the operator and the time.
+    """Record the decision not to resume a run; return its result file, which contains the operator and the time.
 
-    Raises ConfigurationError if the run is still going or the folder cannot be written, InputError if the log
+    Raises ConfigurationError if the run is still in progress or the folder cannot be written, InputError if the log
     cannot be read.
     """
     if not path.with_suffix(".json").exists() and being_written(path):
@@ -76,13 +75,13 @@ def _write_result(log: Log) -> None:
         "incomplete", str(log.path), facts, advice="resume" if finished else "repeat", finished_stages=finished
     )
     result = build_result(log.meta, prior, (), judge(log.meta, prior, ()), ending)
-    with suppress(OSError):  # the result is written all the same
+    with suppress(OSError):  # the result is still written
         register_pending(log.path.parent, log.path.stem)
     write_json(log.path.with_suffix(".json"), result.to_json())
 
 
 def close_incomplete_job(progress: ProgressCallback, log: Path, operator: str | None) -> Path:
-    """Job: close a run that is not to be resumed; returns its result file."""
+    """Job: close a run that is not to be resumed; return its result file."""
     result = close_incomplete(log, operator)
     progress(1.0)
     return result
@@ -90,14 +89,14 @@ def close_incomplete_job(progress: ProgressCallback, log: Path, operator: str | 
 
 @dataclass(frozen=True)
 class StartupRecovery:
-    """Logs of runs whose process had died, and the result of the hand-over."""
+    """Logs of the runs whose process had died, and the result of the hand-over."""
 
     incomplete: tuple[Path, ...]
     delivery: Delivery
 
 
 def recover_startup(progress: ProgressCallback, runs: Path, station: Path | None) -> StartupRecovery:
-    """Job: finish incomplete runs, refresh the history, hand over what waits as the station file says."""
+    """Job: finish incomplete runs, refresh the history, and deliver pending results as set in the station file."""
     incomplete = finish_incomplete(runs) if runs.is_dir() else []
     progress(0.3)
     History(runs).refresh(lambda fraction: progress(0.3 + 0.4 * fraction))

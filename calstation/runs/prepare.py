@@ -1,4 +1,4 @@
-"""From a request to a run that can start: its configuration, its folder, its history, and its log."""
+"""Prepares a requested run: its configuration, its folder, its history, and its log."""
 
 import logging
 import re
@@ -25,7 +25,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """A run before its devices are open; `continuation` is what a resumed run begins with."""
+    """A run before its devices are open; `continuation` is the start of a resumed run."""
 
     setup: ResolvedConfiguration
     history: History
@@ -41,7 +41,7 @@ class PreparedRun:
         return self.setup.request.out
 
     def meta(self, registers: dict[str, float] | None) -> LogMeta:
-        """The log's configuration. `registers` : of the unit, None if they could not be read."""
+        """Return the log's configuration; `registers` are those of the unit, or None if they could not be read."""
         if self.continuation is not None:
             return self.continuation.meta(self.setup, self.started, registers)
         serial = self.setup.request.serial
@@ -53,7 +53,7 @@ class PreparedRun:
         return meta.model_copy(update={"previous": known})
 
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
-        """Open the run's log; from now on the hand-over expects its result."""
+        """Open the run's log and register its result as pending for the hand-over."""
         meta = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
         log = RawLogWriter(self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta)
@@ -65,7 +65,7 @@ class PreparedRun:
 
 @dataclass
 class OpenRun:
-    """A run with its log; `registers` is what the result says of the unit's registers, {} if nothing was written."""
+    """A run with its log; `registers` is the registers section of the result, {} if nothing was written."""
 
     prepared: PreparedRun
     meta: LogMeta
@@ -93,7 +93,7 @@ class OpenRun:
 def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) -> PreparedRun:
     """Check everything that can be checked before a device is opened.
 
-    Raises ConfigurationError or InputError if the run cannot be made as requested.
+    Raises ConfigurationError or InputError if the run is not possible as requested.
     """
     continuation = None
     if request.resume is not None:
@@ -107,7 +107,7 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     history = History(request.out)
     history.refresh()
     failures, allowed = history.failures(request.serial), setup.product.attempts_allowed
-    if allowed is not None and failures >= allowed and not request.beyond_attempts:  # only an engineer allows more
+    if allowed is not None and failures >= allowed and not request.beyond_attempts:  # only an engineer may allow more
         product, serial = setup.product.name, request.serial
         raise ConfigurationError(
             "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product
@@ -116,7 +116,7 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     check_interrupted(setup, request.out)
     emit = hooks.listener(setup, request.out, emit)
     prepared = PreparedRun(setup, history, emit, control, hooks, continuation, datetime.now(UTC))
-    meta = prepared.meta(None)  # a run that cannot be resumed as it was is refused here
+    meta = prepared.meta(None)  # refuses a run that cannot be resumed unchanged
     files = (meta.run.files if meta.run else None) or {}
     logger.info("run of %s, stages %s", request.serial, ", ".join(setup.stages))
     for kind, section in files.items():
@@ -125,7 +125,7 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
 
 
 def _check_folder(folder: Path) -> None:
-    """Raise ConfigurationError if no log can be written there."""
+    """Raise ConfigurationError if no log can be written to the folder."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / ".calstation"

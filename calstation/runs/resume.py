@@ -1,6 +1,6 @@
-"""Resumes a run after its last finished stage, in a new log with the samples of the finished stages.
+"""Resumes a run after its last finished stage in a new log, which begins with the samples of the finished stages.
 
-They are solved again by the same chain, which gives the same bits; so a posterior needs no storage of its own.
+These are solved again by the same chain with bit-identical results; therefore posteriors are not stored.
 """
 
 import tomllib
@@ -30,7 +30,7 @@ from calstation.results import History, StageChain
 from calstation.sequencer import LastSample, solution_events, to_json
 from procedures import method
 
-#: Runs offered at most, the latest.
+#: Maximum number of runs offered, the latest ones.
 _MAX_OFFERED = 20
 
 _ENDED = ("passed", "failed")
@@ -40,7 +40,7 @@ _ENDED = ("passed", "failed")
 class Resumable:
     """A run that can be resumed after its `finished` stages.
 
-    `outcome` is stopped, fault or incomplete (its process died); `why` its stop reason or error, "" if it died.
+    `outcome` is stopped, fault or incomplete (its process died); `why` is its stop reason or error, "" if it died.
     """
 
     serial: str
@@ -57,7 +57,7 @@ class Resumable:
 
 
 def resumable(folder: Path) -> list[Resumable]:
-    """Runs in a folder that can be resumed, the latest first: at most one per unit, none after a verdict."""
+    """Return the runs in a folder that can be resumed, the latest first: at most one per unit, none after a verdict."""
     history = History(folder)
     history.refresh()
     found: list[Resumable] = []
@@ -67,7 +67,7 @@ def resumable(folder: Path) -> list[Resumable]:
         if record.serial in seen:
             continue
         seen.add(record.serial)
-        best = _best(history.of(record.serial))
+        best = _most_complete(history.of(record.serial))
         if best is not None:
             found += _offer(best)
         if len(found) == _MAX_OFFERED:
@@ -80,8 +80,8 @@ def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
     return resumable(folder)
 
 
-def _best(runs: list[RunRecord]) -> RunRecord | None:
-    """The run with most finished stages since the unit's last verdict, the latest of these."""
+def _most_complete(runs: list[RunRecord]) -> RunRecord | None:
+    """Return the latest of the runs with the most finished stages since the unit's last verdict."""
     best: RunRecord | None = None
     for run in runs:
         if run.outcome in _ENDED or run.closed:
@@ -99,7 +99,7 @@ def _offer(record: RunRecord) -> list[Resumable]:
         return []  # a log that cannot be used cannot be resumed
     result = log.results[-1] if log.results else {}
     if (result.get("registers") or {}).get("new") is not None:
-        return []  # its registers have changed: the transfer is to be finished or restored instead
+        return []  # its registers have changed: finish or restore the transfer instead
     if not latitude_agrees(map(Check.from_json, result.get("checks", ()))):
         return []  # it was solved for another latitude
     return [
@@ -111,7 +111,7 @@ def _offer(record: RunRecord) -> list[Resumable]:
             product=record.product,
             station=record.station,
             operator=record.operator,
-            stages=_wanted(log),
+            stages=_run_stages(log),
             finished=finished,
             outcome=record.outcome,
             why=str(result.get("error") or result.get("stop_reason") or ""),
@@ -119,13 +119,13 @@ def _offer(record: RunRecord) -> list[Resumable]:
     ]
 
 
-def _wanted(log: Log) -> tuple[str, ...]:
+def _run_stages(log: Log) -> tuple[str, ...]:
     return tuple(log.meta.run.stages) if log.meta.run is not None else ()
 
 
 def _finished(log: Log) -> tuple[str, ...]:
-    """Stages that need not be repeated. Raises ConfigurationError if the run cannot be resumed."""
-    finished, wanted = solved_stages(log.events), _wanted(log)
+    """Return the stages that need not be repeated. Raises ConfigurationError if the run cannot be resumed."""
+    finished, wanted = solved_stages(log.events), _run_stages(log)
     if log.outcome in (*_ENDED, "imported"):
         raise ConfigurationError("run.ended", path=log.path)
     if not finished:
@@ -136,21 +136,21 @@ def _finished(log: Log) -> tuple[str, ...]:
 
 
 def filled(request: RunRequest) -> RunRequest:
-    """The request, completed from the run that it resumes if it resumes one.
+    """Return the request, completed from the run that it resumes, if any.
 
-    Raises ConfigurationError, InputError if that run cannot be resumed.
+    Raises ConfigurationError or InputError if that run cannot be resumed.
     """
     return request if request.resume is None else Continuation.of(request, request.resume).request
 
 
 def serial_of(path: Path) -> str:
-    """Serial number of the unit of a log. Raises InputError."""
+    """Return the serial number of the unit of a log. Raises InputError."""
     return open_log(path).meta.imu.serial
 
 
 @dataclass(frozen=True)
 class Continuation:
-    """What a resumed run begins with: its request, the log that it continues, and the stages finished there."""
+    """Start of a resumed run: its request, the log that it continues, and the stages finished there."""
 
     request: RunRequest
     log: Log
@@ -158,7 +158,7 @@ class Continuation:
 
     @classmethod
     def of(cls, request: RunRequest, path: Path) -> "Continuation":
-        """Read the log of the run to resume. Raises ConfigurationError, InputError."""
+        """Read the log of the run to resume. Raises ConfigurationError or InputError."""
         if path.suffix != SUFFIX:
             raise ConfigurationError("run.not_own_log", path=path, suffix=SUFFIX)
         log = open_log(path)
@@ -171,18 +171,18 @@ class Continuation:
         _check_station(log, load_station(request.station)[1])
         filled = replace(
             request,
-            stages=_wanted(log),
-            schedule={stage: _schedule(log.meta, stage) for stage in _wanted(log)},
+            stages=_run_stages(log),
+            schedule={stage: _schedule(log.meta, stage) for stage in _run_stages(log)},
             seed=log.meta.run.seed if log.meta.run else None,
             out=path.parent,
         )
         return cls(filled, log, finished)
 
     def meta(self, setup: ResolvedConfiguration, started: datetime, registers: dict[str, float] | None) -> LogMeta:
-        """The new log's configuration: that of the old one, so that the finished stages stay valid.
+        """Return the new log's configuration: that of the old log, so that the finished stages stay valid.
 
-        `registers` are the unit's now, None if they could not be read. Raises ConfigurationError or DeviceFaultError if
-        site, table, unit or product have changed.
+        `registers` are the unit's current ones, or None if they could not be read. Raises ConfigurationError or
+        DeviceFaultError if site, table, unit or product have changed.
         """
         old, path = self.log.meta, self.log.path
         attempt = old.run.attempt if old.run is not None else 1
@@ -198,10 +198,10 @@ class Continuation:
     def copy(
         self, log: RawLogWriter, chain: StageChain, on_block: Callable[[], None], on_solved: Callable[[Solution], None]
     ) -> LastSample:
-        """Copy the finished stages into the new log and solve them again; returns the last sample copied.
+        """Copy the finished stages into the new log and solve them again; return the last sample copied.
 
-        `on_block` is called from time to time and may raise, `on_solved` with each solution. Raises InputError if a
-        stage does not solve to what the run itself had found.
+        `on_block` is called for every block and may raise, `on_solved` with each solution. Raises InputError if the
+        solution of a stage differs from that of the original run.
         """
         last: SampleBlock | None = None
         for stage, block in self._blocks():
@@ -222,7 +222,7 @@ class Continuation:
         return LastSample(int(last.seq[-1]), float(last.time[-1]), int(last.step[-1]))
 
     def _blocks(self) -> Iterator[tuple[str, SampleBlock | None]]:
-        """Blocks up to the end of the last finished stage, each with the stage before it; None ends a stage."""
+        """Yield blocks up to the end of the last finished stage, each with the stage before it; None ends a stage."""
         stage = ""
         left = list(self.finished)
         for block in self.log.blocks():
@@ -248,7 +248,7 @@ class Continuation:
 
 
 def _check_not_continued(log: Log) -> None:
-    """Raise ConfigurationError if another run has already completed this one: the unit is not as it was."""
+    """Raise ConfigurationError if another run has already completed this one: the unit may have changed."""
     history = History(log.path.parent)
     history.refresh()
     names = {log.path.name}
@@ -260,7 +260,7 @@ def _check_not_continued(log: Log) -> None:
 
 
 def _check_station(log: Log, here: StationConfig) -> None:
-    """Raise ConfigurationError on another station than the run's, even if both are at one site."""
+    """Raise ConfigurationError if this is not the run's station, even if both are at the same site."""
     began = log.meta.run.station if log.meta.run is not None else None
     if began is not None and began != here.name:
         raise ConfigurationError("run.other_station", path=log.path, began=began, here=here.name)
@@ -275,13 +275,13 @@ def _check_station(log: Log, here: StationConfig) -> None:
 
 
 def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
-    """The schedule of a stage as it was: values that are not in the log were None."""
+    """Return the original schedule of a stage; values that are not in the log were None."""
     given = meta.schedule.get(stage, {})
     return {name: given.get(name) for name in method(stage).schedule.model_fields}
 
 
 def _stored(value: Any) -> Any:
-    """A section as a log stores it, without None."""
+    """Return a section as stored in a log, without None values."""
     plain = value.model_dump() if hasattr(value, "model_dump") else value
     if isinstance(plain, Mapping):
         return {key: _stored(item) for key, item in plain.items() if item is not None}

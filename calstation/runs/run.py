@@ -1,4 +1,4 @@
-"""One run: prepared, devices opened, stages driven and solved, finalized, its result written."""
+"""Executes one run: prepares it, opens the devices, drives and solves the stages, finalizes it, writes its result."""
 
 import logging
 from contextlib import suppress
@@ -36,9 +36,9 @@ logger = logging.getLogger(__name__)
 
 
 def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHooks] = RunHooks) -> None:
-    """Run to the end and emit the verdict; a result JSON stands beside the log for every outcome.
+    """Execute a run to its end and emit the verdict; a result JSON is written next to the log for every outcome.
 
-    Raises ConfigurationError or InputError if the run cannot be made as requested; no device was opened then.
+    Raises ConfigurationError or InputError, before any device is opened, if the run is not possible as requested.
     """
     prepared = prepare(request, emit, control, hooks())
     setup = prepared.setup
@@ -52,7 +52,7 @@ def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHo
 
 
 def _run(prepared: PreparedRun) -> None:
-    """Open the devices and run; without devices, or after an early stop, the log is empty and has a result."""
+    """Open the devices and run; without devices or after an early stop, the log has a result but no samples."""
     run: OpenRun | None = None
     setup, check_cancelled = prepared.setup, prepared.control.check_cancelled
     try:
@@ -71,10 +71,10 @@ def _run(prepared: PreparedRun) -> None:
 
 
 def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
-    """Registers of the unit by parameter, SI.
+    """Return the unit's registers by parameter, SI.
 
-    A unit whose samples are corrected by them is restarted first: uncommitted values would be lost by a restart
-    during the run, and the samples after it would be corrected by other registers.
+    A unit that applies them to its samples is restarted first: otherwise a restart during the run would discard
+    uncommitted values, and later samples would be corrected by other registers.
     """
     if setup.after_registers and imu.identify().serial == setup.request.serial:
         return flash_registers(imu)
@@ -82,7 +82,7 @@ def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
 
 
 def _sequence(run: OpenRun, devices: Devices) -> None:
-    """Drive and solve what is left to do, and close the run, also after a mistake of the program."""
+    """Drive and solve the remaining stages, and close the run, even after a programming error."""
     try:
         ended = _drive(run, devices)
         if run.unverified is not None and run.unverified.open:
@@ -90,7 +90,7 @@ def _sequence(run: OpenRun, devices: Devices) -> None:
     except Exception as mistake:
         logger.exception("the run ended by a mistake of the program")
         error = CalstationError("program.internal", detail=f"{type(mistake).__name__}: {mistake}")
-        with suppress(OSError, RuntimeError, CalstationError):  # what failed may be the log itself
+        with suppress(OSError, RuntimeError, CalstationError):  # the log itself may have failed
             close_run(run, Ended(State.FAULT, tuple(run.chain.solutions), error))
         raise
     close_run(run, ended)
@@ -103,7 +103,7 @@ def _drive(run: OpenRun, devices: Devices) -> Ended:
         return _ended(run, error)
     solved = tuple(run.chain.solutions)
     if solved:
-        devices.imu.read()  # discards what came while they were solved
+        devices.imu.read()  # discards samples received while they were solved
     task = run.setup.task()
     slot = Slot(devices.imu, run.setup.unit_task(run.meta), run.log, run.chain, after)
     context = RunContext(
@@ -118,7 +118,7 @@ def _drive(run: OpenRun, devices: Devices) -> Ended:
 
 
 def _resume(run: OpenRun) -> LastSample | None:
-    """Begin with the stages that are finished already; None for a new run.
+    """Copy the finished stages of a resumed run; return their last sample, or None for a new run.
 
     Raises StopRequested, InputError, ConfigurationError.
     """

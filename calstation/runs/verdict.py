@@ -1,4 +1,4 @@
-"""The end of a run: its outcome, what to do next with the unit, and its result file."""
+"""The end of a run: its outcome, the recommended action for the unit, and its result file."""
 
 import logging
 from contextlib import suppress
@@ -16,7 +16,7 @@ logger = logging.getLogger(__name__)
 
 
 def close_run(run: OpenRun, ended: Ended) -> None:
-    """Write the result into the log and beside it; emit the verdict."""
+    """Write the result into the log and next to it; emit the verdict."""
     history, log, control = run.prepared.history, run.log, run.prepared.control
     outcome = _OUTCOMES[ended.state]
     failures = history.failures(run.serial) + (outcome == "failed")
@@ -36,19 +36,19 @@ def close_run(run: OpenRun, ended: Ended) -> None:
     log.add_result(result)
     log.close(outcome)
     beside = log.path.with_suffix(".json")
-    ignored = () if ended.error is None else (ConfigurationError,)  # the fault itself says what to do
+    ignored = () if ended.error is None else (ConfigurationError,)  # the fault itself is reported
     with suppress(*ignored):
         write_json(beside, result)
-    with suppress(OSError):  # the index only: the next run restores it
+    with suppress(OSError):  # only the index, which the next run restores
         history.refresh()
     logger.info("verdict %s, result %s", outcome, beside)
     run.prepared.emit(Verdict(outcome, str(log.path), str(beside), result))
 
 
 def advice(product: ProductConfig, outcome: str, failures: int, finished: bool) -> str | None:
-    """What to do next with the unit: ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
+    """Return the recommended action: ``reseat``, ``repeat``, ``set_aside`` or ``resume``; None for a unit that passed.
 
-    `failures` counts consecutive runs, this one included, outside the limits; `finished` : the run can be resumed.
+    `failures` counts consecutive failed runs, including this one; `finished` is True if the run can be resumed.
     """
     if outcome == "passed":
         return None

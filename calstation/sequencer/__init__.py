@@ -1,6 +1,6 @@
-"""Executes steps, guards motion and emits events, for one table and its units.
+"""Executes steps, guards motion and emits events for one table and its units.
 
-It knows no file format and no user interface.
+The package is independent of file formats and user interfaces.
 """
 
 import lazy_loader as lazy

@@ -1,4 +1,4 @@
-"""The path of a sample: drain the IMU, put the table's angles on its samples, stamp stage and step."""
+"""Data acquisition: drains the IMU, assigns table angles to its samples, and stamps stage and step."""
 
 import math
 from collections import deque
@@ -13,31 +13,32 @@ from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
 from calstation.physics import FloatArray
 from calstation.sequencer.context import Clock, LastSample, UnitTask
 
-#: Ticks over which the least delay between IMU clock and station clock is sought.
+#: Number of ticks over which the minimum delay between IMU clock and station clock is determined.
 CLOCK_WINDOW = 200
 
-#: Between the last sample of a run and the first after it was resumed, s of counter and IMU time. The true time is
-#: unknown if the unit lost its power.
+#: Assumed interval, in counter and IMU time, between the last sample of a run and the first after it is resumed, s. The
+#: true interval is unknown if the unit lost power.
 INTERRUPTION = 1.0
 
 CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
-#: A channel is stuck if it has at least this noise, in steps of its output, and shows one value for this many samples:
-#: by chance this happens once in 10^28 times.
+#: A channel is stuck if its noise is at least this many output steps and its value is constant over this many samples;
+#: the probability of this happening by chance is 1e-28.
 _MIN_NOISE, _STUCK_AFTER = 0.35, 400
 
-#: Fraction of a counter's wrap by which samples are late if it wrapped unseen; their transport only adds to it.
+#: Lateness of samples, as a fraction of the counter's wrap time, that indicates an undetected wrap. Transport delay
+#: only increases the lateness.
 _WRAPPED = 0.9
 
-#: A poll that took longer was lost and repeated, so the time of its angles is unknown, s.
+#: Maximum duration of a poll, s. A longer one was lost and repeated, so the time of its angles is unknown.
 SLOWEST_POLL = 0.3
 
 
 @dataclass(frozen=True)
 class Flow:
-    """Result of a drain: samples, missing samples before or among them, and the status bits seen.
+    """Result of a drain: number of samples, number missing before or among them, and status bits.
 
-    `invalid` : some output is not a number; `stuck` : a channel that has shown one value for too long, "" for none.
+    `invalid` is True if some output is not a number; `stuck` names a channel that was constant for too long, else "".
     """
 
     count: int = 0
@@ -50,23 +51,24 @@ class Flow:
 
 
 def to_si(model: ImuModel) -> FloatArray:
-    """Factor from counts to rad/s (gyro) and m/s² (accel), shape (6,)."""
+    """Return the factors from counts to rad/s (gyro) and m/s² (accel), shape (6,)."""
     rate = model.sample_rate if model.output == "increment" else 1.0
     return np.repeat([model.gyro_lsb * rate, model.accel_lsb * rate], 3)
 
 
 class Acquisition:
-    """Turns what the IMU sends into stamped blocks for log and solver.
+    """Converts the IMU's samples into stamped blocks for the log and the solver.
 
-    A poll of the table keeps the station times of request and answer; its middle less the latency, less the smallest
-    delay seen between IMU clock and station clock, is its IMU time. The angle goes on the nearest sample, carried
-    there by the polled rate; other samples have NaN.
+    The IMU time of a table poll is the midpoint between the station times of request and reply, minus the latency and
+    the smallest delay observed between IMU clock and station clock. The angle, extrapolated with the polled rate, is
+    assigned to the nearest sample; other samples have NaN.
 
-    A counter that wraps while samples are lost shows no gap if exactly one wrap is lost. The station clock reveals
-    the loss: the samples after it are later than any before, by the time of a wrap.
+    If exactly one wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss: the
+    samples after it are later than all before it by the duration of a wrap.
 
-    `stage`, `step` and `valid` are stamped on the samples of every further drain. `unlogged` samples go to taps only.
-    `breaks` counts interruptions of the counter and losses of readiness, `restarts` those that prove a restart.
+    `stage`, `step` and `valid` are stamped on the samples of every later drain. While `unlogged` is set, samples go
+    only to taps. `breaks` counts interruptions of the counter and losses of readiness, `restarts` only those that prove
+    a restart.
     """
 
     def __init__(
@@ -84,7 +86,7 @@ class Acquisition:
         self.scale = to_si(unit.model)
         self._latest: SampleBatch | None = None
         self._period = 1.0 / unit.model.sample_rate
-        #: Station time, angles and rates of each poll of the table, s, rad, rad/s.
+        #: Station time (s), angles (rad) and rates (rad/s) of each poll of the table.
         self._polls: list[tuple[float, FloatArray, FloatArray]] = []
         model = unit.model
         scale = self._period ** (0.5 if model.output == "increment" else -0.5)
@@ -110,21 +112,21 @@ class Acquisition:
         self.last_arrival = clock.now()
 
     def poll(self, status: TableStatus, asked: float, answered: float) -> None:
-        """Take a poll of the table, requested and answered at these station times, s; ignore a slow one."""
+        """Add a poll of the table with the station times of its request and its reply, s; ignore a slow one."""
         if answered - asked > SLOWEST_POLL:
             return
         middle = 0.5 * (asked + answered) - self._latency
         self._polls.append((middle, np.array(status.angles), np.array(status.rates)))
 
     def drain(self) -> Flow:
-        """Take all samples that have come, stamp them and pass them on."""
+        """Read all samples received so far, stamp them and pass them on."""
         batch = self._imu.read()
         count = len(batch.seq)
         if count == 0:
             return Flow()
         now = self._clock.now()
         if self._after is not None and self._last_seq is None:
-            # Counter and clock continue after those of the run that is resumed.
+            # Counter and clock continue from those of the run that is resumed.
             after, lost = self._after, round(INTERRUPTION / self._period)
             self._seq_shift = after.seq + lost + 1 - int(batch.seq[0])
             self._time_shift = after.time + INTERRUPTION + self._period - float(batch.time[0])
@@ -145,7 +147,7 @@ class Acquisition:
         finite = np.isfinite(batch.counts).all(axis=1)
         ends = (batch.counts <= self._unit.span.low) | (batch.counts >= self._unit.span.high)
         saturated = (batch.status & self._unit.masks.saturated != 0) | ends.any(axis=1)
-        # What follows an invalid sample belongs to a step that is about to be repeated.
+        # Samples after an invalid one belong to a step that is about to be repeated.
         sound = np.logical_and.accumulate(finite & ~saturated)
         block = SampleBlock(
             stage=self.stage,
@@ -164,7 +166,7 @@ class Acquisition:
         masks = self._unit.masks
         ready = masks.ready == 0 or bool(batch.status[-1] & masks.ready)
         self._note_restart(batch)
-        judged = ready and not saturated.any()  # until it is ready a unit may show nothing but zeros
+        judged = ready and not saturated.any()  # a unit that is not ready may output only zeros
         return Flow(
             count,
             missing,
@@ -177,7 +179,7 @@ class Acquisition:
 
     @property
     def recent(self) -> tuple[tuple[float, ...], float | None] | None:
-        """Mean output (rad/s, m/s²; NaN without a number) and temperature (°C) of the last drain; None before."""
+        """Mean output (rad/s, m/s²; NaN if not numeric) and temperature (°C) of the last drain; None before it."""
         if self._latest is None:
             return None
         counts = self._latest.counts[np.isfinite(self._latest.counts).all(axis=1)]
@@ -187,7 +189,7 @@ class Acquisition:
 
     @contextmanager
     def tap(self) -> Iterator[list[SampleBlock]]:
-        """Collect a copy of the blocks that pass while the context is open."""
+        """Collect the blocks that are drained while the context is open."""
         blocks: list[SampleBlock] = []
         self._taps.append(blocks)
         try:
@@ -205,7 +207,7 @@ class Acquisition:
             self.unlogged = before
 
     def _with_wraps(self, batch: SampleBatch, now: float) -> SampleBatch:
-        """Counter and clock of this run, with the samples that were lost in whole wraps of the unit's counter."""
+        """Return the batch with the run's counter and time, corrected for lost whole wraps of the unit's counter."""
         if self._delays and math.isfinite(self._unit.wrap):
             seconds = self._period * self._unit.wrap
             late = now - (float(batch.time[-1]) + self._time_shift) - min(self._delays)
@@ -215,7 +217,7 @@ class Acquisition:
         return replace(batch, seq=batch.seq + self._seq_shift, time=batch.time + self._time_shift)
 
     def _stuck(self, counts: FloatArray) -> str:
-        """The first channel whose noise should have changed it long ago."""
+        """Return the first channel that is stuck, or "" if none is."""
         before = counts[:1] if self._previous_counts is None else self._previous_counts[None]
         changed = counts != np.concatenate([before, counts[:-1]])
         self._previous_counts = counts[-1]
@@ -225,7 +227,7 @@ class Acquisition:
         return CHANNELS[int(stuck[0])] if len(stuck) else ""
 
     def _note_restart(self, batch: SampleBatch) -> None:
-        """Count a counter that begins again, and a unit that was ready and is not any more."""
+        """Count restarts of the unit's counter and losses of readiness."""
         before, self._device_restarts = self._device_restarts, self._imu.stats.restarts
         self.restarts += self._device_restarts > before
         mask = self._unit.masks.ready

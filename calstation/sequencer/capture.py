@@ -11,29 +11,29 @@ from calstation.sequencer.control import Interruption
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.verification_moves import Leg, Turn, VerificationPath
 
-#: Rest of a unit that no table turns, s.
+#: Duration of a rest on a manual rig, s.
 REST = 10.0
 
-#: Rest in each attitude on a table, s.
+#: Duration of a rest in each attitude on a table, s.
 SHORT_REST = 3.0
 
-#: IMU time taken after a move has settled, so that its last samples are there, s.
+#: IMU time recorded after a move has settled, so that its last samples are included, s.
 _AFTER_MOVE = 0.1
 
 _ATTEMPTS = 3
 
-#: Approximate time to capture a unit before and after its restart on a table, s.
+#: Approximate time to capture a unit's output on a table before and after its restart, s.
 DURATION = 72.0
 
 _HALF_TURN, _QUARTER_TURN = np.pi, 0.5 * np.pi
 
-#: What turning a unit over by hand is likely to take, s.
+#: Expected time for turning a unit over manually, s.
 _CARRY_TIME = 6.0
 
 
 @dataclass(frozen=True)
 class Turned:
-    """A measured turn: the sum of the gyros' output over its legs, rad, shape (3,), and its duration, s."""
+    """A measured turn: the integral of the gyro output over its legs, rad, shape (3,), and its duration, s."""
 
     turn: Turn
     angle: FloatArray
@@ -42,11 +42,12 @@ class Turned:
 
 @dataclass(frozen=True)
 class VerificationData:
-    """Output of a unit.
+    """Output of a unit, captured for verification.
 
-    `rests` are means at rest, gyro rad/s and accel m/s², each shape (6,), over `seconds`. On a table there are `turns`;
-    on a manual rig `carried` samples of a `period`, s, between two rests, shape (n, 6). `reference` is the same before
-    the transfer, or without the registers; None without a comparison.
+    `rests` are means at rest over `seconds`, gyro rad/s and accel m/s², each of shape (6,). On a table there are
+    `turns`; on a manual rig there is `carried`, the samples between two rests, shape (n, 6), at intervals of `period`,
+    s. `reference` is the same data before the transfer or without the registers applied, or None if there is no
+    comparison.
     """
 
     rests: tuple[FloatArray, ...]
@@ -63,9 +64,9 @@ class Restarted(Interruption):
 
 
 def verification_data(runner: StepRunner, path: VerificationPath) -> VerificationData:
-    """Rest and turn along a path and back to its start.
+    """Capture rests and turns along a path that returns to its start.
 
-    The table must stand at the start, and the stream must be whole. Raises DeviceFaultError, Restarted.
+    The table must be at the start, and the stream must not be broken. Raises DeviceFaultError or Restarted.
     """
     rests = [_rest(runner)]
     parts: list[list[Turned]] = [[] for _ in path.turns]
@@ -83,34 +84,34 @@ def verification_data(runner: StepRunner, path: VerificationPath) -> Verificatio
 
 
 def _rest(runner: StepRunner) -> FloatArray:
-    """Mean over a rest, rad/s and m/s², shape (6,)."""
+    """Return the mean output over a rest, rad/s and m/s², shape (6,)."""
     for _ in range(_ATTEMPTS):
         _restore(runner)
         with runner.acquisition.tap() as blocks:
             runner.control_loop.rested(SHORT_REST)
-        if _whole(runner, blocks):
+        if _is_complete(runner, blocks):
             counts = np.concatenate([block.counts for block in blocks])
             return mean_at_rest(counts) * runner.acquisition.scale
-    raise _lossy(runner)
+    raise _lossy_error(runner)
 
 
 def _turn(runner: StepRunner, turn: Turn, leg: Leg, start: tuple[float, float]) -> Turned:
-    """One leg of a turn; if samples were lost the table returns to the start of the leg and repeats it."""
+    """Measure one leg of a turn; if samples are lost, return to the start of the leg and repeat it."""
     move = leg.move
     for attempt in range(_ATTEMPTS):
         _restore(runner)
         if attempt:
             runner.drive(Move(*start, move.rate, move.acceleration, ("return",)))
         with runner.acquisition.tap() as blocks:
-            runner.control_loop.tick()  # a gap before the first block would not show
+            runner.control_loop.tick()  # a gap before the first block would not be detected
             runner.drive(move)
             runner.control_loop.rested(_AFTER_MOVE)
-        if _whole(runner, blocks):
+        if _is_complete(runner, blocks):
             counts = np.concatenate([block.counts for block in blocks])
             period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
             angle = (counts.sum(axis=0) * runner.acquisition.scale * period)[:3]
             return Turned(turn, angle, period * len(counts))
-    raise _lossy(runner)
+    raise _lossy_error(runner)
 
 
 def _restore(runner: StepRunner) -> None:
@@ -119,22 +120,22 @@ def _restore(runner: StepRunner) -> None:
         raise Restarted
 
 
-def _whole(runner: StepRunner, blocks: list[SampleBlock]) -> bool:
-    """Whether there are samples, none missing and all valid."""
+def _is_complete(runner: StepRunner, blocks: list[SampleBlock]) -> bool:
+    """Whether there is more than one sample, none is missing and all are valid."""
     count = sum(map(len, blocks))
     return count > 1 and not runner.stream.broken and all(block.valid.all() for block in blocks)
 
 
-def _lossy(runner: StepRunner) -> DeviceFaultError:
+def _lossy_error(runner: StepRunner) -> DeviceFaultError:
     _restore(runner)
     return DeviceFaultError("stream.lossy")
 
 
 def mean_at_rest(counts: FloatArray) -> FloatArray:
-    """Weighted mean of samples at rest, shape (n, 6) to (6,).
+    """Return the weighted mean, shape (6,), of samples at rest, shape (n, 6).
 
-    The weights form a parabola: those of the slope of a line through the integral, so that the vibration of a
-    stationary base, uncorrelated velocities of the same sigma, has the least effect (Gauss-Markov).
+    The weights are parabolic, those of the slope of a line fitted to the integral. They minimise the effect of
+    vibration of a stationary base, modelled as uncorrelated velocities of equal sigma (Gauss-Markov).
     """
     n = len(counts)
     middle = np.arange(n) + 0.5
@@ -144,7 +145,7 @@ def mean_at_rest(counts: FloatArray) -> FloatArray:
 
 
 def carried_data(runner: StepRunner) -> VerificationData:
-    """Rest, have the operator turn the unit over, rest. Raises DeviceFaultError for missing data."""
+    """Capture a rest, have the operator turn the unit over, capture a rest. Raises DeviceFaultError on lost samples."""
     outer, inner = runner.guiding.asked
     over = turned_over(runner.control_loop.context.task.geometry, outer)
     for attempt in range(_ATTEMPTS):
@@ -161,7 +162,7 @@ def carried_data(runner: StepRunner) -> VerificationData:
 
 
 def turned_over(geometry: TableGeometry, outer: float) -> float:
-    """Angle to which the outer rail turns a unit over from `outer`, rad: half a turn, or what travel allows."""
+    """Return the outer angle that turns a unit over from `outer`, rad: half a turn away, or what travel allows."""
     for turn in (_HALF_TURN, -_HALF_TURN, _QUARTER_TURN, -_QUARTER_TURN):
         if geometry.limits.within(OUTER, outer + turn):
             return outer + turn
@@ -169,7 +170,7 @@ def turned_over(geometry: TableGeometry, outer: float) -> float:
 
 
 def _carried(blocks: list[SampleBlock], first: int, scale: FloatArray) -> VerificationData | None:
-    """Both rests, the first ending at sample `first`, and what lies between; None if samples are missing."""
+    """Return both rests, the first ending at sample `first`, and the samples between; None if samples are missing."""
     seq = np.concatenate([np.empty(0, np.int64), *(block.seq for block in blocks)])
     if len(seq) < 2 or (np.diff(seq) != 1).any() or not all(block.valid.all() for block in blocks):
         return None

@@ -1,4 +1,4 @@
-"""What a run is to do, and what it shares: table, units, clock, commands of the operator and the sink of its events."""
+"""The task of a run and the objects its parts share: table, units, clock, operator commands and event listener."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from calstation.sequencer.control import Control, State
 from calstation.sequencer.events import LOSSY, Event, to_json
 from calstation.sequencer.plan import SETTLE, StagePlan
 
-if TYPE_CHECKING:  # the window names tasks, but has no use for logs
+if TYPE_CHECKING:  # the window uses tasks but not logs
     from calstation.records import RawLogWriter
 
 
@@ -31,7 +31,7 @@ class Output(StrEnum):
 
 @dataclass(frozen=True)
 class StatusMasks:
-    """Bits of the IMU's status word: data valid since power-up, output saturated, self-test failed."""
+    """Bit masks of the IMU's status word: data valid since power-up, output saturated, self-test failed."""
 
     ready: int = 0
     saturated: int = 0
@@ -40,7 +40,7 @@ class StatusMasks:
 
 @dataclass(frozen=True)
 class LastSample:
-    """Counter, IMU time (s) and step of the last sample of a run that is resumed."""
+    """Counter, IMU time (s) and step of the last sample of the run that is resumed."""
 
     seq: int
     time: float
@@ -49,11 +49,11 @@ class LastSample:
 
 @dataclass(frozen=True)
 class PreflightLimits:
-    """What a unit and its mounting must show before the run.
+    """Limits for a unit and its mounting, checked before the run.
 
-    Times in s, angles and rates in rad and rad/s. `warm_up_slope` is in °C/min, None where temperature does not matter.
-    Gravity and turns are compared within fractions of their size, directions within `direction_tolerance`. At rest each
-    gyro measures between `rate_low` and `rate_high`, shape (3,). `flow` seconds of data have no gap. `output` is False
+    Times are in s, angles in rad, rates in rad/s; `warm_up_slope` is in °C/min, None if temperature does not matter.
+    `gravity_tolerance` and `turn_tolerance` are fractions of the magnitude. At rest each gyro must
+    measure between `rate_low` and `rate_high`, shape (3,). `flow` seconds of data must have no gap. `output` is False
     if registers that may be wrong are applied to the output, which is then not checked.
     """
 
@@ -77,9 +77,9 @@ class PreflightLimits:
 
 @dataclass(frozen=True)
 class UnitTask:
-    """One unit on the table: what its stream is like and what it must show.
+    """One unit on the table: the properties of its stream and its preflight limits.
 
-    `span` is the range of its channels, counts; its counter begins again after `wrap` samples.
+    `span` is the range of its channels, counts; its counter wraps after `wrap` samples.
     """
 
     serial: str
@@ -93,9 +93,9 @@ class UnitTask:
 
 @dataclass(frozen=True)
 class Task:
-    """What the table does in a run, and within which limits; s, rad.
+    """The motion of the table in a run and its limits; times in s, angles in rad.
 
-    A unit is changed at the `load_angle`, reached with the travel rate and acceleration.
+    Units are loaded at `load_angle`, which is reached with the travel rate and acceleration.
     """
 
     stages: tuple[StagePlan, ...]
@@ -110,7 +110,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Finalized:
-    """Whether the unit passed, and whether registers were written, which then need verification."""
+    """Whether the unit passed, and whether registers were written and need verification."""
 
     passed: bool
     written: bool
@@ -118,7 +118,7 @@ class Finalized:
 
 @dataclass(frozen=True)
 class Ended:
-    """How a run ended: final state, what was solved, and the error of a fault."""
+    """How a run ended: final state, solutions of its stages, and the error in case of a fault."""
 
     state: State
     solutions: tuple[Solution, ...]
@@ -129,14 +129,14 @@ Emit = Callable[[Event], None]
 
 
 class Clock(Protocol):
-    """Station time, s: real, or the virtual bench's."""
+    """Station time, s: real time, or that of the virtual bench."""
 
     @property
     def tick(self) -> float:
         """Period at which the devices are polled, s."""
 
     def now(self) -> float:
-        """Station time, s."""
+        """Return the station time, s."""
 
     def sleep(self, seconds: float) -> None:
         """Let `seconds` of station time pass."""
@@ -149,16 +149,16 @@ class Solving(Protocol):
     """The chain of stage solvers."""
 
     def warm(self) -> None:
-        """Prepare to solve; may take seconds on a new computer, where kernels are compiled first."""
+        """Prepare to solve; may take seconds on a new computer, because the kernels are compiled first."""
 
     def start(self, stage: str) -> None:
-        """Begin a stage with the last one's posterior as its prior."""
+        """Begin a stage with the posterior of the previous stage as its prior."""
 
     def feed(self, block: SampleBlock) -> None:
-        """Take samples of the stage."""
+        """Process samples of the stage."""
 
     def sigma(self) -> FloatArray:
-        """Standard deviations of the 30 parameters so far, shape (30,), SI."""
+        """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
 
     def finish(self) -> Solution:
         """Solve the stage."""
@@ -166,7 +166,7 @@ class Solving(Protocol):
 
 @dataclass(frozen=True)
 class Slot:
-    """A position on the table with the unit in it; everything that is per unit.
+    """A mounting position on the table with its unit, and all objects that belong to that unit.
 
     A register operation has no `journal` and no `solving`. `after` is the last sample of the run that is resumed.
     """
@@ -188,7 +188,7 @@ class Slot:
 
 @dataclass(frozen=True)
 class RunContext:
-    """Everything that the parts of a run share; what is per table. There is exactly one slot."""
+    """The objects that the parts of a run share, for one table. There is exactly one slot."""
 
     task: Task
     table: Table

@@ -1,4 +1,4 @@
-"""States of a run, commands to it, and how they interrupt the running step."""
+"""States of a run, commands to it, and the exceptions with which they interrupt the current step."""
 
 import time
 from collections.abc import Iterator
@@ -23,11 +23,11 @@ class State(StrEnum):
     DONE = "done"
 
 
-#: States in which a run is over. A fault is latched: only a reset to idle leaves it. A register operation neither
+#: States in which a run has ended. A fault is latched: only a reset to idle leaves it. A register operation neither
 #: passes nor fails: it ends in `DONE`.
 ENDED = frozenset({State.STOPPED, State.FAULT, State.PASSED, State.FAILED, State.DONE})
 
-#: From each state, the states that may follow.
+#: The states that may follow each state.
 TRANSITIONS: dict[State, frozenset[State]] = {
     State.IDLE: frozenset({State.PREPARING}),
     State.PREPARING: frozenset({State.RUNNING, State.STOPPING, State.FAULT}),
@@ -40,18 +40,18 @@ TRANSITIONS: dict[State, frozenset[State]] = {
 
 
 class IllegalTransitionError(RuntimeError):
-    """A transition that the table does not allow: a mistake of the program, not of its user."""
+    """A transition that `TRANSITIONS` does not allow: a programming error, not a user error."""
 
 
 def transition(current: State, target: State) -> State:
-    """`target`, if the table allows it from `current`. Raises IllegalTransitionError otherwise."""
+    """Return `target` if `TRANSITIONS` allows it from `current`. Raises IllegalTransitionError otherwise."""
     if target not in TRANSITIONS[current]:
         raise IllegalTransitionError(f"{current} -> {target} is not allowed")
     return target
 
 
 class Command(StrEnum):
-    """What a listener may ask of a run."""
+    """A command from a listener to a run."""
 
     PAUSE = "pause"
     RESUME = "resume"
@@ -60,7 +60,7 @@ class Command(StrEnum):
 
 
 class StopReason(StrEnum):
-    """Who or what asked for a stop."""
+    """Source of a stop request."""
 
     OPERATOR = "operator"
     SIGNAL = "signal"
@@ -69,19 +69,19 @@ class StopReason(StrEnum):
 
 
 class Interruption(Exception):  # noqa: N818 - control flow, not an error
-    """A step ends before its end."""
+    """The current step is interrupted."""
 
 
 class StopRequested(Interruption):
-    """Stop the run safely."""
+    """A safe stop of the run is requested."""
 
 
 class PauseRequested(Interruption):
-    """Hold the table and repeat the step afterwards."""
+    """A pause is requested; the step is repeated afterwards."""
 
 
 class StepInvalid(Interruption):
-    """Samples of the step are lost or unusable; it is to be repeated. `reason` : a term of the family ``reason``."""
+    """Samples of the step are lost or unusable; it must be repeated. `reason` is a term of the family ``reason``."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(reason)
@@ -89,7 +89,7 @@ class StepInvalid(Interruption):
 
 
 class Control:
-    """Commands from any thread, taken by the engine's thread once per tick."""
+    """Receives commands from any thread; the engine's thread processes them once per tick."""
 
     def __init__(self) -> None:
         self._queue: SimpleQueue[tuple[Command, StopReason]] = SimpleQueue()
@@ -100,11 +100,11 @@ class Control:
         self.enough = False
 
     def send(self, command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
-        """Ask for something; callable from any thread."""
+        """Send a command; callable from any thread."""
         self._queue.put((command, reason))
 
     def take(self) -> None:
-        """Note all commands that came since the last call."""
+        """Process all commands received since the last call."""
         if self._taken is not None:
             self._taken = time.monotonic()
         while not self._queue.empty():
@@ -120,14 +120,14 @@ class Control:
                 self.enough = True
 
     def check_cancelled(self) -> None:
-        """Take the commands where no tick does. Raises StopRequested."""
+        """Process all pending commands. Raises StopRequested."""
         self.take()
         if self.stopping:
             raise StopRequested
 
     @contextmanager
     def ticking(self) -> Iterator[None]:
-        """Watch, while the context is open, that the engine's thread takes commands at every tick."""
+        """Monitor, while the context is open, that the engine's thread processes commands at every tick."""
         self._taken = time.monotonic()
         try:
             yield
@@ -135,6 +135,6 @@ class Control:
             self._taken = None
 
     def stuck(self, limit: float) -> bool:
-        """Whether no command was taken for `limit` s of host time within `ticking`; callable from any thread."""
+        """Whether `take` has not been called for `limit` s of host time within `ticking`; callable from any thread."""
         taken = self._taken
         return taken is not None and time.monotonic() - taken > limit

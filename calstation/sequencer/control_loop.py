@@ -1,4 +1,4 @@
-"""The engine's control loop: poll the table, drain samples, feed the watchdog, take commands."""
+"""The engine's control loop: polls the table, drains samples, feeds the watchdog and processes commands."""
 
 import logging
 import time
@@ -16,16 +16,16 @@ from calstation.sequencer.control import PauseRequested, StepInvalid
 from calstation.sequencer.events import SampleStats, TableMoved, Trace
 from calstation.sequencer.guard import latched
 
-#: Station time without a sample that counts as no data, s.
+#: Station time without a sample after which the unit counts as silent, s.
 NO_DATA = 1.0
 
-#: Host time between two events that only refresh a display, s.
+#: Minimum host time between two events that only refresh a display, s.
 _SHOW_TABLE, _SHOW_SAMPLES = 0.1, 0.5
 
-#: Host time of a tick that is worth a line in the application log, s.
+#: Host time of a tick above which a warning is logged, s.
 _SLOW_TICK = 1.0
 
-#: Ticks kept for a trace: a bench faster than its listener shows the latest.
+#: Maximum number of ticks kept for a trace; if the listener is too slow, only the latest are shown.
 _MAX_TRACED = 400
 
 logger = logging.getLogger(__name__)
@@ -34,9 +34,9 @@ logger = logging.getLogger(__name__)
 class ControlLoop:
     """Runs ticks in the engine's thread and interrupts the running step.
 
-    `powered` : the axes must stay enabled, a table that drops them is a fault; `pausable` : a pause interrupts,
-    otherwise it waits; `watchful` : lost or saturated samples invalidate the step; `patient` : bytes that belong to no
-    frame are treated as silence, otherwise they are a fault at once.
+    If `powered`, it is a fault if the axes become disabled. If `pausable`, a pause interrupts the step;
+    otherwise it waits. If `watchful`, lost or saturated samples invalidate the step. If `patient`, bytes that belong to
+    no frame are treated as silence; otherwise they are an immediate fault.
     """
 
     def __init__(self, context: RunContext, acquisition: Acquisition, on_show: Callable[[], None]) -> None:
@@ -53,7 +53,7 @@ class ControlLoop:
         self.patient = False
 
     def tick(self) -> None:
-        """Let a tick of station time pass, then `update`."""
+        """Let one tick of station time pass, then call `update`."""
         begin = time.monotonic()
         self.context.clock.sleep(self.context.clock.tick)
         self.update()
@@ -62,9 +62,9 @@ class ControlLoop:
             logger.warning("a tick of the control loop took %.1f s", seconds)
 
     def update(self) -> None:
-        """Poll, drain, feed the watchdog, take commands.
+        """Poll the table, drain samples, feed the watchdog and process commands.
 
-        Raises DeviceFaultError for a faulty table, StopRequested, PauseRequested or StepInvalid.
+        Raises DeviceFaultError for a table fault or a stuck channel, StopRequested, PauseRequested or StepInvalid.
         """
         clock = self.context.clock
         asked = clock.now()
@@ -90,17 +90,17 @@ class ControlLoop:
 
     @property
     def silent(self) -> bool:
-        """Whether the unit has sent nothing for too long."""
+        """Whether no sample has arrived for more than `NO_DATA` s."""
         return self.context.clock.now() - self.acquisition.last_arrival > NO_DATA
 
     def check_cancelled(self) -> None:
-        """Take the operator's commands. Raises StopRequested or PauseRequested."""
+        """Process the operator's commands. Raises StopRequested or PauseRequested."""
         self.context.control.check_cancelled()
         if self.context.control.pausing and self.pausable:
             raise PauseRequested
 
     def feed_watchdog(self) -> None:
-        """Feed the table's watchdog every quarter of its time (host time); let the log write."""
+        """Feed the table's watchdog every quarter of its timeout (host time) and service the log."""
         journal = self.context.slot.journal
         if journal is not None:
             journal.service()
@@ -112,7 +112,7 @@ class ControlLoop:
     def wait(
         self, condition: Callable[[], bool], timeout: float, failure: CalstationError | Callable[[], CalstationError]
     ) -> None:
-        """Tick until a condition holds; after `timeout` s of station time raise `failure`, or what it makes."""
+        """Tick until `condition` is true; after `timeout` s of station time raise `failure` or the error it returns."""
         clock = self.context.clock
         deadline = clock.now() + timeout
         while not condition():
@@ -121,7 +121,7 @@ class ControlLoop:
             self.tick()
 
     def rested(self, seconds: float) -> bool:
-        """Tick until `seconds` of IMU time have been received; False if the unit falls silent."""
+        """Tick until `seconds` of IMU time have been received; return False if the unit falls silent."""
         enough = self._received(seconds)
         self.wait(lambda: enough() or self.silent, 1.5 * seconds + 10.0, _late(seconds))
         return enough()

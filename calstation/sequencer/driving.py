@@ -1,4 +1,4 @@
-"""Prepares, moves and captures a unit on its table; every way out leaves the table at rest with its axes off."""
+"""Prepares and moves a unit and captures its output; every exit path leaves the table at rest with its axes off."""
 
 import logging
 import threading
@@ -23,28 +23,28 @@ from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import UnitStream
 from calstation.sequencer.verification_moves import VerificationPath, verification_path
 
-#: Fraction of a gyro's range that the turns for verification use.
+#: Fraction of the gyro range used by the verification turns.
 _RANGE_FRACTION = 0.5
 
-#: Time after a move too short to be seen, s.
+#: Settling time after a move that may be too short to appear in a poll, s.
 _SETTLED = 1.0
 
-#: Captures of a unit that restarts meanwhile, each from the beginning.
-_CAPTURES = 3
+#: Maximum number of capture attempts if the unit restarts during a capture; each starts from the beginning.
+_MAX_CAPTURES = 3
 
-#: Host time between polls while something else is done, s.
+#: Host time between polls while another thread works, s.
 POLL = 0.05
 
-#: Runs a function in a thread of its own, to its end, and returns what it returns or raises.
+#: Type of a function that runs another one to its end in a separate thread and returns its result or raises its error.
 RunInBackground = Callable[[Callable[[], Any]], Any]
 
 logger = logging.getLogger(__name__)
 
 
 class Driving:
-    """The table and the unit of a run. Nothing moves outside `run`, nor before `begin` and `preflight`.
+    """Operates the table and the unit of a run. Nothing moves outside `run` or before `begin` and `preflight`.
 
-    `control_loop`, `stream` and `runner` exist from `begin` on.
+    `begin` creates `control_loop`, `stream` and `runner`.
     """
 
     control_loop: ControlLoop
@@ -64,10 +64,10 @@ class Driving:
         )
 
     def run(self, work: Callable[[], State]) -> CalstationError | None:
-        """Do `work` and go to the state that it returns. Every way out leaves the table at rest, axes off.
+        """Run `work` and change to the state it returns. Every exit path leaves the table at rest with its axes off.
 
-        Errors of devices, configuration and input end in the state fault and are returned; a mistake of
-        the program stops the table as well and is raised.
+        Errors of devices, configuration and input end in the fault state and are returned; any other exception (a
+        programming error) also stops the table and is raised.
         """
         control = self._context.control
         try:
@@ -103,24 +103,24 @@ class Driving:
     def begin(self) -> None:
         """Poll the table for the first time; nothing moves. Raises DeviceFaultError if it does not respond."""
         self.control_loop = ControlLoop(self._context, self.acquisition, self._on_show)
-        self.stream = UnitStream(self.control_loop, self.run_in_background, self._check_wanted)
+        self.stream = UnitStream(self.control_loop, self.run_in_background, self._check_abandoned)
         self.runner = StepRunner(self.control_loop, self.stream, self.go)
 
     def preflight(self) -> None:
-        """Check everything; then axes on, at home. Raises DeviceFaultError or ConfigurationError."""
+        """Run all preflight checks, switch the axes on and move home. Raises DeviceFaultError or ConfigurationError."""
         Preflight(self.runner).run()
-        # From here on a unit that restarted by itself is commanded to stream again.
+        # From here on, a unit that restarts by itself is commanded to stream again.
         self.control_loop.patient = True
 
     def check_turns(self) -> None:
-        """Check the path of `verification_data` from here against the limits. Raises ConfigurationError."""
+        """Check the verification path from the current position against the limits. Raises ConfigurationError."""
         own = self.control_loop.status.limits
         for leg in self._path_from_here().legs:
             check_limits(self._context.task.geometry.limits, leg.move)
             check_travel(own, leg.move)
 
     def reference(self) -> None:
-        """Capture the unit as it is now, to compare `verification_data` with it; not on a manual rig.
+        """Capture the unit's current output as the reference for `verification_data`; do nothing on a manual rig.
 
         Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
@@ -132,14 +132,14 @@ class Driving:
             self._reference = self._capture("stream.restarts_before_write")
 
     def verification_data(self, *, restarted: bool = True) -> VerificationData:
-        """The unit's output at rest and in turns, in no log. The raw stream is on again afterwards.
+        """Capture the unit's output at rest and in turns without logging it; the raw stream is on again afterwards.
 
         Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
         corrected = self._context.slot.unit.corrected
         asked = corrected is Output.ASKED
         if restarted:
-            self.acquisition.unlogged = True  # its counter has begun again, until the end
+            self.acquisition.unlogged = True  # its counter has restarted: log nothing until the run ends
         with self.acquisition.unlogged_samples():
             if restarted or asked:
                 self.stream.start(corrected=asked)
@@ -151,7 +151,7 @@ class Driving:
                 data = self._capture("stream.restarts_after_write")
             if asked:
                 self.stream.start(corrected=False)
-        # The next capture begins where the table then stands.
+        # The next capture starts from the table's position at that time.
         reference, self._reference, self._path = self._reference, None, None
         return replace(data, corrected=corrected is not Output.NEVER, reference=reference)
 
@@ -166,15 +166,15 @@ class Driving:
         )
 
     def _capture(self, code: str) -> VerificationData:
-        """Capture one power-on of the unit: if it restarts meanwhile, the capture begins again.
+        """Capture the unit's output; if the unit restarts during the capture, begin again.
 
-        `code` is that of the error for a unit that restarts every time
+        `code` is the code of the error raised if the unit restarts during every attempt.
         """
         there, path = self._path is not None, self._path or self._path_from_here()
         self._path = path
-        for _ in range(_CAPTURES):
+        for _ in range(_MAX_CAPTURES):
             if not there:
-                # A polled angle is not the commanded one; so short a move ends before it shows.
+                # The polled angle differs from the commanded one; such a short move may end before the next poll.
                 first = path.legs[0].move
                 self.runner.drive(replace(first, outer=path.start[0], inner=path.start[1]))
                 self.control_loop.rested(_SETTLED)
@@ -188,7 +188,7 @@ class Driving:
         raise DeviceFaultError(code)
 
     def run_in_background(self, work: Callable[[], Any]) -> Any:
-        """Do what must not be interrupted while the table's watchdog is fed; it is complete when this returns."""
+        """Run uninterruptible `work` in a thread while feeding the table's watchdog; return its result."""
         self._abandoned.clear()
         with ThreadPoolExecutor(1, "background") as worker:
             job = worker.submit(work)
@@ -202,13 +202,13 @@ class Driving:
                 raise
             return job.result()
 
-    def _check_wanted(self) -> None:
-        """For work in the background that may be abandoned: raises StopRequested if its result is not wanted."""
+    def _check_abandoned(self) -> None:
+        """Raise StopRequested in the background thread if its result is no longer wanted."""
         if self._context.control.stopping or self._abandoned.is_set():
             raise StopRequested
 
     def finish(self) -> None:
-        """Move to the load position, switch the axes off."""
+        """Move to the load position and switch the axes off."""
         self._context.emit(Message("finishing"))
         task = self._context.task
         outer, inner = task.load_angle

@@ -1,7 +1,7 @@
-"""Events of a run: immutable names and values, never sentences; the listener words them from the catalogue.
+"""Events of a run: immutable identifiers and values, not text; the listener formats them with the catalogue.
 
-The same stream feeds progress bar, log, window and database. `to_json` and `from_json` carry an
-event through a pipe or a log.
+The same stream feeds the progress bar, the log, the window and the database. `to_json` and `from_json` convert an event
+for a pipe or a log.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,12 +16,12 @@ from calstation.physics import INDEX
 
 @dataclass(frozen=True)
 class Event:
-    """Any of the events below."""
+    """Base class of all events."""
 
 
 @dataclass(frozen=True)
 class StateChanged(Event):
-    """The run went from state `previous` to `state`."""
+    """The state of the run changed from `previous` to `state`."""
 
     state: str
     previous: str
@@ -29,7 +29,7 @@ class StateChanged(Event):
 
 @dataclass(frozen=True)
 class StageStarted(Event):
-    """Stage number `index` (from 0) of `count` begins; `duration` is that of its plan, s."""
+    """Stage number `index` (from 0) of `count` begins; `duration` is its planned duration, s."""
 
     stage: str
     index: int
@@ -39,7 +39,7 @@ class StageStarted(Event):
 
 @dataclass(frozen=True)
 class StageProgress(Event):
-    """Progress of a stage: `fraction` 0..1, `remaining` s, `sigma` the largest per group so far, SI."""
+    """Progress of a stage: `fraction` 0..1, `remaining` time in s, `sigma` the current maximum per group, SI."""
 
     stage: str
     fraction: float
@@ -49,7 +49,7 @@ class StageProgress(Event):
 
 @dataclass(frozen=True)
 class StepStarted(Event):
-    """A step begins: `kind` of step, `step` number on its samples, `label` id and values of the plan."""
+    """A step begins: its `kind`, its number `step` on the samples, and its `label` (id and values) from the plan."""
 
     stage: str
     step: int
@@ -59,7 +59,7 @@ class StepStarted(Event):
 
 @dataclass(frozen=True)
 class StageEnded(Event):
-    """The motion of a stage is over because of `reason`: plan, rounds, duration, targets or operator."""
+    """The motion of a stage has ended; `reason` is plan, rounds, duration, targets or operator."""
 
     stage: str
     reason: str
@@ -68,7 +68,7 @@ class StageEnded(Event):
 
 @dataclass(frozen=True)
 class TableMoved(Event):
-    """Encoder angles, rad, and rates, rad/s."""
+    """Encoder angles, rad, and rates, rad/s, of the table."""
 
     outer: float
     inner: float
@@ -79,7 +79,7 @@ class TableMoved(Event):
 
 @dataclass(frozen=True)
 class SampleStats(Event):
-    """Data flow so far, and the mean output of the latest tick: gyro x y z, accel x y z, SI."""
+    """Sample counts so far, and the mean output of the latest tick: gyro x y z, accel x y z, SI."""
 
     received: int
     gaps: int
@@ -90,7 +90,7 @@ class SampleStats(Event):
 
 @dataclass(frozen=True)
 class Trace(Event):
-    """Live output since the last trace, a mean per tick: IMU `time`, s, and gyro x y z, accel x y z, SI, for each."""
+    """Live output since the last trace: for each tick the IMU `time`, s, and the mean gyro x y z, accel x y z, SI."""
 
     time: tuple[float, ...]
     output: tuple[float, ...]
@@ -98,11 +98,12 @@ class Trace(Event):
 
 @dataclass(frozen=True)
 class PositionGuided(Event):
-    """Progress of a position to which the operator carries the unit.
+    """Progress at a position to which the operator turns the unit.
 
-    `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is one of
-    `estimation.guidance`. Rail angles asked for, rad, and those asked for before. `up` is the direction of gravity in
-    b; `done` those of the positions done, concatenated. `suffices` : they determine all parameters of the stage.
+    `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is that of a
+    `Guidance`. `outer` and `inner` are the requested rail angles, rad, `*_before` the previous ones. `up` is the
+    direction of gravity in the body frame; `done` contains those of the completed positions, concatenated. `suffices`
+    is True if they determine all parameters of the stage.
     """
 
     stage: str
@@ -122,7 +123,7 @@ class PositionGuided(Event):
 
 @dataclass(frozen=True)
 class Message(Event):
-    """A message for a person: the entry ``event.<id>`` of the catalogue with its values."""
+    """A message to the user: the entry ``event.<id>`` of the catalogue with its values."""
 
     id: str
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -130,7 +131,7 @@ class Message(Event):
 
 @dataclass(frozen=True)
 class StageSolved(Event):
-    """A stage's answer: value and sigma per estimated parameter, SI, and its consistency as in the result."""
+    """The solution of a stage: value and sigma per estimated parameter, SI, and its consistency as in the result."""
 
     stage: str
     parameters: Mapping[str, Mapping[str, float]]
@@ -139,7 +140,7 @@ class StageSolved(Event):
 
 @dataclass(frozen=True)
 class Verdict(Event):
-    """The run is over: `outcome` as in the result JSON, files as text, the result itself."""
+    """The run has ended: `outcome` as in the result JSON, file paths as text, and the result itself."""
 
     outcome: str
     log: str
@@ -149,10 +150,11 @@ class Verdict(Event):
 
 @dataclass(frozen=True)
 class Settled(Event):
-    """A register operation is over.
+    """A register operation has ended.
 
-    `closing` of the transfer in the journal: done, kept, restored; stopped if an operator's stop ended it. `proof` says
-    how the output was verified: turn, rest or read_back; "" if it was not. `unit` holds its registers; {} after a stop.
+    `closing` is that of the transfer in the journal: done, kept or restored; stopped if the operator stopped it.
+    `proof` is the method of verification: turn, rest or read_back; "" if there was none. `unit` contains its registers;
+    {} after a stop.
     """
 
     serial: str
@@ -163,7 +165,7 @@ class Settled(Event):
 
 @dataclass(frozen=True)
 class Fault(Event):
-    """The run failed: class of the error (``internal`` for a mistake of the program), text and catalogue entry."""
+    """The run failed: class of the error (``internal`` for a programming error), text and catalogue entry."""
 
     kind: str
     text: str
@@ -173,18 +175,18 @@ class Fault(Event):
 
     @classmethod
     def of(cls, error: CalstationError) -> "Fault":
-        """The fault of an error."""
+        """Return the fault event for an error."""
         return cls(type(error).__name__, str(error), error.exit_code, error.code, error.values)
 
 
 _KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event.__subclasses__()}
 
-#: Events that only refresh a display: a slow listener may miss some, and no log keeps them.
+#: Events that only refresh a display: a slow listener may miss some, and they are not logged.
 LOSSY = (StageProgress, TableMoved, SampleStats, Trace, PositionGuided)
 
 
 def to_json(event: Event) -> dict[str, Any]:
-    """The event as a JSON-ready dictionary with its kind under ``event``."""
+    """Return the event as a JSON-ready dictionary with its kind under ``event``."""
     data = asdict(event)
     if isinstance(event, Message | Fault):
         data["values"] = values_to_json(event.values)
@@ -192,7 +194,7 @@ def to_json(event: Event) -> dict[str, Any]:
 
 
 def from_json(data: Mapping[str, Any]) -> Event:
-    """The event that `to_json` wrote. Raises KeyError for an unknown kind."""
+    """Return the event converted by `to_json`. Raises KeyError for an unknown kind."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
     for name in ("label", "mean", "time", "output", "up", "done"):
@@ -204,7 +206,7 @@ def from_json(data: Mapping[str, Any]) -> Event:
 
 
 def solution_events(solution: Solution) -> tuple[StageSolved | Message, ...]:
-    """Events of a stage's solution: its values, then the solver's remarks."""
+    """Return the events of a stage's solution: its values, then the solver's messages."""
     sigma, consistency = solution.belief.sigma, solution.consistency
     parameters = {
         name: {"value": float(solution.belief.mean[INDEX[name]]), "sigma": float(sigma[INDEX[name]])}

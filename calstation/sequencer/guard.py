@@ -1,4 +1,4 @@
-"""What protects the table: checks before every command, and the safe stop."""
+"""Protection of the table: checks before every command, and the safe stop."""
 
 import logging
 import math
@@ -13,11 +13,11 @@ from calstation.sequencer.context import Clock
 
 JOINTS = ("outer", "inner")
 
-#: Station and host time allowed for the deceleration, s.
+#: Maximum station and host time for stopping, s.
 _REST_WITHIN = 30.0
 
-#: Station time for it if the table does not answer, s.
-_UNSEEN = 5.0
+#: Station time allowed for stopping if the table does not respond, s.
+_UNRESPONSIVE_WAIT = 5.0
 
 _TICK = 0.05
 
@@ -39,14 +39,14 @@ def check_power(status: TableStatus) -> None:
 
 
 def latched(fault: str) -> DeviceFaultError:
-    """The error for a fault that the table has latched, named as its profile names it."""
+    """Return the error for a fault latched by the table; `fault` is its name in the table's profile."""
     if fault == UNKNOWN_FAULT:
         return DeviceFaultError("table.latched_unknown")
     return DeviceFaultError(f"table.latched_{fault if fault in _LATCHED else 'other'}", fault=fault)
 
 
 def check_motion(status: TableStatus) -> None:
-    """Check that the table may move now. Raises DeviceFaultError as `check_power`, or if not enabled or homed."""
+    """Check that the table may move now. Raises DeviceFaultError like `check_power`, or if not enabled or homed."""
     check_power(status)
     if not status.enabled:
         raise DeviceFaultError("motion.not_enabled")
@@ -55,7 +55,7 @@ def check_motion(status: TableStatus) -> None:
 
 
 def check_move(status: TableStatus, limits: JointLimits, move: Move) -> None:
-    """Check that the table may make this move now, within the profile's limits and its own travel.
+    """Check that the table may make this move now, within the profile's limits and the table's own travel.
 
     Raises DeviceFaultError or ConfigurationError.
     """
@@ -84,7 +84,7 @@ def _allowed(value: float, limit: float) -> bool:
 
 
 def check_travel(limits: JointLimits, move: Move) -> None:
-    """Check that a move's targets lie within the joints' travel. Raises ConfigurationError."""
+    """Check that a move's targets are within the joints' travel. Raises ConfigurationError."""
     for joint, (axis, target) in enumerate(zip(JOINTS, (move.outer, move.inner), strict=True)):
         if not (math.isfinite(target) and limits.within(joint, target)):
             raise ConfigurationError(
@@ -97,15 +97,15 @@ def check_travel(limits: JointLimits, move: Move) -> None:
 
 
 def safe_stop(table: Table, clock: Clock) -> list[Text]:
-    """Bring the table to rest and switch its axes off; returns the failures, never raises.
+    """Bring the table to rest and switch its axes off; return the failures and never raise.
 
-    A table that no longer answers is left to its own watchdog, which this run has found switched on. A table without
-    one was only given moves to an angle; it gets `_UNSEEN` before its axes are commanded off.
+    A table that no longer responds is stopped by its own watchdog, which was on when the axes were enabled. A table
+    without a watchdog only received moves to fixed angles, so its axes are switched off after `_UNRESPONSIVE_WAIT`.
     """
     failures: list[Text] = []
     _attempt(table.stop, failures)
-    if failures:  # the command may have arrived all the same: axes are not switched off while they turn
-        _attempt(lambda: clock.sleep(_UNSEEN), failures)
+    if failures:  # the command may still have arrived: do not switch the axes off while they turn
+        _attempt(lambda: clock.sleep(_UNRESPONSIVE_WAIT), failures)
     else:
         _attempt(lambda: _wait_for_rest(table, clock), failures)
     _attempt(table.disable, failures)
@@ -122,13 +122,13 @@ def _wait_for_rest(table: Table, clock: Clock) -> None:
 def _attempt(action: Callable[[], None], failures: list[Text]) -> None:
     try:
         action()
-    except Exception as exc:  # the next step towards rest must be tried whatever failed
+    except Exception as exc:  # the next action must be tried whatever failed before
         logger.warning("safe stop: a command failed", exc_info=True)
         failures.append(reason_of(exc))
 
 
 def reason_of(error: Exception) -> Text:
-    """An error as a message that can stand inside another one."""
+    """Return an error as a message that can be embedded in another one."""
     if isinstance(error, CalstationError):
         return error.as_text
     if isinstance(error, OSError):

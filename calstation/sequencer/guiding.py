@@ -1,4 +1,4 @@
-"""Guides the operator at a manual rig: follows the stream until the unit has rested long enough at each position."""
+"""Guides the operator at a manual rig: monitors the stream until the unit has rested long enough at each position."""
 
 import time
 from collections.abc import Iterator
@@ -12,15 +12,15 @@ from calstation.physics import Carry
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import PositionGuided
 
-#: Host time between two events that only refresh a display, s.
+#: Minimum host time between two events that only refresh a display, s.
 _SHOW = 0.2
 
 
 class Guiding:
-    """Positions of one stage after another. Nothing is driven, so an interruption asks for the same position again.
+    """Guides the operator through the positions of each stage; an interrupted position is requested again.
 
-    Samples that are stamped invalid, and samples around a gap, do not count as rest. `asked` are the rail angles asked
-    for last, rad.
+    Samples that are stamped invalid, and samples around a gap, do not count as rest. `asked` contains the rail angles
+    requested last, rad.
     """
 
     def __init__(self, control_loop: ControlLoop) -> None:
@@ -32,23 +32,23 @@ class Guiding:
         self.begin()
 
     def begin(self) -> None:
-        """Start over with no position done."""
+        """Start again with no completed position."""
         self._guide = PositionGuide(self._context.slot.unit.model, 0.0)
 
     @property
     def done(self) -> bool:
-        """Whether the operator ends the stage and the positions suffice."""
+        """Whether the operator has ended the stage and the positions suffice."""
         return self._context.control.enough and self._guide.now.suffices
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Collect every sample for the guide while the context is open, also while the run pauses."""
+        """Collect every sample for the guide while the context is open, even while the run is paused."""
         with self._control_loop.acquisition.tap() as self._blocks:
             yield
         self._blocks = []
 
     def follow(self, step: Carry) -> None:
-        """Return when as many positions are done as the step's index, or when the operator ends; in `listening`."""
+        """Wait until the step's position is completed or the operator ends the stage; call it within `listening`."""
         guide = self._guide
         guide.ask(step.rest)
         while len(guide.now.positions) < step.index and not self.done:
@@ -61,7 +61,7 @@ class Guiding:
         self.asked = (step.outer, step.inner)
 
     def _show(self, step: Carry, now: Guidance) -> None:
-        """Emit every change at once, and the rest a few times a second."""
+        """Emit changes immediately, and other updates a few times per second."""
         state, index, shown = self._shown
         moment = time.monotonic()
         if (state, index) == (now.state, step.index) and moment - shown < _SHOW:
@@ -86,6 +86,6 @@ class Guiding:
 
 
 def carry_label(step: Carry) -> tuple[str | float, ...]:
-    """Label of a carry: the angles asked for, degrees, its rest, s, its index and how many there are."""
+    """Return the label of a carry: requested angles, degrees, rest, s, index and number of positions."""
     outer, inner = (float(np.rad2deg(angle)) for angle in (step.outer, step.inner))
     return ("carry", outer, inner, step.rest, float(step.index), float(step.count))

@@ -1,4 +1,4 @@
-"""Plans of stages: how long they take, and when a repeated plan ends."""
+"""Stage plans: their durations, and the rule that ends a repeated plan."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -11,15 +11,15 @@ from calstation.sequencer.events import StageProgress
 
 _MAX_STEPS = 10_000
 
-#: What a preview allows for settling after a move where the table's profile does not say, s.
+#: Default settling time after a move if the table's profile does not specify one, s.
 SETTLE = 1.5
 
 
 @dataclass(frozen=True)
 class StopRule:
-    """Ends a repeated plan at the first of its conditions that holds at the end of a round.
+    """Ends a repeated plan at the end of the first round in which one of its conditions is met.
 
-    Complete rounds; s of IMU time; largest sigma per parameter or group, SI. None or empty for no such condition.
+    Conditions: complete rounds, IMU time in s, largest sigma per parameter or group, SI. Each can be None or empty.
     """
 
     rounds: int | None = None
@@ -27,10 +27,10 @@ class StopRule:
     targets: Mapping[str, float] = field(default_factory=dict)
 
     def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None, enough: bool) -> str | None:
-        """Why to stop now: ``operator``, ``rounds``, ``duration`` or ``targets``; None to go on.
+        """Return the reason to stop now: ``operator``, ``rounds``, ``duration`` or ``targets``; None to continue.
 
-        `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if not known; `enough` : the operator ends the
-        stage.
+        `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if unknown; `enough` is True if the operator
+        ends the stage.
         """
         if enough:
             return "operator"
@@ -45,7 +45,7 @@ class StopRule:
 
 @dataclass(frozen=True)
 class StagePlan:
-    """A stage to run: its name, a fresh iterator of its steps, and when a repeated plan ends."""
+    """A stage to run: its name, a function that returns a new iterator over its steps, and its stop rule."""
 
     name: str
     steps: Callable[[], Iterator[Step]]
@@ -53,7 +53,7 @@ class StagePlan:
 
 
 class StageTrack:
-    """Progress of one stage; `duration` is what its plan takes, s."""
+    """Tracks the progress of one stage; `duration` is its planned duration, s."""
 
     def __init__(self, stage: str, duration: float) -> None:
         self._stage, self._duration = stage, duration
@@ -61,34 +61,34 @@ class StageTrack:
         self._sigma: dict[str, float] = {}
 
     def begin(self, now: float, seconds: float) -> None:
-        """Begin a step that takes `seconds` at station time `now`."""
+        """Begin a step of duration `seconds` at station time `now`."""
         self._begun, self._step = now, seconds
 
     def end(self, sigma: FloatArray) -> None:
-        """End the step; `sigma` holds the standard deviations reached, shape (30,), SI."""
+        """End the step; `sigma` contains the standard deviations reached, shape (30,), SI."""
         self._done += self._step
         self._step = 0.0
         self._sigma = {group: float(np.max(sigma[group_indices(group)])) for group in GROUPS}
 
     def event(self, now: float) -> StageProgress:
-        """The stage's progress at station time `now`."""
+        """Return the stage's progress at station time `now`."""
         done = self._done + min(max(now - self._begun, 0.0), self._step)
         fraction = min(done / self._duration, 1.0) if self._duration > 0.0 else 1.0
         return StageProgress(self._stage, fraction, max(self._duration - done, 0.0), self._sigma)
 
 
 def reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
-    """Whether every chosen sigma (shape (30,), SI) lies below its target."""
+    """Whether every element of `sigma` (shape (30,), SI) with a target is at or below it."""
     return all(sigma[i] <= limit for name, limit in targets.items() for i in named(name))
 
 
 def named(name: str) -> list[int]:
-    """Indices of a parameter or of all parameters of a group; empty for an unknown name."""
+    """Return the indices of a parameter or of all parameters of a group; empty for an unknown name."""
     return [INDEX[name]] if name in INDEX else group_indices(name)
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:
-    """Duration of a trapezoidal (or triangular) move from `start` (rad), s; the joint with the longer way decides."""
+    """Return the duration, s, of a trapezoidal or triangular move from `start` (rad), set by the longer travel."""
     rate, acceleration = move.rate, move.acceleration
     distance = max(abs(move.outer - start[0]), abs(move.inner - start[1]))
     if distance * acceleration < rate * rate:
@@ -97,7 +97,7 @@ def move_time(start: tuple[float, float], move: Move) -> float:
 
 
 def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) -> float:
-    """Duration of a step from joint angles `start` (rad), with `settle` s after a move."""
+    """Return the duration of a step from joint angles `start` (rad), s, including `settle` s after a move."""
     if isinstance(step, Move):
         return move_time(start, step) + settle
     if isinstance(step, Carry):
@@ -108,10 +108,10 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) ->
 def planned(
     steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE
 ) -> Iterator[tuple[Step, float]]:
-    """The steps that a run will execute from joint angles `start`, rad, each with its duration in s.
+    """Yield the steps that a run will execute from joint angles `start`, rad, each with its duration in s.
 
-    A repeated plan is followed until its rounds or duration are reached, or for one round where only sigmas or the
-    operator end it.
+    A repeated plan ends when its rounds or duration are reached, or after one round if only sigmas or the operator can
+    end it.
     """
     elapsed = 0.0
     open_ended = rule.rounds is None and rule.duration is None
@@ -130,5 +130,5 @@ def planned(
 
 
 def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE) -> float:
-    """Duration of all steps that `planned` lists, s."""
+    """Return the total duration of the steps from `planned`, s."""
     return sum(seconds for _, seconds in planned(steps, rule, start, settle))

@@ -1,4 +1,4 @@
-"""What is checked before a stage may begin: identity, power, home, warm-up, gravity, signs, data flow."""
+"""Checks before the first stage: identity, power, home, warm-up, gravity, signs and data flow."""
 
 import re
 from collections import deque
@@ -13,12 +13,12 @@ from calstation.sequencer.guard import JOINTS, check_power
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import check_unit
 
-#: Time over which the slope of the temperature is taken, s, and the least warm-up that gives one, s.
+#: Time over which the temperature slope is computed, s, and minimum warm-up for a slope, s.
 _SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
 
 
 class Preflight:
-    """Runs the checks in the order in which each may rely on the ones before."""
+    """Runs the checks in an order in which each can rely on the previous ones."""
 
     def __init__(self, runner: StepRunner) -> None:
         self._runner = runner
@@ -111,7 +111,7 @@ class Preflight:
                 )
 
     def _check_flow(self) -> FloatArray:
-        """Counts of some seconds at rest, without a gap, shape (n, 6)."""
+        """Record some seconds at rest and return the counts, shape (n, 6). Raises DeviceFaultError for a gap."""
         gaps = self._acquisition.gaps
         with self._acquisition.tap() as blocks:
             self._control_loop.rest(self._limits.flow)
@@ -120,7 +120,7 @@ class Preflight:
         return _counts(blocks)
 
     def _check_gravity(self) -> FloatArray:
-        """Check gravity and data flow; returns the gyro's mean at rest, rad/s, shape (3,)."""
+        """Check gravity and data flow; return the mean gyro output at rest, rad/s, shape (3,)."""
         by_hand = self._context.task.by_hand
         self._context.emit(Message("checking_gravity" if by_hand else "checking_mounting"))
         limits = self._limits
@@ -130,7 +130,7 @@ class Preflight:
         if abs(size / limits.gravity - 1.0) > limits.gravity_tolerance:
             raise DeviceFaultError("preflight.gravity_size", measured=size, expected=limits.gravity)
         rates: FloatArray = mean[:3]
-        # A gyro so far from its profile finds no rest in the data of any stage.
+        # With a gyro so far from its profile, no stage could detect rests in its data.
         for axis, rate, low, high in zip("xyz", rates, limits.rate_low, limits.rate_high, strict=True):
             if not low <= rate <= high:
                 rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
@@ -146,7 +146,7 @@ class Preflight:
         return rates
 
     def _check_signs(self, bias: FloatArray) -> None:
-        """Turn each joint a little, there and back: the gyro must measure its size, axis and sign."""
+        """Turn each joint by a small angle and back; check the size, axis and sign that the gyro measures."""
         for joint, axis in enumerate(JOINTS):
             start = self._runner.position()
             target = [0.0, 0.0]
@@ -182,7 +182,7 @@ class Preflight:
 
 
 def _counts(blocks: list[SampleBlock]) -> FloatArray:
-    """All counts, shape (n, 6). Raises DeviceFaultError if nothing can be judged by them."""
+    """Return all counts, shape (n, 6). Raises DeviceFaultError if any is non-numeric or invalid."""
     counts = np.concatenate([np.empty((0, 6)), *(block.counts for block in blocks)])
     if not np.isfinite(counts).all():
         raise DeviceFaultError("preflight.non_numeric")
@@ -192,7 +192,7 @@ def _counts(blocks: list[SampleBlock]) -> FloatArray:
 
 
 def _slope(track: deque[tuple[float, float]]) -> float:
-    """Least-squares slope of temperature over time, °C/min; infinite for fewer than 10 values."""
+    """Return the least-squares slope of temperature over time, °C/min; infinite for fewer than 10 values."""
     if len(track) < 10:
         return float("inf")
     times, values = np.array(track).T

@@ -1,4 +1,4 @@
-"""Runs a calibration from preparation to verdict; every way out leaves the table at rest, axes off."""
+"""Runs a calibration from preparation to verdict; every exit path leaves the table at rest with its axes off."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -19,35 +19,35 @@ from calstation.sequencer.plan import StagePlan, StageTrack, plan_time, planned,
 
 _Result = TypeVar("_Result")
 
-#: Captures the unit's output before registers are written, to compare what follows with.
+#: Type of a function that captures the unit's output before registers are written, as a reference for verification.
 CaptureReference = Callable[[], None]
 
 logger = logging.getLogger(__name__)
 
 
 class Evaluation(Protocol):
-    """Decides on a run: whether it goes on after a stage, whether the unit passed, whether its registers are right.
+    """Decides whether a run continues after a stage, whether the unit passed and whether its registers are correct.
 
-    What talks to the unit is done by `run_in_background`, during which a stop waits.
+    All communication with the unit runs in `run_in_background`, which a stop request does not interrupt.
     """
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
-        """Verifies registers that were written before the run; None if there are none to verify."""
+        """Return a function that verifies registers written before the run, or None if there are none to verify."""
 
     def stage_passed(self, solution: Solution) -> bool:
-        """Whether to go on after a stage. Raises ConfigurationError."""
+        """Whether to continue after a stage. Raises ConfigurationError."""
 
     def finalize(
         self, solutions: tuple[Solution, ...], run_in_background: RunInBackground, capture_reference: CaptureReference
     ) -> Finalized:
-        """Check the limits; write the registers of a unit that is inside them. The table is at rest."""
+        """Check the results against the limits and, if they pass, write the registers. The table is at rest."""
 
     def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
-        """Verify the written registers by the restarted unit's output. Raises DeviceFaultError if they are wrong."""
+        """Verify the written registers with the restarted unit's output. Raises DeviceFaultError if they are wrong."""
 
 
 class Sequencer:
-    """One run. `run` returns when it is over. `solved` are the stages of a resumed run that are solved already."""
+    """Executes one run; `run` blocks until it ends. `solved` contains the stages solved before the run was resumed."""
 
     def __init__(self, context: RunContext, evaluation: Evaluation, solved: tuple[Solution, ...] = ()) -> None:
         journal, solving = context.slot.journal, context.slot.solving
@@ -62,12 +62,12 @@ class Sequencer:
         self._drive = Driving(context, self._show_progress)
 
     def run(self) -> Ended:
-        """Prepare, run every stage, finalize; see `Driving.run` for errors."""
+        """Prepare, run every stage and finalize; see `Driving.run` for errors."""
         error = self._drive.run(self._calibrate)
         return Ended(self._drive.state, tuple(self._solutions), error)
 
     def _calibrate(self) -> State:
-        """Everything from preparation to the load angle, axes off; whether the unit passed."""
+        """Do everything from preparation to the load position with the axes off; return PASSED or FAILED."""
         drive, emit = self._drive, self._context.emit
         drive.go(State.PREPARING)
         with _worker("warm-up") as worker:
@@ -110,7 +110,7 @@ class Sequencer:
                     check_travel(self._drive.control_loop.status.limits, step)
 
     def _run_stage(self, stage: StagePlan, index: int) -> bool:
-        """Drive and solve a stage; False if the run should not go on."""
+        """Execute and solve a stage; return False if the run should not continue."""
         drive, emit = self._drive, self._context.emit
         duration = plan_time(stage.steps(), stage.rule, drive.runner.position(), self._context.task.settle)
         count = self._solved_before + len(self._context.task.stages)
@@ -132,13 +132,13 @@ class Sequencer:
         self._solutions.append(solution)
         for event in solution_events(solution):
             emit(event)
-        # A stage that is solved need not be done again, whatever happens next.
+        # Once the log is on disk, a solved stage never has to be repeated.
         self._wait_for(self._journal.begin_sync())
         self._journal.service()
         return self._evaluation.stage_passed(solution)
 
     def _execute(self, stage: StagePlan, duration: float) -> tuple[str, int]:
-        """Execute the steps of a stage; returns why it ended and after how many rounds."""
+        """Execute the steps of a stage; return the reason for its end and the number of rounds."""
         drive, clock = self._drive, self._context.clock
         begin = drive.acquisition.newest or 0.0
         rounds = 0
@@ -168,7 +168,7 @@ class Sequencer:
             self._context.emit(self._track.event(self._context.clock.now()))
 
     def _wait_for(self, job: Future[_Result]) -> _Result:
-        """Result of a worker's job, the table's watchdog fed and samples drained meanwhile; a stop does not wait."""
+        """Return the result of a worker's job; until then feed the watchdog and drain samples. A stop ends the wait."""
         clock, control_loop = self._context.clock, self._drive.control_loop
         while not job.done():
             before = clock.now()
@@ -183,7 +183,7 @@ class Sequencer:
 
 @contextmanager
 def _worker(name: str) -> Iterator[ThreadPoolExecutor]:
-    """A worker for one job; the run does not wait for its end."""
+    """Provide a worker for one job; leaving the context does not wait for the job to end."""
     worker = ThreadPoolExecutor(1, name)
     try:
         yield worker

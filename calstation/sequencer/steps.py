@@ -1,4 +1,4 @@
-"""Executes a plan's steps: each is a checkpoint, repeated from its start after a pause or lost samples."""
+"""Executes a plan's steps; each is a checkpoint and is repeated from its start after a pause or lost samples."""
 
 import logging
 from collections.abc import Callable
@@ -15,13 +15,13 @@ from calstation.sequencer.guiding import Guiding, carry_label
 from calstation.sequencer.plan import move_time
 from calstation.sequencer.unit_stream import UnitStream
 
-#: A joint this close to its target, at rest and settled, has arrived, rad.
+#: Maximum distance from the target for a joint at rest and settled to count as arrived, rad.
 ARRIVED = np.deg2rad(0.5)
 
-#: How often a step with invalid samples is repeated before the run is a fault.
+#: Maximum number of repetitions of a step with invalid samples before the run ends in a fault.
 REPEATS = 3
 
-#: Rest before a move is repeated, s: what solvers need to find attitude and angle again.
+#: Rest before a move is repeated, s; the solvers need it to find the attitude and the angles again.
 _REST_BEFORE_REPEAT = 5.0
 
 _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
@@ -32,8 +32,8 @@ logger = logging.getLogger(__name__)
 class StepRunner:
     """Drives the table through moves and dwells, and guides the operator of a manual rig.
 
-    Every move and every repetition raises the step number by one. From the moment a step is
-    interrupted until it is repeated, samples are stamped invalid.
+    Every move and every repetition increments the step number. Samples between the interruption of a step and its
+    repetition are marked invalid.
     """
 
     def __init__(self, control_loop: ControlLoop, stream: UnitStream, on_state: Callable[[State], None]) -> None:
@@ -48,10 +48,10 @@ class StepRunner:
         self._last_move: tuple[tuple[float, float], Move] | None = None
 
     def run(self, step: Move | Dwell | Carry) -> None:
-        """Execute a step to its end, repeating it where it was interrupted.
+        """Execute a step to its end; repeat it if it is interrupted.
 
-        A rest is repeated together with the move before it: a turn needs the rest that ends it.
-        Raises DeviceFaultError after too many repetitions, StopRequested.
+        A dwell is repeated together with the move before it, because every turn must end in a rest.
+        Raises DeviceFaultError after too many repetitions, and StopRequested.
         """
         if isinstance(step, Carry):
             with self.guiding.listening():
@@ -91,7 +91,7 @@ class StepRunner:
             todo = [Dwell(_REST_BEFORE_REPEAT), *again] if moved else again
 
     def begin_stage(self) -> None:
-        """Begin a stage: moves of the one before are not repeated in it."""
+        """Begin a stage; moves of the previous stage are not repeated in it."""
         self._last_move = None
         self.guiding.begin()
 
@@ -106,17 +106,17 @@ class StepRunner:
         self.control_loop.wait(
             lambda: self.arrived((move.outer, move.inner)),
             1.5 * move_time(start, move) + 15.0,
-            lambda: self._why_not((move.outer, move.inner)),
+            lambda: self._arrival_error((move.outer, move.inner)),
         )
         self._target = (move.outer, move.inner)
 
     def arrived(self, target: tuple[float, float]) -> bool:
-        """Whether the table rests, settled, at `target` (rad)."""
+        """Whether the table is at rest and settled at `target` (rad)."""
         status = self.control_loop.status
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
         return status.settled and not status.moving and away < ARRIVED
 
-    def _why_not(self, target: tuple[float, float]) -> DeviceFaultError:
+    def _arrival_error(self, target: tuple[float, float]) -> DeviceFaultError:
         status = self.control_loop.status
         wanted = {"outer_deg": float(np.rad2deg(target[0])), "inner_deg": float(np.rad2deg(target[1]))}
         away = max(abs(a - b) for a, b in zip(status.angles, target, strict=True))
@@ -127,7 +127,7 @@ class StepRunner:
         return DeviceFaultError("motion.not_reached", **wanted)
 
     def position(self) -> tuple[float, float]:
-        """Joint angles as last polled, rad."""
+        """Return the joint angles of the latest poll, rad."""
         outer, inner = self.control_loop.status.angles
         return float(outer), float(inner)
 
@@ -143,7 +143,7 @@ class StepRunner:
             self.guiding.follow(step)
 
     def _hold(self) -> None:
-        """Decelerate, wait for the operator's resume."""
+        """Stop the table and wait until the operator resumes the run."""
         self._on_state(State.PAUSING)
         self._come_to_rest()
         self._on_state(State.PAUSED)
@@ -161,7 +161,7 @@ class StepRunner:
         )
 
     def _recover(self, start: tuple[float, float], moved: bool) -> None:
-        """Return to the start of the step with a unit that is ready and streams, as the next step number."""
+        """Return to the start of the step, restore the unit's stream and increment the step number."""
         if moved and not self.arrived(start):
             check_motion(self.control_loop.status)
             rate = min(_RETURN_RATE, *self._limits.rate)

@@ -1,4 +1,4 @@
-"""Keeps the unit's stream as requested: restarts it, with the same kind of output, if the unit restarted by itself."""
+"""Maintains the requested stream of the unit: starts it again, with the same kind of output, if the unit restarts."""
 
 from collections.abc import Callable
 from typing import Any
@@ -8,7 +8,7 @@ from calstation.devices.links import PortLostError
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.control_loop import NO_DATA, ControlLoop
 
-#: Station time for the first sample of a unit that was commanded to stream, s.
+#: Maximum station time from the command to stream to the first sample, s.
 _DATA_WITHIN = 20.0
 
 _READY_WITHIN = 60.0
@@ -18,9 +18,9 @@ _ATTEMPTS = 3
 class UnitStream:
     """The unit's stream, raw or corrected by its registers.
 
-    A unit that restarts is silent for a while, or until it is commanded to stream; its counter begins again, it is not
-    ready yet, and it outputs raw samples whatever was requested before. So after every interruption of a corrected
-    stream, and after every silence, its identity is checked and the stream is requested again.
+    A unit that restarts is silent for a while or until it is commanded to stream. Its counter restarts, it is not ready
+    yet, and it outputs raw samples regardless of earlier requests. Therefore, after every silence and every
+    interruption of a corrected stream, its identity is checked and the stream is requested again.
 
     `check_cancelled` raises StopRequested in the background thread if its result is no longer wanted.
     """
@@ -41,7 +41,7 @@ class UnitStream:
         self._breaks = self._restarts = 0
 
     def start(self, *, corrected: bool) -> None:
-        """Request a kind of output; return when it comes from a unit that is ready. Raises DeviceFaultError."""
+        """Request raw or corrected output and wait until a ready unit streams it. Raises DeviceFaultError."""
         self._corrected = corrected
         self._request()
         if not self._flows(requested=True):
@@ -49,13 +49,13 @@ class UnitStream:
 
     @property
     def broken(self) -> bool:
-        """Whether samples were missed or readiness was lost since `start` or `restore`, or nothing comes now."""
+        """Whether samples or readiness have been lost since `start` or `restore`, or the unit is silent."""
         return self._control_loop.silent or self._acquisition.breaks != self._breaks
 
     def restore(self) -> bool:
-        """Restore the requested stream from a unit that is ready; returns whether the unit had restarted.
+        """Restore the requested stream and wait until the unit is ready; return whether it had restarted.
 
-        Raises DeviceFaultError if that fails, StopRequested.
+        Raises DeviceFaultError if this fails, and StopRequested.
         """
         restarted = False
         for _ in range(_ATTEMPTS):
@@ -86,7 +86,7 @@ class UnitStream:
             check_unit(identity, self._slot.unit.serial)
 
     def _flows(self, *, requested: bool) -> bool:
-        """Whether samples come, and none is missed between the first of them and the unit's readiness."""
+        """Wait until the unit is ready; return whether samples arrived without a break from the first one on."""
         if not self._first_sample(requested):
             return False
         self._breaks, self._restarts = self._acquisition.breaks, self._acquisition.restarts
@@ -98,7 +98,7 @@ class UnitStream:
         return not self.broken
 
     def _first_sample(self, requested: bool) -> bool:
-        """Wait for a sample; False if a unit that was not commanded to stream has fallen silent."""
+        """Wait for a sample; return False if a unit that was not commanded to stream has fallen silent."""
         deadline = self._clock.now() + (_DATA_WITHIN if requested else NO_DATA)
         patient, self._control_loop.patient = self._control_loop.patient, not requested
         try:
@@ -116,6 +116,6 @@ class UnitStream:
 
 
 def check_unit(identity: ImuIdentity, serial: str) -> None:
-    """Raise DeviceFaultError if another unit answers than the one meant."""
+    """Check that the connected unit has the expected serial number. Raises DeviceFaultError."""
     if identity.serial != serial:
         raise DeviceFaultError("preflight.other_unit", found=identity.serial, serial=serial)

@@ -1,4 +1,4 @@
-"""The path on which a unit is verified: turns that excite every gyro, rests that excite every accelerometer."""
+"""Motion path for verifying a unit: turns that excite every gyro and rests that excite every accelerometer."""
 
 from dataclasses import dataclass
 
@@ -8,24 +8,25 @@ from calstation.errors import ConfigurationError
 from calstation.physics import INNER, OUTER, UP, FloatArray, JointLimits, Move, TableGeometry
 from calstation.sequencer.guard import JOINTS
 
-#: At most, rad/s and rad/s²: the turns take a minute where the table and the unit's span allow it.
+#: Maximum rate, rad/s, and acceleration, rad/s²; the turns take a minute if the table and the unit's range allow it.
 RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(120.0)
 
-_WHOLE = 2.0 * np.pi
-#: Amounts of a turn, the first that travel allows is taken; full turns first, in which an encoder's error cancels.
+_FULL_TURN = 2.0 * np.pi
+#: Candidate turn angles, rad; the first that travel allows is used. Full turns come first, because the encoder error
+#: cancels in them.
 _AMOUNTS = tuple(np.deg2rad(v) for a in (360.0, 180.0, 90.0, 30.0) for v in (a, -a))
 
-#: By how much the inner joint moves before the outer one turns again, about another axis of the body.
+#: Candidate moves of the inner joint before the outer one turns again about another body axis, rad.
 _QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
 
-_STOP = np.deg2rad(90.0)
-#: A direction of gravity in the body this far from every other is worth a rest.
-_NEW = np.deg2rad(20.0)
+_LEG_STEP = np.deg2rad(90.0)
+#: Minimum angle between a new gravity direction in the body frame and all previous ones for a rest there, rad.
+_NEW_UP = np.deg2rad(20.0)
 
 
 @dataclass(frozen=True)
 class Leg:
-    """A move of one joint, part of turn number `turn` or None; `rest` : the unit rests at its end."""
+    """A move of one joint; `turn` is the number of its turn, or None; if `rest`, the unit rests at its end."""
 
     move: Move
     turn: int | None
@@ -34,7 +35,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn of one joint by `amount`, rad; at rest number `still` earth rate has the same component along its axis."""
+    """A turn of one joint by `amount`, rad; earth rate along its axis is the same as at rest number `still`."""
 
     joint: int
     amount: float
@@ -42,13 +43,13 @@ class Turn:
 
     @property
     def whole(self) -> bool:
-        """Whether it is a full revolution."""
-        return abs(abs(self.amount) - _WHOLE) < 1e-9
+        """Whether the turn is a full revolution."""
+        return abs(abs(self.amount) - _FULL_TURN) < 1e-9
 
 
 @dataclass(frozen=True)
 class VerificationPath:
-    """Poses from `start` (rad), where the first rest is, and back to it."""
+    """A path from joint angles `start` (rad), where the first rest is, back to `start`."""
 
     start: tuple[float, float]
     legs: tuple[Leg, ...]
@@ -58,10 +59,10 @@ class VerificationPath:
 def verification_path(
     start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float = np.inf
 ) -> VerificationPath:
-    """The outer joint turns, turns again with the inner one elsewhere, then the inner one turns: all within travel.
+    """Return a path: the outer joint turns, turns back at another inner angle, then the inner joint turns.
 
-    From joint angles `start`, rad, no faster than `fastest`, rad/s, within the limits of the profile and the table's
-    `own`. Raises ConfigurationError if a joint cannot turn.
+    The path starts at joint angles `start`, rad, is no faster than `fastest`, rad/s, and stays within the limits of the
+    profile and the table's `own` limits. Raises ConfigurationError if a joint cannot turn.
     """
     path = _PathBuilder(start, geometry, own, fastest)
     there = path.amount(OUTER)
@@ -69,14 +70,14 @@ def verification_path(
     path.turn(OUTER, there)
     path.go(INNER, quarter)
     path.turn(OUTER, -there)
-    # In the opposite direction: a full turn then ends three quarters from the start instead of five.
+    # In the opposite direction, a full turn ends three quarters of a turn from the start instead of five.
     path.turn(INNER, -np.sign(quarter) * abs(path.amount(INNER, -np.sign(quarter))))
     path.go(INNER, start[INNER] - path.pose[INNER])
     return VerificationPath(start, tuple(path.legs), tuple(path.turns))
 
 
 class _PathBuilder:
-    """A path under construction."""
+    """Builds a path leg by leg."""
 
     def __init__(self, start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float) -> None:
         self.pose = list(start)
@@ -88,11 +89,11 @@ class _PathBuilder:
         self._rested = [(start, self._up(start))]
 
     def amount(self, joint: int, sign: float = 0.0) -> float:
-        """How far a joint can turn from here, rad; only to the side of `sign` unless it is 0."""
+        """Return how far a joint can turn from here, rad; only in the direction of `sign` unless it is 0."""
         return self.first(joint, tuple(a for a in _AMOUNTS if sign * a >= 0.0))
 
     def first(self, joint: int, amounts: tuple[float, ...]) -> float:
-        """The first of `amounts` that travel allows from here. Raises ConfigurationError."""
+        """Return the first of `amounts` that travel allows from here. Raises ConfigurationError."""
         limits, here = self._geometry.limits, self.pose[joint]
         for amount in amounts:
             if limits.within(joint, here + amount) and self._own.within(joint, here + amount):
@@ -106,9 +107,9 @@ class _PathBuilder:
             self._add(joint, amount, None, self._is_new(self._after(joint, amount)))
 
     def turn(self, joint: int, amount: float) -> None:
-        """Turn a joint, with a rest wherever gravity has a new direction in the body."""
-        number, left, step = len(self.turns), amount, float(np.sign(amount) * _STOP)
-        stops = range(1, round(abs(amount) / _STOP) + 1)
+        """Turn a joint, with a rest wherever gravity has a new direction in the body frame."""
+        number, left, step = len(self.turns), amount, float(np.sign(amount) * _LEG_STEP)
+        stops = range(1, round(abs(amount) / _LEG_STEP) + 1)
         if self._still(joint) is None and not any(self._is_new(self._after(joint, k * step)) for k in stops):
             self.legs[-1] = Leg(self.legs[-1].move, self.legs[-1].turn, True)
             self._rest()
@@ -125,10 +126,10 @@ class _PathBuilder:
         self.turns.append(Turn(joint, float(amount), still))
 
     def _still(self, joint: int) -> int | None:
-        """The rest at which the other joint stood as it does now, apart from full turns."""
+        """Return the number of the first rest with the other joint's current angle, modulo full turns, or None."""
         other = 1 - joint
         for number, (pose, _) in enumerate(self._rested):
-            apart = (pose[other] - self.pose[other]) / _WHOLE
+            apart = (pose[other] - self.pose[other]) / _FULL_TURN
             if abs(apart - round(apart)) < 1e-6:
                 return number
         return None
@@ -153,7 +154,7 @@ class _PathBuilder:
         return np.asarray(self._geometry.body_to_home(*pose).T @ UP)
 
     def _is_new(self, pose: tuple[float, float]) -> bool:
-        """Whether gravity has a new axis in the body compared with all rests, or is opposite to the first."""
+        """Whether gravity has a new axis in the body frame, or is opposite to that of the first rest."""
         up = self._up(pose)
         first, *others = (known for _, known in self._rested)
-        return bool(up @ first < np.cos(_NEW)) and all(abs(up @ known) < np.cos(_NEW) for known in others)
+        return bool(up @ first < np.cos(_NEW_UP)) and all(abs(up @ known) < np.cos(_NEW_UP) for known in others)

@@ -1,6 +1,6 @@
-"""Everything that uses the truth of the virtual bench or injects faults: studies, soak, fault plans, recordings.
+"""Code that uses the true values of the virtual bench or injects faults: studies, soak tests, fault plans, recordings.
 
-Production packages do not import it; a run gets its hooks from outside.
+Production packages do not import it; its hooks are passed to a run by the caller.
 """
 
 import lazy_loader as lazy

@@ -1,6 +1,6 @@
 """Simulated recordings without a rate table: a manual rig, several IMUs on one body, a gimbal.
 
-Each is a raw log as a station with such hardware would write it, with its true parameters.
+Each is a raw log as a station with such hardware would write it, together with its true parameters.
 """
 
 from dataclasses import replace
@@ -36,7 +36,7 @@ Kind = Literal["hand", "pair", "gimbal"]
 SAMPLE_RATE = 100.0
 _LATITUDE_DEG, _HEIGHT = 34.25, 400.0
 _AT_REST = {"gyro": {"fixed": 2e-4}, "accel": {"fixed": 5e-3}}
-#: A short motion is enough; the rest limits allow for an uncalibrated MEMS unit and 0.7e-4 rad/s of earth rate.
+#: A short motion is enough; the limits of rest allow for an uncalibrated MEMS unit and an earth rate of 0.7e-4 rad/s.
 _PAIR_SCHEDULE = {
     "motion_s": 10.0,
     **{f"{unit}_{sensor}": limit for unit in ("primary", "secondary") for sensor, limit in _AT_REST.items()},
@@ -45,7 +45,7 @@ _RIG = ManualRig(latitude=float(np.deg2rad(_LATITUDE_DEG)), height=_HEIGHT)
 
 
 def make_recording(kind: Kind, path: Path, grade: GradeName = "mems", seed: int = 1) -> tuple[LogFacts, dict[str, Any]]:
-    """Write a recording as a raw log; returns the log's summary and the true values by parameter, SI.
+    """Write a recording as a raw log; return the summary of the log and the true values by parameter, SI.
 
     Raises ConfigurationError if the log cannot be created.
     """
@@ -54,7 +54,7 @@ def make_recording(kind: Kind, path: Path, grade: GradeName = "mems", seed: int 
 
 
 def _unit(grade: GradeName, seed: int, *, plain: bool = False) -> ImuTruth:
-    """Draw a unit; `plain` without what a pair cannot determine: second-order terms and levers."""
+    """Draw a unit; `plain` omits the second-order terms and levers, which a pair cannot determine."""
     imu = draw_imu(grade, np.random.default_rng(seed), sample_rate=SAMPLE_RATE)
     if plain:
         parameters = imu.parameters.copy()
@@ -117,7 +117,7 @@ def _pair(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, 
         primary,
         grade,
         imu2=_imu_section(secondary.imu, "BENCH-2"),
-        # the primary has been calibrated before: its own errors are known
+        # the primary was calibrated before, so its own errors are known
         prior={name: {"value": value, "sigma": 1e-9} for name, value in _truth(primary).items()},
         schedule={"cross_calibration": _PAIR_SCHEDULE},
     )
@@ -138,7 +138,7 @@ def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
 
 
 class _BenchGimbal:
-    """The bench's gimbal with the interface of the estimation loop; `lock` takes the gyros' mean as their bias."""
+    """Adapts the bench's gimbal to the estimation loop; `lock` sets the gyro bias to the mean gyro output."""
 
     def __init__(self, bench: GimbalBench) -> None:
         self._bench = bench

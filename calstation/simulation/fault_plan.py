@@ -1,4 +1,4 @@
-"""A plan of faults for the virtual bench: what goes wrong in a run, at which stage, step or second.
+"""Fault plans for the virtual bench: the faults of a run, each at a stage, step or time.
 
 `docs/reference/faults.md` describes the file and every kind of fault.
 """
@@ -16,7 +16,7 @@ from calstation.config import ResolvedConfiguration
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, load, near_miss
 
-#: Kinds that the running bench carries out.
+#: Kinds that the running bench injects.
 ORDERS: tuple[str, ...] = get_args(OrderName)
 
 _SET_UP: Mapping[str, Callable[[Mapping[str, Any], float], dict[str, Any]]] = {
@@ -29,27 +29,27 @@ _SET_UP: Mapping[str, Callable[[Mapping[str, Any], float], dict[str, Any]]] = {
     "never_ready": lambda bench, value: {"ready_time_s": 1e6},
     "single_bank_flash": lambda bench, value: {"flash_banks": 1},
 }
-#: Defaults of values: turn of the unit, deg; latitude added in the station file, deg; gravity above the file's, m/s².
+#: Default values: mounting angle of the unit, deg; latitude error of the station file, deg; gravity error, m/s².
 _VALUES = {"mounted_otherwise": 20.0, "wrong_latitude": 10.0, "wrong_gravity": 0.05}
 
 #: Kinds that change the bench from the start; they have no `stage`, `step` or `time_s`.
 SET_UP = tuple(_SET_UP)
 
-#: Kinds that hit the computer: the engine's process is killed, its disk is full, the folder of the runs disappears.
+#: Kinds that affect the computer: the engine's process is killed, the disk is full, the run folder disappears.
 HOST = ("engine_killed", "disk_full", "runs_folder_gone")
 
 KINDS: tuple[str, ...] = (*ORDERS, *SET_UP, *HOST)
 
-#: Messages that announce the captures before and after a transfer.
+#: Ids of the messages that announce the captures before and after a register transfer.
 CAPTURES = ("reference", "verifying")
 
 
 class PlannedFault(StrictModel):
-    """`[[fault]]` of a plan.
+    """One `[[fault]]` table of a plan.
 
-    It occurs `time_s` seconds of device time, a number or a range, after the beginning of the `stage`, or of its
+    The fault occurs `time_s` seconds of device time (a number or a range) after the start of the `stage`, of its
     `step`, or after power-on. A capture of the unit's output for a register transfer counts as a stage: "reference"
-    before it, "verifying" after it.
+    before the transfer, "verifying" after it.
     """
 
     kind: str
@@ -89,12 +89,12 @@ class FaultPlan(StrictModel):
     fault: list[PlannedFault] = Field(default_factory=list)
 
     def times(self) -> list[float]:
-        """The time of every fault, s, ranges drawn."""
+        """Return the time of each fault, s; a time given as a range is drawn at random."""
         drawn = random.Random(self.seed)
         return [drawn.uniform(*f.time_s) if isinstance(f.time_s, list) else f.time_s for f in self.fault]
 
     def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
-        """The configuration with the errors in its station file and in its bench's settings."""
+        """Return the configuration with the planned errors in its station file and bench settings."""
         wrong = sum(self._value(fault) for fault in self.fault if fault.kind == "wrong_latitude")
         station = setup.station
         site = station.site.model_copy(update={"latitude_deg": station.site.latitude_deg + wrong})
@@ -102,7 +102,7 @@ class FaultPlan(StrictModel):
         return replace(setup, bench_overrides=self._overrides(setup.bench_settings() or {}))
 
     def _overrides(self, settings: Mapping[str, Any]) -> dict[str, Any]:
-        """Settings of the bench that faults change from the start, and orders for the faults at a time."""
+        """Return the bench settings that faults change from the start, and the orders for faults at a given time."""
         changed: dict[str, Any] = {}
         orders = list(settings.get("orders", []))
         for fault, time in zip(self.fault, self.times(), strict=True):
@@ -124,10 +124,10 @@ def load_fault_plan(path: Path) -> FaultPlan:
 
 
 def fault_plan(setup: ResolvedConfiguration) -> FaultPlan:
-    """The plan of a run; empty if its configuration names none. Raises ConfigurationError."""
+    """Return the fault plan of a run; empty if its configuration names none. Raises ConfigurationError."""
     return FaultPlan() if setup.fault_plan is None else load_fault_plan(setup.fault_plan)
 
 
 def with_faults(setup: ResolvedConfiguration) -> ResolvedConfiguration:
-    """The configuration of a run adjusted by its plan of faults. Raises ConfigurationError."""
+    """Return the configuration of a run adjusted by its fault plan. Raises ConfigurationError."""
     return setup if setup.fault_plan is None else fault_plan(setup).adjust(setup)

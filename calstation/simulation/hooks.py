@@ -1,4 +1,4 @@
-"""Hooks of runs on the virtual bench: faults of the plan, and the simulated operator of a manual rig."""
+"""Run hooks for the virtual bench: planned faults, and the simulated operator of a manual rig."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class BenchHooks(RunHooks):
-    """Injects the faults of the run's plan and moves a simulated manual rig; does nothing on hardware."""
+    """Injects the faults of the run's plan and moves a simulated manual rig; has no effect on hardware."""
 
     def __init__(self) -> None:
         self._clock: BenchClock | None = None
@@ -30,11 +30,11 @@ class BenchHooks(RunHooks):
         self._injected: set[int] = set()
 
     def adjust(self, setup: ResolvedConfiguration) -> ResolvedConfiguration:
-        """The configuration with the changes of the plan of faults."""
+        """Return the configuration changed according to the fault plan."""
         return with_faults(setup)
 
     def listener(self, setup: ResolvedConfiguration, folder: Path, emit: Emit) -> Emit:
-        """`emit`, with the operator's motion before an event and the faults after it."""
+        """Return an event sink that calls `emit`, moving the rig before each event and injecting faults after it."""
         plan = fault_plan(setup)
 
         def accompanied(event: Event) -> None:
@@ -47,12 +47,12 @@ class BenchHooks(RunHooks):
         return accompanied
 
     def connected(self, devices: Devices) -> None:
-        """Remember the bench's clock, which takes orders."""
+        """Store the bench's clock, which accepts orders."""
         if isinstance(devices.clock, BenchClock):
             self._clock = devices.clock
 
     def log_opened(self, log: RawLogWriter) -> None:
-        """Remember the log, whose disk a fault may fill."""
+        """Store the log, for which a fault may simulate a full disk."""
         self._log = log
 
     def _move_rig(self, event: Event) -> None:
@@ -61,7 +61,7 @@ class BenchHooks(RunHooks):
             self._clock.carry(radians(outer), radians(inner), rest)
 
     def _inject(self, plan: FaultPlan, runs: Path, event: Event) -> None:
-        """Inject the faults that wait for this event."""
+        """Inject the faults planned for this event."""
         if isinstance(event, StageStarted):
             self._stage, self._step = event.stage, -1
         elif isinstance(event, Message) and event.id in CAPTURES:

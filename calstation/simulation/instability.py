@@ -1,13 +1,13 @@
-"""Increase of an excitation's errors by bias instability: the filter's gains driven by the bench's own noise.
+"""Increase of the errors of an excitation stage by bias instability: the filter's gains with the bench's true noise.
 
-The filter models flicker by one Gauss-Markov process per bias. The resulting error follows from linear algebra: with
-the filter's gains K, the error e of its estimate (true bias drift counted as 0) and the bank of processes β that
-really moves the biases obey
+The filter models flicker noise by one Gauss-Markov process per bias. The resulting error follows from linear algebra:
+with the filter's gains K, the error e of its estimate (true bias drift counted as 0) and the bank of processes β that
+drives the true biases obey
 
     e⁺ = (I − KH)(F e − [F_b; 0] β) + K H_b β⁺ + noise,      β⁺ = A β + ν,
 
-whose joint covariance is propagated here (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity
-of a suboptimal filter). No quantity is fitted to the study's errors.
+and their joint covariance is propagated here (Gelb, *Applied Optimal Estimation*, 1974, section 7.2: sensitivity of a
+suboptimal filter). No quantity is fitted to the study's errors.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ from calstation.physics import NAMES, PARAMETER_START, STATES, FloatArray
 
 
 class MismatchedCovariance:
-    """Joint covariance of the filter's error and the true bias processes, propagated along a pass of the filter."""
+    """Joint covariance of the filter's error and the true bias processes, propagated over one pass of the filter."""
 
     def __init__(self, run: NavigationFilter, context: SolveContext) -> None:
         imu = context.imu
@@ -58,9 +58,9 @@ class MismatchedCovariance:
 
 
 def instability_ratio(block: SampleBlock, context: SolveContext, prior: Belief) -> FloatArray:
-    """Covariance of an excitation's error under the bench's noise, in units of the filter's sigmas, shape (30, 30).
+    """Return the error covariance under the bench's noise, normalised by the filter's sigmas, shape (30, 30).
 
-    The mean of `prior` is at the true parameters.
+    The mean of `prior` must be the true parameters.
     """
     data: StageData = stage_data([block], context.imu)
     settled = solve_navigation("excitation", data, context, prior, np.zeros(len(NAMES), dtype=np.bool_))

@@ -1,4 +1,4 @@
-"""Monte Carlo study of the methods without a table: recordings of the bench are solved and compared with the truth."""
+"""Monte Carlo study of the methods without a table: simulated recordings are solved and compared with the truth."""
 
 import tempfile
 from collections.abc import Callable
@@ -21,11 +21,11 @@ _BAND = (0.0005, 0.9995)
 def run_method_study(
     stage: str, grade: GradeName, seeds: int, progress: Callable[[int, int], None] = lambda done, count: None
 ) -> dict[str, Any]:
-    """Study one method; JSON-ready. `progress` is called with the number of units done and their total.
+    """Study one method; return JSON data. `progress` is called with the number of units done and the total.
 
-    Per group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band, the largest
-    error/sigma, and whether the rms is inside. Axes of a group share the motion, so at most three count. Raises
-    ConfigurationError if the method has no recording.
+    The data give for each group the rms sigma (SI), the rms of error/sigma over units and axes with its 99.9 % band,
+    the largest error/sigma, and whether the rms is within the band. At most three axes per group count, because they
+    share the motion. Raises ConfigurationError if there is no recording for the method.
     """
     if stage not in KIND_OF:
         raise ConfigurationError("study.unknown_method", method=stage, methods=list(KIND_OF))
@@ -62,7 +62,7 @@ def run_method_study(
 
 
 def _unit(stage: str, grade: GradeName, seed: int, nis: list[float]) -> dict[str, list[tuple[float, float]]]:
-    """Error and sigma of every parameter of one unit, by group."""
+    """Return error and sigma of each parameter of one unit, by group."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "recording.h5"
         _, truth = make_recording(KIND_OF[stage], log, grade, seed)

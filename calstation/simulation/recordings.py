@@ -1,4 +1,4 @@
-"""The background job that makes a recording on the virtual bench, with its true parameters beside it."""
+"""The background job that makes a recording on the virtual bench, together with a file of its true parameters."""
 
 import json
 from pathlib import Path
@@ -12,16 +12,16 @@ from calstation.records import truth_path, write_atomic
 
 
 def recordings_folder() -> Path:
-    """Folder where the window puts recordings of the virtual bench."""
+    """Return the folder in which the window saves recordings of the virtual bench."""
     return site_folder() / "recordings"
 
 
 def record_on_bench(progress: ProgressCallback, kind: str, path: Path, grade: str, seed: int) -> Path:
-    """Job: make a recording and the file with its true parameters; both replace what was there.
+    """Job: write a recording and the file with its true parameters, replacing existing files.
 
     Raises ConfigurationError if the file cannot be written.
     """
-    from calstation.simulation.bench_recordings import GradeName, Kind, make_recording  # takes long to import
+    from calstation.simulation.bench_recordings import GradeName, Kind, make_recording  # slow to import
 
     progress(0.0)
     partial = path.with_name(f".{path.name}")

@@ -1,4 +1,4 @@
-"""Judges a run of a soak: its verdict against the bench's truth, its records, and how the table was left."""
+"""Evaluate a soak-test run: its verdict against the bench's truth, its records, and the final state of the table."""
 
 import os
 import time
@@ -19,16 +19,16 @@ from calstation.runs import finish_incomplete
 from calstation.simulation.fault_plan import HOST, SET_UP, with_faults
 from calstation.simulation.soak_plan import FROM_LISTENER, MILD, Planned
 
-#: A parameter further from the truth than this many of its sigmas is wrong.
+#: A parameter is wrong if its error exceeds this many sigmas.
 SIGMAS = 6.0
 
-#: Host time in which the bench writes its report, s.
-_REPORT_WITHIN = 10.0
+#: Time allowed for the bench to write its report, host time, s.
+_REPORT_TIMEOUT = 10.0
 
-#: A larger gap is a jump of the counter, not a loss: no run survives such a long silence.
+#: A gap of more samples is a counter jump, not a loss: no run survives such a long silence.
 _JUMP = 5_000
 
-#: Faults with which a good unit must fail.
+#: Kinds of faults with which a good unit must fail.
 _MUST_FAIL = {"wrong_gravity"}
 
 _VERDICTS = ("passed", "failed")
@@ -36,12 +36,12 @@ _VERDICTS = ("passed", "failed")
 
 @dataclass(frozen=True)
 class Judged:
-    """Judgement of one run.
+    """Evaluation of one run.
 
-    `outcome` and `error` are the result's; ``hung`` or ``lost`` without a result. `injected` are the kinds of faults
-    that occurred, `wrong` what is wrong with the verdict, `lost` what is missing of the records. `unsafe` : the table
-    was left moving, or enabled although it can switch off without the engine. Peaks of resident memory in MB, host time
-    in s.
+    `outcome` is that of the result, or ``hung``, or ``lost`` without a result; `error` is that of the result.
+    `injected` lists the kinds of faults that occurred, `wrong` the errors of the verdict, `lost` the defects of the
+    records. `unsafe` means that the table was left moving, or left enabled although it can switch off without the
+    engine. `engine_mb` and `parent_mb` are peaks of resident memory, MB; `seconds` is host time, s.
     """
 
     planned: Planned
@@ -59,7 +59,7 @@ class Judged:
 
     @property
     def recovered(self) -> bool:
-        """Whether the verdict is right in spite of faults."""
+        """Whether the verdict is right despite faults."""
         return bool(self.injected) and self.outcome in _VERDICTS and not self.wrong
 
     @property
@@ -72,7 +72,7 @@ class Judged:
 def judge_run(
     planned: Planned, request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
 ) -> Judged:
-    """Judge a run by what it left behind; `report` is the bench's file, missing if it died with the engine."""
+    """Evaluate a run from its files; `report` is the bench's report, missing if the bench died with the engine."""
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench_report(report)
     died = "engine_killed" in kinds and not list(request.out.glob(f"{request.serial}_*.json"))
@@ -103,7 +103,7 @@ def judge_run(
 
 
 def _set_up(kind: str, setup: ResolvedConfiguration) -> bool:
-    """Whether a fault from the start had an effect on these devices."""
+    """Whether a fault present from the start has an effect on these devices."""
     if kind == "watchdog_off":
         return _has_watchdog(setup.table)
     if kind == "never_ready":
@@ -117,12 +117,12 @@ def _has_watchdog(table: TableProfile) -> bool:
 
 
 def _left_alone(table: TableProfile) -> bool:
-    """Whether nothing switches the axes off when the link is lost: the table completes its move and rests."""
+    """Whether the axes stay on when the link is lost: the table completes its move and then rests."""
     return table.link_loss_stop_s is None and not _has_watchdog(table)
 
 
 def _records(request: RunRequest, died: bool) -> tuple[Result | None, list[str]]:
-    """The result of the run, and what is missing of its records."""
+    """Return the result of the run and the defects of its records."""
     logs = sorted(request.out.glob(f"{request.serial}_*.h5"))
     if not logs:
         return None, ["no log"]
@@ -164,7 +164,7 @@ def _wrong(
     truth = BenchConfig.model_validate(setup.bench_config()).truth().parameters
     if outcome == "failed":
         if any(_outside(check, result, truth, -SIGMAS) for check in result.failed_checks):
-            return []  # the truth is outside, or so near that noise may move the estimate outside
+            return []  # the truth is outside, or so close that noise may move the estimate outside
         return [f"a good unit failed: {', '.join(check.name for check in result.failed_checks)}"]
     away = {n: abs(row.value - truth[INDEX[n]]) / row.sigma for n, row in result.parameters.items()}
     wrong = [f"passed with {name} off by {sigmas:.1f} sigma" for name, sigmas in away.items() if sigmas > SIGMAS]
@@ -173,7 +173,7 @@ def _wrong(
 
 
 def _outside(check: Check, result: Result, truth: FloatArray, sigmas: float) -> bool:
-    """Whether the truth is outside the limits of a check of a value, widened by `sigmas`; False for other checks."""
+    """Whether the true value is outside the limits of a check, widened by `sigmas`; False unless it checks a value."""
     parameter = result.parameters.get(check.subject)
     if check.kind != "within" or not isinstance(check.limit, tuple) or parameter is None:
         return False
@@ -182,8 +182,8 @@ def _outside(check: Check, result: Result, truth: FloatArray, sigmas: float) -> 
 
 
 def _bench_report(path: Path) -> BenchReport | None:
-    """The bench's report, written after its watchdog's timeout; None if it never comes."""
-    deadline = time.monotonic() + _REPORT_WITHIN
+    """Return the bench's report, which is written after its watchdog's timeout; None if it is not written."""
+    deadline = time.monotonic() + _REPORT_TIMEOUT
     while not path.exists() and time.monotonic() < deadline:
         time.sleep(0.05)
     try:
@@ -193,7 +193,7 @@ def _bench_report(path: Path) -> BenchReport | None:
 
 
 def _samples(result: Result | None, jumped: bool) -> tuple[int, int]:
-    """Number of samples in a run's log, and missing between them; a jump of the counter is not a loss."""
+    """Return the numbers of recorded and missing samples in a run's log; a counter jump is not a loss if `jumped`."""
     count = missing = 0
     if result is None:
         return count, missing
@@ -211,7 +211,7 @@ def _samples(result: Result | None, jumped: bool) -> tuple[int, int]:
 
 
 def resident_mb(pid: int | None) -> float:
-    """Peak resident memory of a process, MB; 0 if unknown."""
+    """Return the peak resident memory of a process, MB; 0 if unknown."""
     try:
         text = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
     except OSError:

@@ -1,4 +1,4 @@
-"""What happens in each run of a soak: devices, unit, faults; and the files that make a run so."""
+"""Plan each run of a soak test (devices, unit and faults), and write the files that configure it."""
 
 import random
 from collections.abc import Iterator, Mapping
@@ -20,7 +20,7 @@ _SHORT: dict[str, Any] = {
 }
 _MEMS = {"bench_grade": "mems", "limits": "mems_c"}
 
-#: Devices of the station: weight in the draw, changes of the station file, changes of the product file.
+#: Devices of the station: weight in the random draw, changes to the station file, changes to the product file.
 DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
     "Modbus TCP, frames": (8, {}, {}),
     "Modbus RTU": (1, {"bench": {"table_transport": "rtu"}}, {}),
@@ -33,7 +33,7 @@ DEVICES: Mapping[str, tuple[int, dict[str, Any], dict[str, Any]]] = {
     "DSP by Modbus": (1, {}, {"imu": "dsp_modbus", **_MEMS}),
 }
 
-#: Faults (kind, value) that a run survives: a good unit with only these must get a verdict.
+#: Faults (kind, value) that a run survives: with only these, the run of a good unit must end with a verdict.
 MILD: tuple[tuple[str, float | None], ...] = (
     ("corrupt_frames", 3),
     ("drop_frames", 3),
@@ -69,7 +69,7 @@ STAGE_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("engine_killed", None),
 )
 
-#: Faults (kind, value) that exist from the start, wait for an event of their own, or come from the listener.
+#: Faults (kind, value) that are present from the start, have their own trigger, or come from the observing process.
 OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
     ("brown_out_write", 20),
     ("brown_out_commit", 70),
@@ -84,15 +84,15 @@ OTHER_FAULTS: tuple[tuple[str, float | None], ...] = (
 #: Kinds that are also injected during the captures around a register transfer.
 _IN_CAPTURES = ("reset_imu", "drop_frames")
 
-#: Faults that come from the listener.
+#: Kinds of faults that come from the process that observes the run.
 FROM_LISTENER = ("operator_stop", "window_killed")
-#: Latest time of a fault in a stage or step, s of device time.
-_LATEST = 20.0
+#: Latest time of a fault after the start of its stage, device time, s.
+_LATEST_TIME = 20.0
 
 
 @dataclass(frozen=True)
 class Planned:
-    """One run of a soak with the seed of its bench, kinds of faults with their values, and one of `DEVICES`."""
+    """One run of a soak test: the seed of its bench, its faults (kind, value), and a key of `DEVICES`."""
 
     number: int
     seed: int
@@ -102,7 +102,7 @@ class Planned:
 
 
 def plans(runs: int, seed: int) -> Iterator[Planned]:
-    """Plan the runs; the same seed gives the same plan, and every fault occurs before any occurs again."""
+    """Plan the runs; the same seed gives the same plan, and each fault occurs once before any is repeated."""
     drawn = random.Random(seed)
     deck: list[tuple[str, float | None]] = []
     for number in range(runs):
@@ -119,7 +119,7 @@ def plans(runs: int, seed: int) -> Iterator[Planned]:
 
 
 def write_request(planned: Planned, folder: Path, stages: tuple[str, ...]) -> RunRequest:
-    """Write station, product and fault plan of a run; returns the request that uses them."""
+    """Write the station, product and fault-plan files of a run; return the request that uses them."""
     drawn = random.Random(planned.seed)
     (folder / "bench").mkdir(parents=True, exist_ok=True)
     _, other_station, other_product = DEVICES[planned.devices]
@@ -163,7 +163,7 @@ def _fault(kind: str, value: float | None, stages: tuple[str, ...], drawn: rando
         entry["stage"] = drawn.choice((*stages, *CAPTURES) if kind in _IN_CAPTURES else stages)
         if entry["stage"] not in CAPTURES and drawn.random() < 0.5:
             entry["step"] = drawn.randrange(6)
-        entry["time_s"] = drawn.uniform(0.0, _LATEST if "step" not in entry else 3.0)
+        entry["time_s"] = drawn.uniform(0.0, _LATEST_TIME if "step" not in entry else 3.0)
     return entry
 
 

@@ -1,4 +1,4 @@
-"""Calibrations back to back on the virtual bench with random faults, judged by the bench's own truth."""
+"""Run consecutive calibrations on the virtual bench with random faults, and evaluate them against the bench's truth."""
 
 import random
 import time
@@ -17,22 +17,22 @@ from calstation.simulation.hooks import BenchHooks
 from calstation.simulation.soak_judge import Judged, judge_run, resident_mb
 from calstation.simulation.soak_plan import STAGES, Planned, plans, write_request
 
-#: Host time after which a short run counts as hung, s; ten times this for a whole schedule.
-_HANGS_AFTER = 300.0
+#: Host time after which a run with short schedules counts as hung, s; with full schedules, ten times this.
+_HANG_TIMEOUT = 300.0
 
-#: Growth of a process allowed besides a tenth of its memory, MB: code and caches are loaded on first use.
-_GROWTH = 20.0
+#: Memory growth of a process allowed in addition to 10 %, MB: code and caches are loaded on first use.
+_ALLOWED_GROWTH = 20.0
 
 
 @dataclass
 class Soak:
-    """The runs of a soak so far, and the number of results that did not reach the hand-over folder."""
+    """The completed runs of a soak test, and the number of results not delivered to the hand-over folder."""
 
     runs: list[Judged] = field(default_factory=list)
     undelivered: int = 0
 
     def counts(self) -> dict[str, Any]:
-        """Totals over all runs, JSON-ready."""
+        """Return totals over all runs as JSON data."""
         injected = Counter(kind for run in self.runs for kind in run.injected)
         return {
             "runs": len(self.runs),
@@ -73,20 +73,20 @@ class Soak:
 
     @property
     def sound(self) -> bool:
-        """Whether nothing was wrong, lost, unsafe or hung, and the memory of this process did not grow."""
+        """Whether no run was wrong, unsafe or hung, no record was lost, and the memory of this process did not grow."""
         counts = self.counts()
         memory = counts["parent_memory_mb"]
-        grown = memory["last"] > 1.1 * memory["first"] + _GROWTH
+        grown = memory["last"] > 1.1 * memory["first"] + _ALLOWED_GROWTH
         return not grown and not any(counts[name] for name in ("wrong_verdicts", "lost_records", "unsafe", "hung"))
 
 
 def soak(
     runs: int, seed: int, folder: Path, *, full: bool, on_run: Callable[[Soak], None], stopping: Callable[[], bool]
 ) -> Soak:
-    """Run calibrations back to back, with `full` schedules or short ones.
+    """Run consecutive calibrations, with full schedules if `full`, or else short ones.
 
-    `seed` draws faults and units. `on_run` is called after each run; `stopping` says whether to stop before the next.
-    Raises ConfigurationError if the folder holds runs already.
+    Faults and units are drawn from `seed`. `on_run` is called after each run; `stopping` returns whether to stop before
+    the next one. Raises ConfigurationError if the folder already contains runs.
     """
     if (folder / "runs").exists():
         raise ConfigurationError("study.folder_in_use", folder=folder)
@@ -97,7 +97,7 @@ def soak(
             break
         request = write_request(planned, folder, stages)
         begin = time.monotonic()
-        hung, memory = _observe(request, planned, _HANGS_AFTER * (10.0 if full else 1.0))
+        hung, memory = _observe(request, planned, _HANG_TIMEOUT * (10.0 if full else 1.0))
         report = folder / "bench" / f"{planned.number}.json"
         seconds = time.monotonic() - begin
         done.runs.append(judge_run(planned, request, hung, memory, seconds, report))
@@ -107,7 +107,7 @@ def soak(
 
 
 def _observe(request: RunRequest, planned: Planned, patience: float) -> tuple[bool, float]:
-    """Run the engine; returns whether it did not end within `patience`, s, and its peak memory, MB."""
+    """Run the engine; return whether it failed to end within `patience`, s, and its peak memory, MB."""
     kinds = [kind for kind, _ in planned.faults]
     moment = random.Random(planned.seed).randrange(2, 15)
     steps, memory = 0, 0.0
@@ -133,6 +133,6 @@ def _mean(values: list[float]) -> float:
 
 
 def _trend(values: list[float]) -> dict[str, float]:
-    """Mean of the first and of the last tenth, and the largest value."""
+    """Return the means of the first and the last tenth of the values, and the largest value."""
     tenth = max(1, len(values) // 10)
     return {"first": _mean(values[:tenth]), "last": _mean(values[-tenth:]), "largest": max(values, default=0.0)}

@@ -1,6 +1,6 @@
-"""Monte Carlo study against truth: errors over sigmas and over the bound, for many units and tables.
+"""Monte Carlo study: errors against the truth, normalised by sigmas and by the bound, for many units and tables.
 
-The solvers get the priors and noise that the bench draws from; `docs/explanation/study.md` explains tests and bands.
+The solvers use the priors and noise from which the bench draws; `docs/explanation/study.md` explains tests and bands.
 """
 
 from collections.abc import Callable, Iterator
@@ -33,20 +33,20 @@ SEEDS: dict[GradeName, int] = {"nav": 100, "tactical": 30, "mems": 30}
 SAMPLE_RATE = 100.0
 MOUNT_DEG = (0.1, 0.3)
 _LOW, _HIGH = np.deg2rad(MOUNT_DEG)
-#: Per axis, of a rotation about a random direction whose size is uniform between the two.
+#: Sigma per axis, rad, of a mounting rotation about a random direction by an angle uniform in `MOUNT_DEG`.
 MOUNT_SIGMA = float(np.sqrt((_LOW**2 + _LOW * _HIGH + _HIGH**2) / 3.0 / 3.0))
-#: Of the base, and sigma of the table's azimuth.
+#: Tilt of the base and sigma of the table's azimuth, deg.
 TILT_DEG = 0.1
 NAVIGATION_STAGES = ("excitation", "azimuth_flip")
 
 Lever = Literal["estimated", "fixed"]
-#: Changes of the stages' default schedules, by stage.
+#: Changes to the default schedules, by stage.
 Schedules = dict[str, dict[str, Any]]
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case of the study: the solved stages, and whether units have an outer lever and bias instability."""
+    """One case of the study: the solved stages, and whether the units have an outer lever and bias instability."""
 
     name: str
     stages: tuple[str, ...]
@@ -77,11 +77,11 @@ def run_study(
     schedules: Schedules | None = None,
     workers: int = 2,
 ) -> dict[str, Any]:
-    """Run the study; JSON-ready.
+    """Run the study; return JSON data.
 
-    `grade` None stands for all, `seeds` units per grade None for 100 nav and 30 of each other. `progress` is called
-    with the units done and to do. `schedules` are departures from the stages' default ones. `workers` are processes; 1
-    stays in this one.
+    `grade` None selects all grades. `seeds` is the number of units per grade; None means 100 for nav and 30 for the
+    others. `progress` is called with the number of units done and the total. `schedules` are changes to the default
+    schedules. `workers` is the number of processes; 1 runs in the calling process.
     """
     grades: list[GradeName] = [grade] if grade else list(SEEDS)
     jobs = [(g, s, cases, schedules or {}) for g in grades for s in range(seeds or SEEDS[g])]
@@ -99,7 +99,7 @@ def run_study(
 
 
 def _map(jobs: list[_Job], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
-    """Results in the order in which they are ready; the workers end with the iteration."""
+    """Yield results in order of completion; the workers end with the iteration."""
     if workers == 1:
         yield from map(_unit, jobs)
         return
@@ -121,7 +121,7 @@ def _unit(job: _Job) -> tuple[GradeName, list[UnitResult]]:
 
 
 def draw_unit(grade: GradeName, seed: int, outer_lever: Lever, instability: bool) -> tuple[BenchTruth, SolveContext]:
-    """Draw a bench of the study, and the context of its solvers."""
+    """Draw a bench of the study; return it with the context of its solvers."""
     truth = BenchConfig(
         grade=grade,
         seed=seed,
@@ -149,7 +149,7 @@ def draw_unit(grade: GradeName, seed: int, outer_lever: Lever, instability: bool
 
 
 def study_prior(grade: GradeName, outer_lever: str) -> Belief:
-    """The distribution that the units of a grade are drawn from."""
+    """Return the distribution from which the units of a grade are drawn."""
     sigma = np.array([GRADES[grade].sigma[p.group] for p in PARAMETERS])
     if outer_lever == "fixed":
         sigma[group_indices("outer_lever")] = 0.0
@@ -157,7 +157,7 @@ def study_prior(grade: GradeName, outer_lever: str) -> Belief:
 
 
 def simulate_stages(truth: BenchTruth, seed: int, stages: list[str], schedules: Schedules) -> dict[str, SampleBlock]:
-    """Simulate the stages one after another; one block per stage."""
+    """Simulate the stages in sequence; return one block per stage."""
     simulator = Simulator(truth, seed + 10_000)
     blocks = {}
     for stage in stages:
@@ -173,7 +173,7 @@ def simulate_stages(truth: BenchTruth, seed: int, stages: list[str], schedules: 
 def _solve(
     case: Case, truth: BenchTruth, context: SolveContext, data: dict[str, SampleBlock], schedules: Schedules
 ) -> UnitResult:
-    """Solve a case's chain as a run does, and its bound: the same chain linearised at the truth."""
+    """Solve the stages of a case as a run does, and its bound: the same stages linearised at the truth."""
     belief = study_prior(truth.grade, case.outer_lever)
     bound = Belief(truth.parameters, belief.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)

@@ -1,4 +1,4 @@
-"""Statistics of a case over its units: rms of error over sigma per group, NEES and bound ratio, with their bands."""
+"""Statistics of a case over its units: rms of error/sigma per group, NEES and bound ratio, with their bands."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,13 +9,13 @@ from scipy.stats import chi2
 from calstation.physics import GROUPS, NAMES, BoolArray, FloatArray, IntArray, group_indices
 
 BAND = (0.0005, 0.9995)
-#: Largest rms of error over bound, pooled over all parameters; with few parameters their 99.9 % band if wider.
+#: Largest rms of error/bound over all parameters; with few parameters, the upper end of its 99.9 % band if larger.
 BOUND_RATIO_LIMIT = 1.1
 
 
 @dataclass(frozen=True)
 class UnitResult:
-    """Errors, shape (30,), posterior and bound, shape (30, 30), of the estimated parameters of one unit's case."""
+    """Errors, shape (30,), and covariances of posterior and bound, shape (30, 30), of one unit in one case."""
 
     case: str
     estimated: BoolArray
@@ -26,10 +26,10 @@ class UnitResult:
 
 
 def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
-    """99.9 % band of the rms of normalised errors with these correlation matrices, one per unit.
+    """Return the 99.9 % band of the rms of normalised errors with these correlation matrices, one per unit.
 
-    The sum of squares of correlated standard normals has mean n and variance 2 Σλ²; the χ² with the same two
-    (Satterthwaite, Biometrics 2, 1946) gives the band.
+    The sum of squares of correlated standard normals has mean n and variance 2 Σλ²; the scaled χ² distribution with the
+    same mean and variance (Satterthwaite, Biometrics 2, 1946) gives the band.
     """
     count = sum(len(c) for c in correlations)
     squares = sum(float(np.sum(c * c)) for c in correlations)
@@ -39,10 +39,10 @@ def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
 
 
 def summary(units: list[UnitResult], true_covariance_ratio: FloatArray | None) -> dict[str, Any]:
-    """Statistics of one case, JSON-ready.
+    """Return the statistics of one case as JSON data.
 
-    `true_covariance_ratio` is the covariance of the error in units of the filter's sigmas, shape (30, 30), if the
-    noise is richer than the filter's model: its trace widens the bands.
+    `true_covariance_ratio` is the covariance of the error normalised by the filter's sigmas, shape (30, 30), if the
+    noise exceeds the filter's model; its trace widens the bands.
     """
     estimated = np.flatnonzero(units[-1].estimated)
     groups = {}
@@ -101,7 +101,7 @@ def _group(units: list[UnitResult], chosen: list[int], ratio: FloatArray | None)
 
 
 def _nees(units: list[UnitResult], estimated: IntArray) -> dict[str, Any]:
-    """Mean normalised estimation error squared per parameter (Bar-Shalom et al., *Estimation*, 5.4.2)."""
+    """Return the mean normalised estimation error squared per parameter (Bar-Shalom et al., *Estimation*, 5.4.2)."""
     total, count = 0.0, 0
     for unit in units:
         chosen = [i for i in estimated if unit.covariance[i, i] > 0.0]

@@ -1,6 +1,6 @@
-"""The unit's processor: registers, flash, protocols and the faults of its stream.
+"""The unit's processor: registers, flash, protocols and stream faults.
 
-What its sensors measure belongs to `bench.truth`.
+The measurements of its sensors are simulated in `bench.truth`.
 """
 
 import lazy_loader as lazy

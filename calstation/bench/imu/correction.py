@@ -1,4 +1,4 @@
-"""Correction of the sensors' output by a unit's registers, after the documentation of each unit."""
+"""Correction of the sensor output by a unit's registers, according to the documentation of each unit."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ _ROUNDS = 4
 class Correction:
     """rate = gyro · (measured − before) + after; force = accel · (measured − bias − quadratic force²) + size effect.
 
-    Matrices of shape (3, 3) and vectors of shape (3,), SI. `levers` displace each accelerometer along its own axis.
+    Matrices have shape (3, 3), vectors shape (3,), SI. `levers` are the accelerometers' offsets along their own axes.
     """
 
     gyro: FloatArray
@@ -26,7 +26,7 @@ class Correction:
     levers: FloatArray
 
     def applied(self, measured: FloatArray) -> FloatArray:
-        """Rate (rad/s) and force (m/s²) of samples of both, shape (n, 6)."""
+        """Return the corrected rate (rad/s) and force (m/s²) of measured samples; both arrays have shape (n, 6)."""
         rate = _times(self.gyro, measured[:, :3] - self.before) + self.after
         straight = measured[:, 3:] - self.bias
         force = _times(self.accel, straight)
@@ -44,19 +44,19 @@ def _times(matrix: FloatArray, rows: FloatArray) -> FloatArray:
 
 
 class Requantiser:
-    """Converts corrected output to the unit's counts; the remainder of an increment is carried to the next."""
+    """Converts corrected output to the unit's counts; the rounding remainder of an increment is carried to the next."""
 
     def __init__(self) -> None:
-        self._left = np.zeros(6)
+        self._remainder = np.zeros(6)
 
     def counts(self, values: FloatArray, scale: FloatArray, *, carry: bool) -> FloatArray:
-        """Whole counts of `values`, shape (n, 6); `scale` is a count in the same units, shape (6,)."""
+        """Convert `values`, shape (n, 6), to whole counts; `scale`, shape (6,), is the size of a count."""
         exact = values / scale
         if not carry:
             return np.asarray(np.floor(exact + 0.5))
         finite = np.isfinite(exact)
-        total = self._left + np.cumsum(np.where(finite, exact, 0.0), axis=0)
+        total = self._remainder + np.cumsum(np.where(finite, exact, 0.0), axis=0)
         rounded = np.floor(total + 0.5)
         whole = np.diff(rounded, axis=0, prepend=0.0)
-        self._left = total[-1] - rounded[-1]
+        self._remainder = total[-1] - rounded[-1]
         return np.where(finite, whole, exact)

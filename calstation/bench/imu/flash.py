@@ -1,4 +1,4 @@
-"""The unit's flash: an image of its registers, written byte by byte, that a power cut may leave incomplete."""
+"""The unit's flash memory: an image of its registers, written byte by byte, which a power cut may leave incomplete."""
 
 import struct
 import zlib
@@ -6,20 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-#: Number before the content of an image, and CRC-32 of both after it.
+#: Sequence number that precedes the content of an image, and CRC-32 of both that follows it.
 _NUMBER, _CHECK = struct.Struct("<I"), struct.Struct("<I")
 
 
 class PowerCut(Exception):  # noqa: N818 - an event of the unit, not an error of the program
-    """The unit's supply fails."""
+    """The unit's power supply failed."""
 
 
 class Flash:
-    """Banks with one image each, kept in a file between runs if one is given.
+    """Flash banks with one image each, saved in a file between runs if one is given.
 
-    With two banks the inactive one is written; the valid image with the higher number is active at power-up, so a power
-    cut leaves the old or the new image. With a single bank, a power cut leaves none, and the unit starts with its
-    defaults. `cycles` counts writes.
+    With two banks, the inactive one is written; the valid image with the higher number is active at power-up, so a
+    power cut leaves the old or the new image. With a single bank, a power cut leaves no valid image, and the unit
+    starts with its defaults. `cycles` counts writes.
     """
 
     def __init__(self, size: int, banks: int = 2, file: Path | None = None) -> None:
@@ -34,7 +34,7 @@ class Flash:
             self._banks = [content[4 + i * self.image_bytes :][: self.image_bytes] for i in range(banks)]
 
     def load(self) -> bytes | None:
-        """Content of the active image; None if no image is valid."""
+        """Return the content of the active image; None if no image is valid."""
         images = [image for image in map(self._read, self._banks) if image is not None]
         return max(images, key=lambda image: image[0])[1] if images else None
 
@@ -53,7 +53,7 @@ class Flash:
             raise PowerCut
 
     def _read(self, bank: bytes) -> tuple[int, bytes] | None:
-        """Number and content of an image; None if its checksum is wrong."""
+        """Return the number and content of an image; None if its checksum is wrong."""
         body = bank[: -_CHECK.size]
         if len(bank) != self.image_bytes or _CHECK.pack(zlib.crc32(body)) != bank[-_CHECK.size :]:
             return None

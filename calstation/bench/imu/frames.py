@@ -1,6 +1,6 @@
-"""Bytes of the bench IMU's link: stream frames, command frames and their checksum.
+"""Byte formats of the bench IMU's link: stream frames, command frames and their checksum.
 
-Everything is little-endian. The check is CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not reflected).
+All values are little-endian. The checksum is CRC-16/CCITT-FALSE (polynomial 0x1021, start 0xFFFF, not reflected).
 
     stream   55 AA | counter u16 | gyro x y z, accel x y z i32 | temperature i16, 0.01 °C | status u16 | CRC
     command  55 A5 | op u8 | n u8 | payload, n bytes | CRC of op to payload
@@ -32,14 +32,14 @@ READY, SATURATED = 1, 2
 
 
 def crc16(data: bytes) -> int:
-    """CRC-16/CCITT-FALSE of `data`."""
+    """Return the CRC-16/CCITT-FALSE of `data`."""
     return int(checks.ibm_3740(data))
 
 
 def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, status: IntArray) -> bytes:
-    """Frames of consecutive samples.
+    """Build the frames of consecutive samples.
 
-    Only the low 16 bits of a counter are sent; NaN is sent as the lowest number.
+    Only the low 16 bits of the counter are sent; NaN is sent as the lowest number.
     """
     frames = np.zeros(len(counter), dtype=STREAM)
     frames["sync"] = STREAM_SYNC
@@ -52,19 +52,19 @@ def stream_frames(counter: IntArray, counts: FloatArray, temperature: float, sta
 
 
 def pack(sync: bytes, op: int, payload: bytes = b"") -> bytes:
-    """A command or a reply."""
+    """Build the frame of a command or a reply."""
     body = bytes([op, len(payload)]) + payload
     return sync + body + crc16(body).to_bytes(2, "little")
 
 
 @dataclass
 class CommandParser:
-    """Finds command frames in the bytes that arrive, however they are cut; skips everything else."""
+    """Finds command frames in the received bytes, however they are split; skips everything else."""
 
     _pending: bytearray = field(default_factory=bytearray)
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
-        """Complete commands (op, payload) with a right checksum, in order."""
+        """Return the complete commands (op, payload) with a correct checksum, in order."""
         self._pending += data
         commands: list[tuple[int, bytes]] = []
         while True:

@@ -1,15 +1,15 @@
-"""A unit that answers Modbus RTU on the line of its stream and streams the bench's own frames.
+"""A unit that replies to Modbus RTU on the same line on which it streams the bench's own frames.
 
 Holding registers, 0-based, unit 1, high byte first:
 
-    0 model, 8 serial, 16 firmware (text)   20 stream: 0 off, 1 of the sensors, 2 corrected
+    0 model, 8 serial, 16 firmware (text)   20 stream: 0 off, 1 raw, 2 corrected
     21 commit (0x5A5A)   22 reset (0xA5A5)   23 page
     page 1: 100 gyro matrix, 9 f32, low word first   118 gyro offset, 3 f64
     page 2: 200 accelerometer matrix, 6 i32, 2^-30   212 bias, 3 i32, low word first, 1e-7 m/s²
             218 quadratic, 3 f32                     224 levers, 3 i16, 5e-5 m
 
-The gyro matrix is E column by column, rate = (I + E)⁻¹ measured + offset; the accelerometer's is I − C on and below the
-diagonal, force = C (measured − bias − quadratic · force²) with levers added.
+The gyro registers contain E column by column: rate = (I + E)⁻¹ measured + offset. The accelerometer registers contain
+the lower triangle of I − C: force = C (measured − bias − quadratic · force²), with the effect of the levers added.
 """
 
 import struct
@@ -30,14 +30,14 @@ COMMIT_WORD, RESET_WORD = 0x5A5A, 0xA5A5
 #: Calibration registers of each page, as (first, count).
 PAGES = {1: (100, 30), 2: (200, 27)}
 
-#: Reads of the commit register that still return busy.
+#: Number of reads of the commit register, after a commit, until it returns ready.
 _BUSY_READS = 2
 
 ILLEGAL_ADDRESS, ILLEGAL_VALUE = 2, 3
 READ, WRITE, WRITE_MANY = 3, 6, 16
 
 
-class _Refused(Exception):  # noqa: N818 - an answer of the protocol
+class _Refused(Exception):  # noqa: N818 - a reply of the protocol
     """A Modbus exception."""
 
     def __init__(self, code: int) -> None:
@@ -46,12 +46,12 @@ class _Refused(Exception):  # noqa: N818 - an answer of the protocol
 
 
 def crc16_modbus(data: bytes) -> bytes:
-    """Checksum of an RTU frame, low byte first."""
+    """Return the checksum of an RTU frame, low byte first."""
     return int(crc16.modbus(data)).to_bytes(2, "little")
 
 
 class DspUnit(ImuUnit):
-    """See the module."""
+    """A unit with Modbus registers; see the module docstring."""
 
     flash_bytes = 2 * sum(count for _, count in PAGES.values())
 
@@ -157,7 +157,7 @@ class DspUnit(ImuUnit):
             raise _Refused(ILLEGAL_VALUE)
 
     def correction(self) -> Correction:
-        """See `ImuUnit.correction`; the module gives formulas and addresses."""
+        """See `ImuUnit.correction`; formulas and addresses are in the module docstring."""
         gyros, accels = (np.array(self._words[page], dtype=">u2") for page in (1, 2))
         columns = gyros[:18].reshape(9, 2)[:, ::-1].tobytes()
         error = np.frombuffer(columns, ">f4").astype(np.float64).reshape(3, 3).T
@@ -176,7 +176,7 @@ class DspUnit(ImuUnit):
 
 
 def _request_size(data: bytes) -> int | None:
-    """Size of the request at the start of `data`; None if not known yet, 0 if there is no request."""
+    """Return the size of the request at the start of `data`; None if not known yet, 0 if there is no request."""
     if len(data) < 2:
         return None
     if data[0] != UNIT or data[1] not in (READ, WRITE, WRITE_MANY):

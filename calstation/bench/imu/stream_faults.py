@@ -1,11 +1,11 @@
-"""Faults of the unit's samples and stream frames, injected on order for a time or a number of frames."""
+"""Faults of the unit's samples and stream frames, injected on request for a time or a number of frames."""
 
 import numpy as np
 
 from calstation.bench.imu.frames import STREAM
 from calstation.bench.truth import StreamOutput
 
-#: Bytes of noise put before a frame.
+#: Number of random bytes inserted before a frame.
 _NOISE_BYTES = 7
 
 _SATURATED = 2**31 - 1
@@ -14,9 +14,9 @@ _SATURATED = 2**31 - 1
 class StreamFaults:
     """Modifies samples and frames according to the active faults.
 
-    `counts` : frames still to get a flipped bit, to be omitted, sent twice, swapped with the next or preceded by random
-    bytes. `until` : device times, s, until which nothing is sent, bytes are random, or the first gyro channel saturates
-    or is not a number. Channel number `frozen` repeats its last value until `frozen_until`.
+    `counts` are the numbers of frames still to be corrupted by a flipped bit, omitted, sent twice, swapped with the
+    next or preceded by random bytes. `until` are the device times, s, until which nothing is sent, bytes are random, or
+    the first gyro channel saturates or is NaN. Channel number `frozen` repeats its last value until `frozen_until`.
     """
 
     def __init__(self, random: np.random.Generator) -> None:
@@ -30,7 +30,7 @@ class StreamFaults:
         self._last: float | None = None
 
     def samples(self, output: StreamOutput, time: float) -> StreamOutput:
-        """Samples around device time `time`, s, with the faults of the sensors."""
+        """Return the samples around device time `time`, s, with the active sensor faults."""
         counts, saturated = output.counts, output.saturated
         if time < self.until["saturate_imu"]:
             counts, saturated = counts.copy(), np.ones_like(saturated)
@@ -47,7 +47,7 @@ class StreamFaults:
         return StreamOutput(counts, saturated)
 
     def frames(self, data: bytes, time: float) -> bytes:
-        """Bytes that leave the line for frames sent around device time `time`, s."""
+        """Return the bytes actually transmitted for frames sent around device time `time`, s."""
         if time < self.until["silence_imu"]:
             return b""
         if time < self.until["garble_imu"]:

@@ -16,11 +16,11 @@ from calstation.physics import FloatArray
 MODEL = "bench-imu"
 FIRMWARE = "1.0.0"
 
-#: Calibration registers, float32.
+#: Number of calibration registers, float32.
 REGISTERS = 30
 
 # Registers: gyro bias b from 0, gyro matrix M 3, accel bias 12, accel matrix 15, quadratic K 24, inner levers 27. The
-# corrected stream removes these errors: measured = (I + M) true + b, for the force plus K force².
+# corrected stream removes these errors: measured = (I + M) true + b, plus K force² for the accelerometers.
 
 IDENTIFY, READ, WRITE, COMMIT, RESET, STREAM, READ_WORDS, WRITE_WORDS, ERROR = 1, 2, 3, 4, 5, 6, 7, 8, 0xFF
 BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
@@ -28,22 +28,23 @@ BAD_OP, BAD_ADDRESS, FLASH_BUSY, BAD_STATE, BAD_VALUE = 1, 2, 3, 4, 5
 #: States of the stream: off, raw sensor output, or corrected by the registers.
 OFF, RAW, CORRECTED = 0, 1, 2
 
-#: Device time during which the flash is busy after a commit, and silence after power-up or reset, s.
+#: Device time for which the flash is busy after a commit, s.
 FLASH_TIME = 0.2
-#: Largest number of commands that a busy flash refuses: virtual time may stand still meanwhile.
+#: Largest number of commands that a busy flash refuses, because virtual time may not advance between them.
 FLASH_REFUSALS = 3
+#: Device time for which the unit is silent after power-up or reset, s.
 BOOT_TIME = 0.1
 
 
 class ImuUnit:
-    """Answers commands and turns samples into frames; all times are device time, s.
+    """Replies to commands and converts samples to frames; all times are device time, s.
 
-    `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` are the registers of the table's axes, if the
-    unit's line carries them. `fails_writing` and `fails_committing` are the bytes of registers or flash after whose
-    writing the power fails briefly; None for a sound supply.
+    `scale` is the size of a count, rad/s and m/s², shape (6,). `axes` are the registers of the table's axes if they are
+    accessed over the unit's line. `fails_writing` and `fails_committing` are the numbers of bytes written to registers
+    or flash before the power fails briefly; None for no power failure.
     """
 
-    #: Size of the content of the flash, bytes.
+    #: Size of the flash content, bytes.
     flash_bytes = 4 * REGISTERS
 
     def __init__(self, config: BenchConfig, scale: FloatArray | None = None) -> None:
@@ -69,20 +70,20 @@ class ImuUnit:
         self._requantiser = Requantiser()
 
     def _take(self, held: bytes) -> None:
-        """Take the registers from the content of the flash."""
+        """Load the registers from the content of the flash."""
         self.registers = np.frombuffer(held, "<f4").astype(np.float32)
 
     def _given(self) -> bytes:
-        """The registers as content of the flash."""
+        """Return the registers as content of the flash."""
         return self.registers.astype("<f4").tobytes()
 
     def _burn(self) -> None:
-        """Write all registers to flash. Raises PowerCut."""
+        """Write all registers to flash. Raises PowerCut if the power fails."""
         power_for, self.fails_committing = self.fails_committing, None
         self.flash.burn(self._given(), power_for)
 
     def _draw_power(self, written: int) -> None:
-        """Count bytes of registers that are written; raises PowerCut if the supply fails at them."""
+        """Count register bytes as they are written; raises PowerCut if the power fails while writing them."""
         if self.fails_writing is not None:
             self.fails_writing -= written
             if self.fails_writing < 0:
@@ -90,17 +91,17 @@ class ImuUnit:
                 raise PowerCut
 
     def temperature(self, time: float) -> float:
-        """Sensor temperature, °C."""
+        """Return the sensor temperature at `time`, °C."""
         config = self._config
         return float(config.ambient_c + config.warm_up_c * -np.expm1(-time / config.warm_up_time_s))
 
     def restart(self, time: float) -> None:
-        """Reset: RAM registers from flash, counter from 0, ready bit after the ready time."""
+        """Reset: reload the registers from flash, restart the counter at 0, set the ready bit after the ready time."""
         self._busy_until = -np.inf
         self._start(time)
 
     def frames(self, output: StreamOutput, ends: FloatArray) -> bytes:
-        """Frames of samples that end at `ends`, s, shape (n,); none while the unit boots or the stream is off."""
+        """Return the frames of samples that end at `ends`, s, shape (n,); none while booting or with the stream off."""
         awake = ends > self._started + BOOT_TIME
         counter = self.counter + np.cumsum(awake) - 1
         self.counter += int(awake.sum())
@@ -115,7 +116,7 @@ class ImuUnit:
         return stream_frames(counter[awake], counts, self.temperature(float(ends[-1])), status[awake])
 
     def correction(self) -> Correction:
-        """The correction by the present registers."""
+        """Return the correction defined by the current registers."""
         held: FloatArray = self.registers.astype(np.float64)
         return Correction(
             gyro=np.asarray(np.linalg.inv(np.eye(3) + held[3:12].reshape(3, 3))),
@@ -128,12 +129,12 @@ class ImuUnit:
         )
 
     def conversation(self) -> Callable[[bytes, float], list[bytes]]:
-        """A parser for one connection: takes received bytes and device time; returns replies in order."""
+        """Return a parser for one connection, which converts received bytes and device time to replies in order."""
         parser = CommandParser()
         return lambda data, time: [self.answer(op, payload, time) for op, payload in parser.feed(data)]
 
     def answer(self, op: int, payload: bytes, time: float) -> bytes:
-        """Reply frame to one command at `time`, s; empty if the power fails."""
+        """Return the reply frame to one command at `time`, s; empty if the power fails."""
         handlers = {READ: self._read, WRITE: self._write, COMMIT: self._commit, STREAM: self._stream}
         if self.axes is not None:
             handlers |= {READ_WORDS: self._read_words, WRITE_WORDS: self._write_words}

@@ -1,9 +1,9 @@
-"""A unit with the protocol of a VectorNav VN-100: binary output 1, lines $VN...*check, registers 25 and 84.
+"""A unit with the protocol of a VectorNav VN-100: binary output 1, lines $VN...*checksum, registers 25 and 84.
 
 Binary output: FA 05 | 0001 001C | time since power-up u64 ns | accel 3 f32 | gyro 3 f32 | temperature f32 |
 CRC-16/XMODEM, high byte first; or compensated: FA 05 | 0001 0610 | time | temperature | accel | gyro | CRC. Registers
-25 (accelerometer) and 84 (gyro): matrix C row by row, then offset B, compensated = C (measured − B); the factory's are
-I and 0.
+25 (accelerometer) and 84 (gyro) contain matrix C row by row, then offset B: compensated = C (measured − B); factory
+values are I and 0.
 """
 
 from collections.abc import Callable
@@ -25,9 +25,9 @@ _OUTPUT, _COMPENSATED_OUTPUT = ["05", "0001", "001C"], ["05", "0001", "0610"]
 _IMU_RATE = 800.0
 
 #: Ranges of the sensors, rad/s and m/s²: ±2000 °/s and ±16 g.
-_REACH = np.repeat([np.deg2rad(2000.0), 16.0 * 9.80665], 3)
+_RANGES = np.repeat([np.deg2rad(2000.0), 16.0 * 9.80665], 3)
 
-#: First of a register's twelve numbers in flash, where C is kept without its ones.
+#: Index in flash of the first of a register's twelve numbers; C is stored there as C − I.
 _OFFSETS = {84: 0, 25: 12}
 _ONES = (0, 4, 8)
 
@@ -35,7 +35,7 @@ BAD_CHECK, BAD_COMMAND, TOO_FEW, TOO_MANY, BAD_VALUE, BAD_REGISTER, READ_ONLY = 
 
 
 def check_line(words: str) -> int:
-    """XOR of the characters between $ and *."""
+    """Return the XOR of the characters between $ and *."""
     value = 0
     for byte in words.encode("ascii", "replace"):
         value ^= byte
@@ -43,7 +43,7 @@ def check_line(words: str) -> int:
 
 
 class VectorNavUnit(ImuUnit):
-    """See the module. Its output must be a rate."""
+    """A unit with the VN-100 protocol; see the module docstring. Its output must be a rate."""
 
     def _start(self, time: float) -> None:
         super()._start(time)
@@ -57,7 +57,7 @@ class VectorNavUnit(ImuUnit):
         frames = np.zeros(int(awake.sum()), dtype=SAMPLES)
         frames["head"] = np.void(_COMPENSATED_HEAD if self.corrected else _HEAD)
         frames["time"] = np.rint((ends[awake] - self._started) * 1e9).astype(np.uint64)
-        values = np.clip(output.counts[awake] * self.scale, -_REACH, _REACH)
+        values = np.clip(output.counts[awake] * self.scale, -_RANGES, _RANGES)
         heat = np.full((len(values), 1), self.temperature(float(ends[-1])))
         if self.corrected:
             values = self.correction().applied(values)
@@ -68,7 +68,7 @@ class VectorNavUnit(ImuUnit):
         return frames.tobytes()
 
     def correction(self) -> Correction:
-        """See `ImuUnit.correction`; the module gives the formula."""
+        """See `ImuUnit.correction`; the formula is in the module docstring."""
         gyro, accel = (np.array(self._numbers(register)) for register in (84, 25))
         return Correction(
             gyro=gyro[:9].reshape(3, 3),

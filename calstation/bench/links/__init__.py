@@ -1,6 +1,6 @@
-"""Servers and serial lines through which the station reaches the bench, and its clock service.
+"""Servers and serial lines through which the station communicates with the bench.
 
-No physics and no protocol states.
+They contain no physics and no protocol states.
 """
 
 import lazy_loader as lazy

@@ -7,20 +7,20 @@ import socket
 import sys
 from collections.abc import Callable
 
-#: Kernel buffer of the line, bytes: a reader with a larger backlog stops the bench's time.
+#: Kernel buffer of the line, bytes; the bench's time stops while a reader has a larger backlog.
 BUFFER = 65536
 
 #: Polling interval of a terminal, host time, s.
 POLL = 0.002
 
-#: Creates the parser of one connection, which takes received bytes and returns the replies.
+#: Creates the parser of one connection, which converts received bytes to replies.
 Talk = Callable[[], Callable[[bytes], list[bytes]]]
 
 
 def open_raw() -> tuple[int, int, str]:
-    """A new pseudo-terminal that passes bytes unchanged: master (non-blocking), slave, path of the slave.
+    """Open a pseudo-terminal that passes bytes unchanged; return master (non-blocking), slave and path of the slave.
 
-    Raises OSError on platforms that have none.
+    Raises OSError on platforms without pseudo-terminals.
     """
     if sys.platform == "win32":
         raise OSError("pseudo-terminals do not exist on Windows: use a TCP transport")
@@ -35,8 +35,8 @@ def open_raw() -> tuple[int, int, str]:
 class _Line:
     """A line to one client; it waits for a slow reader, so that no samples are lost.
 
-    `endpoint` is what a client opens, `sent` the bytes handed to the present client, `slow` the delays of the next
-    replies, host time, s.
+    `endpoint` is the address that a client opens, `sent` the number of bytes sent to the current client, `slow` the
+    delays of the next replies, host time, s.
     """
 
     def __init__(self, talk: Talk) -> None:
@@ -46,7 +46,7 @@ class _Line:
         self._talk = talk
 
     async def send(self, data: bytes) -> None:
-        """Hand bytes to the operating system; they are lost without a client."""
+        """Pass bytes to the operating system; they are lost if there is no client."""
         raise NotImplementedError
 
     async def _reply(self, replies: list[bytes]) -> None:
@@ -57,7 +57,7 @@ class _Line:
 
 
 class SocketLine(_Line):
-    """A TCP listener on 127.0.0.1, which serves the client that connected last."""
+    """A TCP server on 127.0.0.1 that serves the client that connected last."""
 
     def __init__(self, talk: Talk) -> None:
         super().__init__(talk)
@@ -71,7 +71,7 @@ class SocketLine(_Line):
         self.endpoint = f"socket://{host}:{port}"
 
     async def send(self, data: bytes) -> None:
-        """Hand bytes to the client, waiting for it."""
+        """Send bytes to the client, waiting while its buffer is full."""
         writer = self._writer
         if writer is None or not data:
             return
@@ -116,7 +116,7 @@ class SocketLine(_Line):
 
 
 class TerminalLine(_Line):
-    """A pseudo-terminal (posix); bytes are lost while no process has it open."""
+    """A pseudo-terminal (POSIX); bytes are lost while no process has it open."""
 
     def __init__(self, talk: Talk) -> None:
         super().__init__(talk)
@@ -129,8 +129,8 @@ class TerminalLine(_Line):
         self._task = asyncio.create_task(self._read())
 
     async def send(self, data: bytes) -> None:
-        """Hand bytes to the terminal, waiting for its reader."""
-        while data and self._attended():
+        """Write bytes to the terminal, waiting while its buffer is full."""
+        while data and self._is_open():
             try:
                 written = os.write(self._master, data)
             except BlockingIOError:
@@ -142,7 +142,7 @@ class TerminalLine(_Line):
             data = data[written:]
 
     def hang_up(self) -> None:
-        """Unplug the adapter and plug it in again: a terminal with another name replaces the present one."""
+        """Simulate unplugging and replugging the adapter: a terminal with another name replaces the current one."""
         unplugged = self._master
         self._make()
         os.close(unplugged)
@@ -158,10 +158,10 @@ class TerminalLine(_Line):
     def _make(self) -> None:
         self._master, slave, self.endpoint = open_raw()
         self.sent = 0
-        # With our own end of the slave closed, the master shows whether another process has it open.
+        # With this process's slave end closed, the master indicates whether another process has it open.
         os.close(slave)
 
-    def _attended(self) -> bool:
+    def _is_open(self) -> bool:
         if sys.platform == "win32":
             return False
         poll = select.poll()

@@ -1,6 +1,6 @@
-"""A Modbus server of the table's controller: TCP, or RTU over a pseudo-terminal.
+"""A Modbus server for the table's controller: TCP, or RTU over a pseudo-terminal.
 
-pymodbus changes its server classes in minor releases; only this module uses them.
+Only this module uses pymodbus's server classes, because they change in minor releases.
 """
 
 import asyncio
@@ -29,10 +29,10 @@ TableUnit = TableRegisters | Drive
 
 
 class TableLink:
-    """A running Modbus server with the registers of each unit number.
+    """A Modbus server with the registers of each unit number.
 
-    `mute`, `garble` : requests still to be ignored, answers still to get a flipped bit; `slow` : delays of the next
-    answers, host time, s; `refuse` : Modbus exception of the next answer, 0 for none.
+    `mute` and `garble` count the requests still to be ignored and the replies still to get a flipped bit; `slow` are
+    the delays of the next replies, host time, s; `refuse` is the Modbus exception of the next reply, 0 for none.
     """
 
     def __init__(self, units: Mapping[int, TableUnit]) -> None:
@@ -51,7 +51,7 @@ class TableLink:
             self._devices(),
             address=("127.0.0.1", 0),
             trace_pdu=self._trace,
-            trace_packet=self._spoil,
+            trace_packet=self._corrupt,
             ignore_missing_devices=False,
         )
         await server.serve_forever(background=True)
@@ -60,15 +60,15 @@ class TableLink:
         self.endpoint = f"{listening[0]}:{listening[1]}"
 
     async def serve_rtu(self) -> None:
-        """Serve RTU on a new pseudo-terminal (posix)."""
+        """Serve RTU on a new pseudo-terminal (POSIX)."""
         # Server and client each open their own terminal; bytes are copied between them.
         (near, near_slave, near_path), (far, far_slave, far_path) = open_raw(), open_raw()
         self._terminals = [near, near_slave, far, far_slave]
         loop = asyncio.get_running_loop()
-        loop.add_reader(near, _carry, near, far)
-        loop.add_reader(far, _carry, far, near)
+        loop.add_reader(near, _copy_bytes, near, far)
+        loop.add_reader(far, _copy_bytes, far, near)
         server = ModbusSerialServer(
-            self._devices(), port=near_path, baudrate=BAUD, trace_pdu=self._trace, trace_packet=self._spoil
+            self._devices(), port=near_path, baudrate=BAUD, trace_pdu=self._trace, trace_packet=self._corrupt
         )
         await server.serve_forever(background=True)
         self._server = server
@@ -106,7 +106,7 @@ class TableLink:
         current: list[int],
         values: list[int] | list[bool] | None,
     ) -> ExcCodes | None:
-        """Called by the server for every request that fits the map, before it touches its copy `current`."""
+        """Handle a request within the register map; called by the server before it accesses its copy `current`."""
         if self.slow:
             await asyncio.sleep(self.slow.pop(0))
         if self.refuse:
@@ -127,8 +127,8 @@ class TableLink:
             current[: len(registers.words)] = registers.words
         return None
 
-    def _spoil(self, sending: bool, data: bytes) -> bytes:
-        """Flip a bit of the checksum, or over TCP of the transaction number."""
+    def _corrupt(self, sending: bool, data: bytes) -> bytes:
+        """Flip a bit of the checksum, or of the transaction number over TCP, if replies are to be corrupted."""
         if sending and self.garble > 0:
             self.garble -= 1
             at = 0 if isinstance(self._server, ModbusTcpServer) else len(data) - 1
@@ -142,6 +142,6 @@ class TableLink:
         return pdu
 
 
-def _carry(source: int, target: int) -> None:
+def _copy_bytes(source: int, target: int) -> None:
     with suppress(OSError):
         os.write(target, os.read(source, 4096))

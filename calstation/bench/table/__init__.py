@@ -1,6 +1,6 @@
 """The table's controller: drives, limits, watchdog, register maps and text protocols.
 
-The true motion of the joints belongs to `bench.truth`.
+The true motion of the joints is simulated in `bench.truth`.
 """
 
 import lazy_loader as lazy

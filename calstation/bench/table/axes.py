@@ -1,4 +1,4 @@
-"""The table's two joints, one by one, for controllers without a watchdog."""
+"""Individual control of the table's two joints, for controllers without a watchdog."""
 
 from enum import IntFlag
 
@@ -11,7 +11,7 @@ _RATE, _ACCELERATION = np.deg2rad(10.0), np.deg2rad(20.0)
 
 
 class StateBit(IntFlag):
-    """Bits of an axis's state."""
+    """State bits of an axis."""
 
     ENABLED = 1
     HOMED = 2
@@ -23,7 +23,7 @@ class StateBit(IntFlag):
 
 
 class Axes:
-    """The joints of a machine; commands in rad, readings in degrees. `wanted` : whether each axis was switched on."""
+    """The joints of a machine, commanded in rad and read in degrees; `wanted` marks the axes that are switched on."""
 
     def __init__(self, machine: TableMachine, clocks: Clocks) -> None:
         machine.watchdog = 0.0
@@ -34,7 +34,7 @@ class Axes:
         self.targets = [0.0, 0.0]
 
     def power(self, joint: int, on: bool) -> None:
-        """Switch an axis; the machine is enabled once both are on."""
+        """Switch an axis on or off; the machine is enabled once both axes are on."""
         self.wanted[joint] = on
         for word in (0x06, 0x07, 0x0F) if all(self.wanted) else (0x06,):
             self.machine.control(word, self.clocks.device(), self.clocks.host())
@@ -45,19 +45,19 @@ class Axes:
             self.machine.home(self.clocks.device())
 
     def move(self, joint: int) -> None:
-        """Start an axis towards its target."""
+        """Start moving an axis to its target."""
         rate, acceleration = self.rates[joint], self.accelerations[joint]
         self.machine.move_joint(self.clocks.device(), joint, self.targets[joint], rate, acceleration)
 
     def turn(self, joint: int, rate: float) -> None:
-        """Turn an axis at a rate, rad/s, until it is stopped; a rate of 0 stops it."""
+        """Turn an axis at a rate, rad/s, until it is stopped; a rate of 0 stops both axes."""
         if rate == 0.0:
             self.stop()
         else:
             self.machine.turn_joint(self.clocks.device(), joint, rate, self.accelerations[joint])
 
     def stop(self) -> None:
-        """Both axes decelerate to rest."""
+        """Decelerate both axes to rest."""
         self.machine.stop(self.clocks.device())
 
     def reset(self) -> None:
@@ -67,7 +67,7 @@ class Axes:
             self.machine.control(word, self.clocks.device(), self.clocks.host())
 
     def state(self, joint: int) -> int:
-        """Bits of an axis, see `StateBit`."""
+        """Return the state bits of an axis; see `StateBit`."""
         machine = self.machine
         state = StateBit.REMOTE
         state |= StateBit.SETTLED if machine.settled(self.clocks.device()) else StateBit.MOVING
@@ -87,9 +87,9 @@ class Axes:
         return int(self.machine.fault)
 
     def position(self, joint: int) -> float:
-        """Encoder angle, degrees."""
+        """Return the encoder angle, degrees."""
         return float(np.rad2deg(self.machine.positions(self.clocks.reading())[joint]))
 
     def speed(self, joint: int) -> float:
-        """Rate, °/s."""
+        """Return the rate, °/s."""
         return float(np.rad2deg(self.machine.drive.states(self.clocks.reading())[joint, 1]))

@@ -1,8 +1,8 @@
-"""Two drives, one per axis, each a Modbus unit with objects after CiA 402; neither has a watchdog.
+"""Two drives, one per axis, each a Modbus unit with CiA 402 objects; neither has a watchdog.
 
-Values of two registers have the low word first: positions in counts of 1e-5 deg, measured and commanded turning rates
-as floats in deg/s, rates of a move and accelerations in 1e-4 deg/s and deg/s². The inner drive is mounted in reverse:
-its counts fall when the axis turns in its positive sense.
+Two-register values have the low word first: positions in counts of 1e-5 deg, measured and commanded turning rates as
+floats in deg/s, rates of a move and accelerations in 1e-4 deg/s and 1e-4 deg/s². The inner drive is mounted in reverse:
+its counts decrease when the axis turns in its positive sense.
 """
 
 import struct
@@ -25,7 +25,7 @@ LOW, HIGH = 42, 44
 SIZE = HIGH + 2
 
 PROFILE_POSITION, PROFILE_VELOCITY_MODE, HOMING = 1, 3, 6
-#: Bits of the second word of the status.
+#: Bits of the second status word.
 CLOSED, HOMED = 1, 2
 
 _ANGLE = np.deg2rad(1e-5)
@@ -34,7 +34,7 @@ _NEW_SETPOINT, _RESET = 0x10, 0x80
 
 
 def drives(machine: TableMachine, clocks: Clocks, serial: str) -> "dict[int, Drive]":
-    """Both drives of a machine by Modbus unit number; a letter is added to their serial numbers."""
+    """Return both drives of a machine by Modbus unit number; a letter is appended to each serial number."""
     axes = Axes(machine, clocks)
     return {UNITS[joint]: Drive(joint, axes, f"{serial}{'AB'[joint]}") for joint in (0, 1)}
 
@@ -58,7 +58,7 @@ class Drive:
         self._put(PROFILE_ACCELERATION, struct.pack(">I", 200_000))
 
     def refresh(self) -> None:
-        """Update status and position."""
+        """Update the status, position and rate registers."""
         machine, axes, joint = self._machine, self._axes, self._joint
         self.words[STATUS] = self._statusword()
         self.words[ERROR] = axes.fault
@@ -68,7 +68,7 @@ class Drive:
         self._put(VELOCITY, struct.pack(">f", self._sense * axes.speed(joint)))
 
     def write(self, address: int, values: list[int]) -> None:
-        """Carry out one write request. Raises `machine.Refusal` and stores nothing."""
+        """Carry out one write request; raises `machine.Refusal` and stores nothing if it is refused."""
         touched = range(address, address + len(values))
         before = self.words[address : address + len(values)]
         self.words[address : address + len(values)] = values
@@ -106,7 +106,7 @@ class Drive:
             self._axes.move(self._joint)
 
     def _turn(self) -> None:
-        """In velocity mode the drive follows the commanded rate at once."""
+        """Turn at the commanded rate if the drive is enabled and in velocity mode."""
         if self.words[MODE] != PROFILE_VELOCITY_MODE or self._machine.power is not Power.ENABLED:
             return
         (speed,) = struct.unpack(">f", self._get(TARGET_VELOCITY))
@@ -118,7 +118,7 @@ class Drive:
         self._axes.accelerations[self._joint] = acceleration * _SPEED
 
     def _statusword(self) -> int:
-        """Statusword of the machine with this drive's own power state (CiA 402-2, table 29)."""
+        """Return the machine's statusword with this drive's own power state (CiA 402-2, table 29)."""
         word = self._machine.statusword(self._axes.clocks.device())
         if self._machine.fault is Fault.NONE:
             word = word & ~0x6F | (Power.ENABLED if self._axes.wanted[self._joint] else Power.READY).value

@@ -1,6 +1,6 @@
-"""The table's controller: drive states after CiA 402, homing, moves, limits, interlock, faults and watchdog.
+"""The table's controller: CiA 402 drive states, homing, moves, limits, interlock, faults and watchdog.
 
-Motion goes by device time; the watchdog counts host time. Angles rad, rates rad/s, accelerations rad/s².
+Motion uses device time; the watchdog counts host time. Angles are in rad, rates in rad/s, accelerations in rad/s².
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ class Fault(IntEnum):
 
 
 class Power(Enum):
-    """Drive states that matter here, with their statusword bits (CiA 402-2, table 29)."""
+    """Drive states used here, with their statusword bits (CiA 402-2, table 29)."""
 
     DISABLED = 0x40
     READY = 0x21
@@ -35,28 +35,28 @@ class Power(Enum):
 
 @dataclass(frozen=True)
 class Clocks:
-    """Device time, host time, and device time at which a polled position was taken, s."""
+    """Device time, host time, and device time at which a polled position was sampled, s."""
 
     device: Callable[[], float]
     host: Callable[[], float]
     reading: Callable[[], float]
 
 
-class Refusal(Exception):  # noqa: N818 - an answer of the protocol, not an error of the program
-    """A command that the controller refuses."""
+class Refusal(Exception):  # noqa: N818 - a reply of the protocol, not an error of the program
+    """The controller refused a command."""
 
 
 class OutOfRange(Refusal):
-    """Target, rate or acceleration outside the table's limits."""
+    """The target, rate or acceleration is outside the table's limits."""
 
 
 class NotPermitted(Refusal):
-    """Not enabled, not homed, in fault, halted or moving."""
+    """The table is not enabled, not homed, in fault, halted or moving."""
 
 
 @dataclass(frozen=True)
 class TableLimits:
-    """Travel (outer, inner), largest rate and acceleration of both joints; rate of homing."""
+    """Travel (outer, inner), largest rate and acceleration of both joints, and homing rate."""
 
     low: tuple[float, float] = (-6.0 * np.pi, -6.0 * np.pi)
     high: tuple[float, float] = (6.0 * np.pi, 6.0 * np.pi)
@@ -71,18 +71,18 @@ SETTLING_TIME = 0.1
 QUICK_STOP_BIT, FAULT_BIT, REMOTE_BIT, REACHED_BIT = 1 << 5, 1 << 3, 1 << 9, 1 << 10
 LIMIT_BIT, HOMED_BIT, MOVING_BIT = 1 << 11, 1 << 12, 1 << 14
 
-#: Amplitude and frequency of joints that hunt about their target, rad and Hz.
+#: Amplitude, rad, and frequency, Hz, of joints that hunt about their target.
 HUNTING = (np.deg2rad(0.02), 1.3)
 
-#: Distance of the limit switches beyond the travel, rad: a move to its end is not overtravel.
+#: Distance of the limit switches beyond the travel, rad, so that a move to the end of travel is not overtravel.
 SWITCH_BEYOND = np.deg2rad(0.5)
 
 
 class TableMachine:
-    """State of the controller over the joints; `watchdog` is its timeout, host s, 0 for none.
+    """State of the controller and its joints; `watchdog` is its timeout, host time, s, 0 for none.
 
-    Faults on order: `jammed` joints are blocked, until `restless_until` (device time) they do not settle, and the next
-    move goes too far by `overshoot`, rad.
+    Injected faults: the joints are blocked while `jammed`, do not settle until `restless_until` (device time, s), and
+    exceed the target of the next move by `overshoot`, rad.
     """
 
     def __init__(
@@ -101,24 +101,24 @@ class TableMachine:
         self.restless_until = -np.inf
         self.overshoot = 0.0
         self._fed: float | None = None
-        # Encoders count from the power-on angles until homing finds their zero.
+        # Encoder angles are relative to the power-on angles until homing finds zero.
         self._zero = drive.states(0.0)[:, 0]
 
     def set_interlock(self, closed: bool, time: float) -> None:
-        """Open or close the interlock; opening it trips."""
+        """Open or close the interlock; opening it trips a fault."""
         self.interlock_closed = closed
         if not closed:
             self.trip(Fault.INTERLOCK, time)
 
     def trip(self, fault: Fault, time: float) -> None:
-        """Decelerate, drop the enable, latch the fault; the first fault stays."""
+        """Decelerate, disable the axes and latch the fault; the first fault remains."""
         self.stop(time)
         self.power = Power.DISABLED
         if self.fault is Fault.NONE:
             self.fault = fault
 
     def feed(self, host_time: float) -> None:
-        """The watchdog is fed at `host_time`, s."""
+        """Feed the watchdog at `host_time`, s."""
         self._fed = host_time
 
     def watch(self, host_time: float, time: float) -> None:
@@ -135,7 +135,7 @@ class TableMachine:
             self.know_zero()
 
     def know_zero(self) -> None:
-        """Count encoder angles from home: after homing, or with absolute encoders."""
+        """Reference the encoder angles to home, after homing or with absolute encoders."""
         self.homed = True
         self._zero = np.zeros(2)
 
@@ -149,7 +149,7 @@ class TableMachine:
         return not self.jammed and time >= max(self.drive.settled + SETTLING_TIME, self.restless_until)
 
     def control(self, word: int, time: float, host_time: float) -> None:
-        """Take a controlword: 0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt."""
+        """Process a controlword: 0x06 ready, 0x07 on, 0x0F enable; b2 = 0 quick stop, b7 reset, b8 halt."""
         reset = bool(word & 0x80) and not self._controlword & 0x80
         self._controlword = word
         self.jammed &= not reset
@@ -176,7 +176,7 @@ class TableMachine:
             self.stop(time)
 
     def home(self, time: float) -> None:
-        """Start towards home, slowly. Raises NotPermitted."""
+        """Start moving to home at the homing rate. Raises NotPermitted."""
         self._permit(time)
         rate = self.limits.homing_rate
         self.drive.move(time, (0.0, 0.0), (rate, rate), (self.limits.acceleration / 10.0,) * 2)
@@ -185,7 +185,7 @@ class TableMachine:
     def move(
         self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
     ) -> None:
-        """Start both joints; repeating the present move has no effect. Raises a `Refusal`."""
+        """Start moving both joints; repeating the current move has no effect. Raises a `Refusal`."""
         for joint in (0, 1):
             self._allow(joint, targets[joint], rates[joint], accelerations[joint])
         if not self.homed:
@@ -199,14 +199,14 @@ class TableMachine:
             self.drive.move(time, (targets[0] + beyond, targets[1] + beyond), rates, accelerations)
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Start one joint independently of the other; repeating its present move has no effect. Raises a `Refusal`."""
+        """Move one joint independently of the other; repeating its current move has no effect. Raises a `Refusal`."""
         if self._start_joint(time, joint, target, self.overshoot, rate, acceleration):
             self.overshoot = 0.0
 
     def _start_joint(
         self, time: float, joint: int, target: float, beyond: float, rate: float, acceleration: float
     ) -> bool:
-        """Start a joint, `beyond` its target if not 0; False if it already moves there."""
+        """Start moving a joint to `target` + `beyond`; return False if it is already moving to `target`."""
         self._allow(joint, target, rate, acceleration)
         if not self.homed:
             raise NotPermitted
@@ -219,7 +219,7 @@ class TableMachine:
         return True
 
     def turn(self, time: float, rates: tuple[float, float], accelerations: tuple[float, float]) -> None:
-        """Turn both joints at these rates until stopped, or up to the end of their travel. Raises a `Refusal`."""
+        """Turn both joints at these rates until they are stopped or reach the end of travel. Raises a `Refusal`."""
         for joint in (0, 1):
             self.turn_joint(time, joint, rates[joint], accelerations[joint])
 
@@ -232,14 +232,14 @@ class TableMachine:
             self._start_joint(time, joint, end, 0.0, abs(rate), acceleration)
 
     def positions(self, time: float) -> FloatArray:
-        """Encoder angles of the joints, rad, shape (2,)."""
+        """Return the encoder angles of the joints, rad, shape (2,)."""
         angles = np.asarray(self.drive.readings(np.array([time]))[0] - self._zero)
         if time < self.restless_until:
             angles += HUNTING[0] * np.sin(2.0 * np.pi * HUNTING[1] * time)
         return angles
 
     def statusword(self, time: float) -> int:
-        """CiA 402 statusword with the table's own bits."""
+        """Return the CiA 402 statusword with the table's own bits."""
         word = REMOTE_BIT | (self.power.value if self.fault is Fault.NONE else FAULT_BIT)
         # Active low: 0 means that a quick stop (b1 set, b2 not) is active.
         word = word & ~QUICK_STOP_BIT if self._controlword & 0x06 == 0x02 else word | QUICK_STOP_BIT
@@ -258,13 +258,13 @@ class TableMachine:
             raise OutOfRange
 
     def _permit(self, time: float, end: float | None = None) -> None:
-        """Raise NotPermitted unless a motion may start after `end` of the one before, by default of both joints."""
+        """Raise NotPermitted unless a motion may start after `end` of the previous one, by default of both joints."""
         halted = bool(self._controlword & 0x100)
         ready = self.power is Power.ENABLED and self.fault is Fault.NONE and self.interlock_closed
         if not ready or halted or time < (self.drive.end if end is None else end):
             raise NotPermitted
 
     def stop(self, time: float) -> None:
-        """Decelerate to rest, stay enabled."""
+        """Decelerate to rest; the axes stay enabled."""
         self._homing = False
         self.drive.stop(time, (self.limits.acceleration,) * 2)

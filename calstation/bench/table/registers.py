@@ -1,7 +1,7 @@
 """The table's Modbus register map: the content of each holding register, and the effect of writing it.
 
-Registers are 16 bit, addresses 0-based, 32-bit values signed with the high word first. Positions in 1e-5 deg,
-rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
+Registers have 16 bits and 0-based addresses; 32-bit values are signed, with the high word first. Positions are in 1e-5
+deg, rates in 1e-4 deg/s, accelerations in 1e-4 deg/s².
 """
 
 import struct
@@ -19,9 +19,9 @@ JOINT_WORDS = 14
 
 MOVE, STOP, HOME, TURN = 1, 2, 3, 4
 
-#: Registers that may be written, as (first, count); all others are read-only, the reserved ones read 0.
+#: Writable registers, as (first, count); all others are read-only, and reserved ones read 0.
 WRITABLE: tuple[tuple[int, int], ...] = ((CONTROL, 1), (WATCHDOG, 3), *((j + TARGET, 6) for j in JOINTS))
-#: Number of registers, reserved ones included.
+#: Number of registers, including reserved ones.
 SIZE = JOINTS[-1] + JOINT_WORDS
 
 _ANGLE = np.deg2rad(1e-5)
@@ -29,13 +29,13 @@ _SPEED = np.deg2rad(1e-4)
 
 
 def text_words(text: str) -> list[int]:
-    """Eight registers of ASCII, padded with zeros."""
+    """Return eight registers with the text in ASCII, padded with zeros."""
     data = text.encode("ascii", "replace")[: 2 * TEXT_WORDS].ljust(2 * TEXT_WORDS, b"\0")
     return [int.from_bytes(data[i : i + 2], "big") for i in range(0, len(data), 2)]
 
 
 class TableRegisters:
-    """Carries out reads and writes of the register map on the machine."""
+    """Applies reads and writes of the register map to the machine."""
 
     writable = WRITABLE
 
@@ -51,7 +51,7 @@ class TableRegisters:
             self._put(first + TARGET_ACCELERATION, np.deg2rad(20.0) / _SPEED)
 
     def refresh(self) -> None:
-        """Update status and positions."""
+        """Update the status, position and rate registers."""
         machine, time = self._machine, self._clocks.device()
         machine.watch(self._clocks.host(), time)
         self.words[STATUS] = machine.statusword(time)
@@ -64,7 +64,7 @@ class TableRegisters:
             self._put(first + RATE, rates[joint] / _SPEED)
 
     def write(self, address: int, values: list[int]) -> None:
-        """Carry out one write request. Raises `machine.Refusal` and stores nothing."""
+        """Carry out one write request; raises `machine.Refusal` and stores nothing if it is refused."""
         machine, time, host_time = self._machine, self._clocks.device(), self._clocks.host()
         machine.watch(host_time, time)
         touched = range(address, address + len(values))

@@ -1,6 +1,6 @@
-"""Controllers with text protocols, which carry out commands on the table's machine.
+"""Controllers with text protocols, which apply commands to the table's machine.
 
-Angles in degrees, rates in °/s, accelerations in °/s². Axis 1 is the outer joint, axis 2 the inner one.
+Angles are in degrees, rates in °/s, accelerations in °/s². Axis 1 is the outer joint, axis 2 the inner one.
 """
 
 import re
@@ -15,7 +15,7 @@ from calstation.bench.table.machine import Refusal
 class TextController(ABC):
     """A controller on a serial line whose requests end with LF.
 
-    `mute` is the number of lines still to be left without an answer.
+    `mute` is the number of following lines that get no reply.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -24,7 +24,7 @@ class TextController(ABC):
         self.mute = 0
 
     def feed(self, data: bytes) -> list[bytes]:
-        """Take received bytes; returns one reply, possibly empty, for each completed line."""
+        """Process received bytes; return one reply, possibly empty, for each completed line."""
         *lines, rest = (self._pending + data).split(b"\n")
         self._pending = rest[-1000:]
         replies = [self._answer(line.decode("ascii", "replace").strip()) for line in lines]
@@ -34,7 +34,7 @@ class TextController(ABC):
 
     @abstractmethod
     def _answer(self, line: str) -> bytes:
-        """Carry out a line."""
+        """Carry out a line and return the reply."""
 
 
 def _joint(text: str) -> int:
@@ -49,9 +49,9 @@ def _radians(text: str) -> float:
 
 
 class Atl(TextController):
-    """Ideal Aerosmith's table language, as far as the bench implements it.
+    """The subset of Ideal Aerosmith's table language that the bench implements.
 
-    Lines end with CR and LF, every reply with the prompt ">". JOG is answered only together with the next line.
+    Lines end with CR and LF, replies with the prompt ">". The reply to JOG is sent together with that to the next line.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -107,16 +107,16 @@ class Atl(TextController):
 
 
 class Acl(TextController):
-    """Acutronic's command language, as far as the bench implements it.
+    """The subset of Acutronic's command language that the bench implements.
 
-    Lines end with LF. Only questions are answered; a wrong command shows in *STB?.
+    Lines end with LF. Only queries get a reply; a wrong command is reported by *STB?.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
         super().__init__(axes, serial)
         self._modes = ["Off", "Off"]
         self._wrong = False
-        axes.machine.know_zero()  # its encoders are absolute
+        axes.machine.know_zero()  # absolute encoders need no homing
 
     def _answer(self, line: str) -> bytes:
         name, question, rest = line.partition("?")
@@ -183,10 +183,10 @@ class Acl(TextController):
 
 
 class Mn(TextController):
-    """The language of $MN lines, as far as the bench implements it.
+    """The subset of the $MN line protocol that the bench implements.
 
-    $MNxxx,arguments*SS -> $ASxxx,OK,...*SS; SS is the 8-bit sum of what stands between head and asterisk. A line with
-    a wrong sum gets no answer.
+    $MNxxx,arguments*SS -> $ASxxx,OK,...*SS; SS is the 8-bit sum of the characters between header and asterisk. A line
+    with a wrong sum gets no reply.
     """
 
     def __init__(self, axes: Axes, serial: str) -> None:
@@ -240,5 +240,5 @@ class Mn(TextController):
         return ""
 
 
-#: Controllers by the name of their language.
+#: Controller classes by the name of their language.
 LANGUAGES: dict[str, type[TextController]] = {"atl": Atl, "acl": Acl, "mn": Mn}

@@ -1,6 +1,6 @@
-"""What is true on the bench: motion, errors, noise and samples of units and tables.
+"""The true state of the bench: motion, errors, noise and samples of units and tables.
 
-Independent of the estimators; no links or protocols.
+It is independent of the estimators and contains no links or protocols.
 """
 
 import lazy_loader as lazy

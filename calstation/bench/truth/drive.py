@@ -12,8 +12,8 @@ from calstation.physics import FloatArray
 class EncoderTruth:
     """Errors of the joints' encoders, rad.
 
-    `stop_sigma` : repeatability, drawn for every move of a joint and reached at its end; `periodic` and `phase` : an
-    error with one period per turn; `white_sigma` : noise of each reading.
+    `stop_sigma` is the repeatability, drawn for each move of a joint and reached at its end; `periodic` and `phase`
+    describe an error with one period per turn; `white_sigma` is the noise of each reading.
     """
 
     stop_sigma: float = np.deg2rad(0.05)
@@ -23,22 +23,22 @@ class EncoderTruth:
 
 
 class TableDrive:
-    """Motion and encoders of both joints, from true angles at power-on, rad; `seed` draws the encoders' errors."""
+    """Motion and encoders of both joints, from true `angles` at power-on, rad; encoder errors are drawn from `seed`."""
 
     def __init__(
         self, encoder: EncoderTruth, angles: tuple[float, float] = (0.0, 0.0), seed: int | np.random.SeedSequence = 0
     ) -> None:
         self._encoder = encoder
         self._random = np.random.default_rng(seed)
-        # At rest since before time 0: a table is settled when it is switched on.
+        # The joints have been at rest since before time 0, because a table is settled when it is switched on.
         self.profiles = [JointProfile.rest(angle, -1.0) for angle in angles]
         offsets = encoder.stop_sigma * self._random.standard_normal(2)
-        # Per joint: angles between which the error changes, and the errors there, rad.
-        self._course = [(angle, angle, float(e), float(e)) for angle, e in zip(angles, offsets, strict=True)]
+        # For each joint: the angles between which the error changes, and the errors at these angles, rad.
+        self._stop_errors = [(angle, angle, float(e), float(e)) for angle, e in zip(angles, offsets, strict=True)]
 
     @property
     def end(self) -> float:
-        """Time at which both commands have arrived, s."""
+        """Time at which both commands have reached their targets, s."""
         return max(profile.end for profile in self.profiles)
 
     @property
@@ -49,32 +49,32 @@ class TableDrive:
     def move(
         self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
     ) -> None:
-        """Start both joints towards `targets` (rad) at `time` (s), each with its own trapezoid."""
+        """Start moving both joints to `targets` (rad) at `time` (s), each with its own trapezoidal profile."""
         for joint, target in enumerate(targets):
             self.move_joint(time, joint, target, rates[joint], accelerations[joint])
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
-        """Start one joint independently of the other."""
+        """Start moving one joint independently of the other."""
         profile = self.profiles[joint]
         moved = profile.move(time, target, rate, acceleration)
         if moved is not profile:
             start = profile.target
             error = float(self._repeatability(joint, np.array([start]))[0])
             drawn = self._encoder.stop_sigma * float(self._random.standard_normal())
-            self._course[joint] = (start, target, error, drawn)
+            self._stop_errors[joint] = (start, target, error, drawn)
             self.profiles[joint] = moved
 
     def stop(self, time: float, decelerations: tuple[float, float]) -> None:
-        """Decelerate both joints to rest from `time`, s; rad/s²."""
+        """Decelerate both joints to rest from `time`, s; `decelerations` are in rad/s²."""
         for joint, profile in enumerate(self.profiles):
             self.profiles[joint] = profile.stop(time, decelerations[joint])
 
     def states(self, time: float) -> FloatArray:
-        """True angle, rate and acceleration of outer and inner joint at `time` s, shape (2, 3)."""
+        """Return the true angle, rate and acceleration of outer and inner joint at `time`, s, shape (2, 3)."""
         return np.array([profile.states(np.array([time]))[0] for profile in self.profiles])
 
     def readings(self, times: FloatArray) -> FloatArray:
-        """Encoder angles at `times` (s, shape (n,)), rad, shape (n, 2); each reading draws fresh noise."""
+        """Return encoder angles at `times` (s, shape (n,)), rad, shape (n, 2); noise is drawn for each reading."""
         times = np.asarray(times, dtype=np.float64)
         angles = np.column_stack([profile.states(times)[:, 0] for profile in self.profiles])
         noise = self._encoder.white_sigma * self._random.standard_normal(angles.shape)
@@ -83,7 +83,7 @@ class TableDrive:
         return np.asarray(angles + noise + periodic + stops)
 
     def _repeatability(self, joint: int, angles: FloatArray) -> FloatArray:
-        start, end, before, after = self._course[joint]
+        start, end, before, after = self._stop_errors[joint]
         if start == end:
             return np.full(len(angles), after)
         return np.asarray(before + (after - before) * np.clip((angles - start) / (end - start), 0.0, 1.0))

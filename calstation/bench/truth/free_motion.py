@@ -1,8 +1,8 @@
-"""Free motion in closed form: rotations about any axes, and a shaken point.
+"""Free motion in closed form: rotations about arbitrary axes, and a shaken reference point.
 
-An attitude is a chain of constant rotations and turns about constant axes, each turn a sum of pulses. A pulse leads
-smoothly (minimum jerk; Flash and Hogan, J. Neurosci. 5, 1985) from 0 to its amount; while it lasts it may tremble,
-sines under a window that begins and ends flat. Everything has exact first and second derivatives, so rate and angular
+An attitude is a chain of constant rotations and turns about constant axes; the angle of each turn is a sum of pulses. A
+pulse rises smoothly (minimum jerk; Flash and Hogan, J. Neurosci. 5, 1985) from 0 to its amount and may have a tremor, a
+sum of sines under a window with flat ends. All have exact first and second derivatives, so rate and angular
 acceleration follow from the links as in `truth.table`, without integration:
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''
@@ -28,7 +28,7 @@ class Pulse:
     tremor: FloatArray
 
     def states(self, times: FloatArray) -> FloatArray:
-        """Value and its first two derivatives at `times` (s, shape (n,)), shape (3, n)."""
+        """Return the value and its first two derivatives at `times` (s, shape (n,)), shape (3, n)."""
         s = np.clip((times - self.start) / self.duration, 0.0, 1.0)
         inside = (s > 0.0) & (s < 1.0)
         first, second = 1.0 / self.duration, 1.0 / self.duration**2
@@ -62,17 +62,17 @@ class Pulse:
 
 @dataclass(frozen=True)
 class Course:
-    """A quantity that starts at `offset` and is moved by pulses."""
+    """A quantity that starts at `offset` and is changed by pulses."""
 
     pulses: tuple[Pulse, ...] = ()
     offset: float = 0.0
 
     def states(self, times: FloatArray) -> FloatArray:
-        """Value and its first two derivatives at `times` (s, shape (n,)), shape (3, n)."""
+        """Return the value and its first two derivatives at `times` (s, shape (n,)), shape (3, n)."""
         total = np.zeros((3, len(times)))
         total[0] = self.offset
         for pulse in self.pulses:
-            # zero before its start and constant after its end: evaluated only in between
+            # a pulse is zero before its start and constant after its end, so it is evaluated only in between
             begin, end = np.searchsorted(times, [pulse.start, pulse.start + pulse.duration])
             total[:, begin:end] += pulse.states(times[begin:end])
             total[0, end:] += pulse.amount
@@ -81,7 +81,7 @@ class Course:
 
 @dataclass(frozen=True)
 class Link:
-    """A constant rotation (its matrix, shape (3, 3)) and then a turn about a constant unit axis."""
+    """A constant rotation (matrix, shape (3, 3)) followed by a turn about a constant unit axis."""
 
     before: FloatArray
     axis: tuple[float, float, float]
@@ -90,10 +90,10 @@ class Link:
 
 @dataclass(frozen=True)
 class FreeMotion:
-    """A body's motion: C_b^n = Π before_j R(axis_j, θ_j(t)) · mount, while its point is shaken.
+    """The motion of a body: C_b^n = Π before_j R(axis_j, θ_j(t)) · mount, with a shaken reference point.
 
-    links : outermost first; mount : last rotation, shape (3, 3)
-    shake : acceleration of the point in n, three courses whose second derivatives are m/s²
+    links : from the outermost to the innermost; mount : last rotation, shape (3, 3)
+    shake : three courses whose second derivatives are the acceleration of the point in n, m/s²
     """
 
     links: tuple[Link, ...]
@@ -103,9 +103,9 @@ class FreeMotion:
     def states(
         self, times: FloatArray, up_force: FloatArray, earth: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Force at the point (m/s²), ω_ib (rad/s) and its derivative (rad/s²) in b at rising `times` (s), each (n, 3).
+        """Return specific force at the point (m/s²), ω_ib (rad/s) and its derivative (rad/s²) in b, each (n, 3).
 
-        up_force, earth : of a body at rest, and the earth's rotation, in n, shape (3,)
+        times : increasing, s, shape (n,); up_force, earth : specific force at rest and earth rate in n, shape (3,)
         """
         force = np.array([course.states(times)[2] for course in self.shake]).T + up_force
         rate = np.tile(earth, (len(times), 1))
@@ -122,14 +122,14 @@ class FreeMotion:
 
 
 def _turned_back(axis: FloatArray, angle: FloatArray, vectors: FloatArray) -> FloatArray:
-    """R(axis, angle)ᵀ v for each row, shape (n, 3)."""
+    """Return R(axis, angle)ᵀ v for each row v of `vectors`, shape (n, 3)."""
     sine, cosine = np.sin(angle)[:, None], np.cos(angle)[:, None]
     along = (vectors @ axis)[:, None] * axis
     return np.asarray(along + (vectors - along) * cosine - np.cross(axis, vectors) * sine)
 
 
 def tremor(random: np.random.Generator, size: float, count: int = 4) -> FloatArray:
-    """Sines of a hand, 2 to 9 Hz, of rms `size` together, shape (count, 3); none where `size` is 0."""
+    """Draw the sines of a hand tremor, 2 to 9 Hz, with total rms `size`, shape (count, 3); empty if `size` is 0."""
     if size == 0.0:
         return np.empty((0, 3))
     frequencies = random.uniform(2.0, 9.0, count)

@@ -1,4 +1,4 @@
-"""Output of one or several units on a freely moving body: error model over the motion, noise, counts."""
+"""Output of one or several units on a freely moving body: error model applied to the motion, noise, counts."""
 
 from dataclasses import dataclass, replace
 
@@ -19,8 +19,8 @@ _CHUNK = 20_000
 class Mounting:
     """Position and orientation of a unit on the body.
 
-    `turn` : from the unit's frame to the body's, shape (3, 3); `arm` : of the unit's reference point, in the body's
-    frame, m, shape (3,).
+    `turn` is the rotation from the unit's frame to the body's, shape (3, 3); `arm` is the position of the unit's
+    reference point in the body's frame, m, shape (3,).
     """
 
     turn: FloatArray
@@ -29,7 +29,7 @@ class Mounting:
 
 @dataclass(frozen=True)
 class Field:
-    """Force of a body at rest (m/s²) and the earth's rotation (rad/s) in n, shape (3,); rms of its vibration, m/s."""
+    """Specific force at rest (m/s²) and earth rate (rad/s) in n, shape (3,), and rms vibration velocity, m/s."""
 
     up_force: FloatArray
     earth: FloatArray
@@ -39,7 +39,7 @@ class Field:
 def ideal_increments(
     imu: ImuTruth, motion: FreeMotion, mounting: Mounting, field: Field, borders: FloatArray
 ) -> FloatArray:
-    """Increments of the six channels between `borders` (s, shape (n + 1,)) without noise, rad and m/s, shape (n, 6)."""
+    """Return noise-free increments of the six channels between `borders` (s, shape (n + 1,)), rad and m/s, (n, 6)."""
     model = imu.error_model()
     result = np.empty((len(borders) - 1, 6))
     for first in range(0, len(result), _CHUNK):
@@ -50,7 +50,7 @@ def ideal_increments(
         force = force + np.cross(rate, np.cross(rate, mounting.arm)) + np.cross(acceleration, mounting.arm)
         f, w, a = (v @ mounting.turn for v in (force, rate, acceleration))
         sensed = f.copy()
-        for i in range(3):  # accelerometer i, at row 9 + i of the model, senses along e_i
+        for i in range(3):  # accelerometer i, whose position is row 9 + i of the model, senses along e_i
             site = model[9 + i]
             sensed[:, i] += (np.cross(w, np.cross(w, site)) + np.cross(a, site))[:, i]
         gyro = w @ model[0:3].T + model[6]
@@ -62,10 +62,10 @@ def ideal_increments(
 
 
 class FreeStream:
-    """Samples of one unit on a freely moving body; the sizes of the requests do not change them.
+    """Samples of one unit on a freely moving body; they do not depend on the sizes of the requests.
 
-    The first sample begins at time `begin` of the motion, s. The generators of vibration and noise may be the same for
-    a single request.
+    The first sample begins at time `begin` of the motion, s. The generators of vibration and noise may be the same if
+    only one request is made.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class FreeStream:
         self._digitiser = Digitiser(imu)
 
     def produce(self, count: int, motion: FreeMotion) -> StreamOutput:
-        """The next `count` samples of a body with this motion."""
+        """Return the next `count` samples of a body with this motion."""
         borders = np.asarray(
             self._begin + np.arange(self.produced, self.produced + count + 1) * self.interval, dtype=np.float64
         )
@@ -104,7 +104,7 @@ class FreeStream:
 
 @dataclass(frozen=True)
 class SecondaryTruth:
-    """A further IMU: the unit, its mounting, and what is added to its time to get the primary's, s."""
+    """A secondary IMU: the unit, its mounting, and the offset added to its time to obtain the primary's time, s."""
 
     imu: ImuTruth
     mounting: Mounting
@@ -119,9 +119,9 @@ def record_pair(
     field: Field,
     seed: int | np.random.SeedSequence,
 ) -> tuple[FloatArray, FloatArray]:
-    """Counts of the primary at the body's point, shape (n, 6), and of the others in the same rows, shape (n, k, 6).
+    """Return counts of the primary at the body's point, shape (n, 6), and of the others in the same rows, (n, k, 6).
 
-    All units share the vibration of the motion; that of the field, drawn for each unit, is left out.
+    All units share the vibration of the motion; that of the field, which is drawn for each unit, is omitted.
     """
     field = replace(field, velocity_sigma=0.0)
     root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
@@ -136,9 +136,9 @@ def record_pair(
 
 
 def pair_truth(primary: ImuTruth, secondary: SecondaryTruth) -> dict[str, FloatArray]:
-    """True result of a cross-calibration: C and b of both sensors, the lever, the offset.
+    """Return the true result of a cross-calibration: C and b of both sensors, the lever and the clock offset.
 
-    Measured by the primary y = M₁ x + b₁, by the secondary M₂ Tᵀ x + b₂ with T from its frame to the body's, so
+    The primary measures y = M₁ x + b₁, the secondary M₂ Tᵀ x + b₂ with T from its frame to the body's, so
     C = M₂ Tᵀ M₁⁻¹ and b = b₂ − C b₁.
     """
     found: dict[str, FloatArray] = {"lever": secondary.mounting.arm, "clock_offset": np.array(secondary.offset)}

@@ -1,9 +1,9 @@
-"""A stabilised gimbal that carries the unit: its joints counter the rotation that the corrected gyros measure.
+"""A stabilised gimbal that carries the unit: its joints counteract the rotation measured by the corrected gyros.
 
     C_body^base = R(axis₁, q₁) · R(axis₂, q₂) · R(axis₃, q₃), joints from the base to the body
 
-The loop integrates the difference of the corrected rates c = (I + K)⁻¹ (measured − b̂) from the demanded rate. An error
-of K or b̂ therefore appears not in c but in the joints, which drift. Locked joints follow their own profile.
+The loop integrates the difference between the demanded rates and the corrected rates c = (I + K)⁻¹ (measured − b̂). An
+error of K or b̂ therefore appears not in c but as a drift of the joints. Locked joints follow their own profile.
 """
 
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ from calstation.bench.truth.noise import INSTABILITY_TIMES, draw_instability, in
 from calstation.physics import FloatArray, IntArray
 
 AXES = "xyz"
-#: Share of the rate error that the loop removes per sample.
+#: Fraction of the rate error that the loop removes per sample.
 LOOP_GAIN = 0.25
 
 
 @dataclass(frozen=True)
 class GimbalSamples:
-    """Samples of one motion: counts of gyro x y z, accel x y z; angles of joints x y z, rad, shape (n, 3)."""
+    """Samples of one motion: counts of gyros x y z and accelerometers x y z; joint angles x y z, rad, shape (n, 3)."""
 
     seq: IntArray
     time: FloatArray
@@ -32,10 +32,10 @@ class GimbalSamples:
 
 
 class GimbalBench:
-    """The gimbal with its unit, whose accelerometers sit in the centre; time continues from call to call.
+    """The gimbal with its unit, whose accelerometers are at the centre; time continues from call to call.
 
-    `order` names the joints from the base to the body. `up_force` (m/s²) and `earth` (rad/s) act on a body at rest, in
-    the base's frame. `encoder_sigma` is the repeatability, drawn for every motion, rad; a tenth of it is noise.
+    `order` lists the joints from base to body. `up_force` (m/s²) and `earth` (rad/s) are specific force and earth rate
+    in the base frame. `encoder_sigma` is the repeatability, drawn for each motion, rad; reading noise is a tenth of it.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class GimbalBench:
         return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, self.joints)
 
     def zero_bias(self, samples: GimbalSamples) -> None:
-        """Set b̂ to the mean of locked samples."""
+        """Set b̂ to the mean gyro output of locked samples."""
         per_count = 1.0 / self.interval if self._imu.output == "increment" else 1.0
         self.bias = samples.counts[:, :3].mean(axis=0) * self._imu.gyro_lsb * per_count
 
@@ -81,7 +81,7 @@ class GimbalBench:
         return self._run(len(demanded), correction, demanded, self.joints)
 
     def turn(self, axis: int, angle: float, rate: float, correction: FloatArray) -> GimbalSamples:
-        """Demand a smooth turn by `angle` (rad, mean rate rad/s) about one body axis, the others still."""
+        """Turn smoothly by `angle`, rad, at mean `rate`, rad/s, about one body axis, with the others at rest."""
         count = max(round(abs(angle) / rate / self.interval), 2)
         demanded = np.zeros((count, 3))
         demanded[:, axis] = angle * np.diff(_smooth(count)) / self.interval
@@ -89,7 +89,7 @@ class GimbalBench:
         return self._run(count, correction, demanded, self.joints)
 
     def home(self, rate: float) -> GimbalSamples:
-        """Bring all joints to zero, not stabilised."""
+        """Move all joints to zero without stabilisation."""
         seconds = max(float(np.abs(self.joints).max()) / rate, 0.5)
         self._begin()
         return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, np.zeros(3))
@@ -109,7 +109,7 @@ class GimbalBench:
         drift = np.zeros((count, 6))
         increments, joints = np.empty((count, 6)), np.empty((count, 3))
         _drift(self._bank, self._decay, self._driven, driven, drift)
-        # (I + K)⁻¹, K without its diagonal
+        # (I + K)⁻¹ with K without its diagonal
         inverse = np.asarray(np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction))), dtype=np.float64)
         gimbal = (self._model, self._order, self._up, self._earth, self.interval, locked)
         motion = (course, stabilised, inverse, self.bias, noise + drift[:, :3] * self.interval)
@@ -126,14 +126,14 @@ class GimbalBench:
 
 
 def _smooth(count: int) -> FloatArray:
-    """From 0 to 1 at the borders of `count` samples, minimum jerk, shape (count + 1,)."""
+    """Return a minimum-jerk profile from 0 to 1 at the borders of `count` samples, shape (count + 1,)."""
     s = np.linspace(0.0, 1.0, count + 1)
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s**2))
 
 
 @compiled
 def _drift(bank: FloatArray, decay: FloatArray, driven: FloatArray, normals: FloatArray, out: FloatArray) -> None:
-    """Bias instability of the six channels at every sample; `bank`, shape (6, m), moves along."""
+    """Add the bias instability of the six channels to each sample of `out`; updates `bank`, shape (6, m)."""
     m = decay.shape[0]
     for n in range(out.shape[0]):
         for i in range(6):
@@ -154,7 +154,7 @@ def _turn_matrix(axis: int, angle: float) -> FloatArray:
 
 @compiled
 def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> FloatArray:
-    """Rates of the joints x y z that turn the body with `omega` (rad/s, in the body), rad/s, shape (3,)."""
+    """Return the rates of joints x y z that turn the body at `omega` (rad/s, in the body), rad/s, shape (3,)."""
     S = np.zeros((3, 3))
     to_body = np.eye(3)
     for axis in order[::-1]:
@@ -167,7 +167,7 @@ def joint_rates(order: IntArray, joints: FloatArray, omega: FloatArray) -> Float
 
 @compiled
 def attitude(order: IntArray, joints: FloatArray) -> FloatArray:
-    """C_body^base of the joints x y z, rad, shape (3, 3)."""
+    """Return C_body^base for angles of joints x y z, rad, shape (3, 3)."""
     C = np.eye(3)
     for axis in order:
         C = C @ _turn_matrix(axis, joints[axis])
@@ -192,9 +192,9 @@ def _simulate(
     increments: FloatArray,
     read: FloatArray,
 ) -> None:
-    """One motion: true increments with the gyros' noise, and true joints; `joints` and the body's `rate` move along.
+    """Simulate one motion: true increments with gyro noise, and true joint angles; updates `joints` and body `rate`.
 
-    Joints are integrated by Heun's rule in quarters of a sample, the body's rate held over the sample.
+    Joint angles are integrated by Heun's method in quarters of a sample, with the body's rate constant over the sample.
     """
     parts = 4
     for n in range(increments.shape[0]):

@@ -1,4 +1,4 @@
-"""Grades of units: sizes of their errors and noise, and the random draw of one unit."""
+"""Grades of units: magnitudes of their errors and noise, and the random draw of one unit."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -15,13 +15,13 @@ _MICRO_G = 9.80665e-6
 _ARW_UNIT = np.deg2rad(1.0) / 60.0  # °/√h in rad/√s
 _VRW_UNIT = 9.8e-6  # µg/√Hz in m/s/√s
 
-#: Largest drawn parameter, in sigmas of its grade.
-_CUT = 2.5
+#: Limit of the drawn parameters, in sigmas of the grade.
+_MAX_SIGMAS = 2.5
 
 
 @dataclass(frozen=True)
 class Grade:
-    """Sizes of one grade, SI: `sigma` of a unit's parameters per group; counts are those of increment output."""
+    """Magnitudes of one grade, SI: `sigma` of a unit's parameters by group; LSBs are those of increment output."""
 
     sigma: dict[str, float]
     gyro_lsb: float
@@ -49,7 +49,7 @@ _SIGMAS: dict[str, tuple[float, float, float]] = {
     "outer_lever": (0.05, 0.08, 0.1),
 }
 
-#: Further values of `Grade`, for each of `_NAMES`.
+#: Other values of `Grade`, for each of `_NAMES`.
 _OUTPUTS: dict[str, tuple[float, float, float]] = {
     "gyro_lsb": (np.deg2rad(0.01 / 3600.0), 2e-7, 1e-6),
     "accel_lsb": (1e-6, 4e-6, 2e-5),
@@ -80,14 +80,14 @@ def draw_imu(
     instability: bool = True,
     out_of_limits: bool = False,
 ) -> ImuTruth:
-    """One unit of a grade.
+    """Draw one unit of a grade.
 
-    Output "rate" counts the same lsb times the sample rate, rad/s and m/s². `outer_lever` is "estimated", or "fixed" at
+    For output "rate", LSBs are multiplied by the sample rate (rad/s, m/s²). `outer_lever` is "estimated", or "fixed" at
     0. `out_of_limits` sets the x gyro's bias and the y accelerometer's scale factor to twenty sigmas.
     """
     size = GRADES[grade]
     per_count = sample_rate if output == "rate" else 1.0
-    normal = np.clip(random.standard_normal(COUNT), -_CUT, _CUT)
+    normal = np.clip(random.standard_normal(COUNT), -_MAX_SIGMAS, _MAX_SIGMAS)
     sigma = np.array([size.sigma[p.group] for p in PARAMETERS])
     if outer_lever == "fixed":
         sigma[group_indices("outer_lever")] = 0.0

@@ -1,4 +1,4 @@
-"""Measurements of the unit: the contract's error model over the true motion, noise, quantisation."""
+"""Measurements of the unit: the contract's error model applied to the true motion, noise, quantisation."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,8 @@ from calstation.physics import BoolArray, FloatArray, group_matrix, group_vector
 class ImuTruth:
     """A unit's true errors, noise and output, SI.
 
-    `output` is "increment" (rad and m/s per count) or "rate" (mean rate over the sample per count). The bias
-    instabilities are B of the flicker, the ranges where the output saturates.
+    `output` is "increment" (LSBs in rad and m/s) or "rate" (mean over the sample, LSBs in rad/s and m/s²). Bias
+    instabilities are the flicker coefficients B; ranges are the values at which the output saturates.
     """
 
     parameters: FloatArray
@@ -31,7 +31,7 @@ class ImuTruth:
     accel_range: float = 400.0
 
     def error_model(self) -> FloatArray:
-        """Rows: I + M_g (3), I + M_a (3), b_g, b_a, K2, positions of the accelerometers (3); shape (12, 3)."""
+        """Return rows I + M_g (3), I + M_a (3), b_g, b_a, K2, positions of the accelerometers (3); shape (12, 3)."""
         p = self.parameters
         sites = group_vector(p, "outer_lever") + np.diag(group_vector(p, "inner_lever"))
         return np.vstack(
@@ -61,12 +61,12 @@ def _measured_rates(
     vectors: FloatArray,
     rates: FloatArray,
 ) -> None:
-    """Noise-free output of the six channels at one instant into `rates`; `field` is (up force, ω_ie) in n."""
+    """Write the noise-free output of the six channels at one instant to `rates`; `field` is (up force, ω_ie) in n."""
     vectors[0], vectors[1], vectors[2] = field[0], field[1], 0.0
     body_motion(chain, outer, inner, vectors)
     force, w, a = vectors[0], vectors[1], vectors[2]
     for i in range(3):
-        # Row i of ω×(ω×r) + ω'×r at accelerometer i, which senses along e_i alone.
+        # Row i of ω×(ω×r) + ω'×r at accelerometer i, which senses only along e_i.
         x, y, z = model[9 + i, 0], model[9 + i, 1], model[9 + i, 2]
         along = w[0] * x + w[1] * y + w[2] * z
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -95,14 +95,14 @@ def true_increments(
     interval: float,
     base_velocity: FloatArray,
 ) -> FloatArray:
-    """Noise-free increments of the six channels, rad and m/s, shape (n, 6).
+    """Return noise-free increments of the six channels, rad and m/s, shape (n, 6).
 
-    Integrated by Gauss-Legendre over each sample, cut wherever a joint's command changes its acceleration.
-    The accelerometers' second-order term acts on the table's motion, not on the base's vibration.
+    The output is integrated by Gauss-Legendre quadrature over each sample, split where the commanded acceleration of a
+    joint changes. The accelerometers' second-order term acts on the table's motion, not on the base's vibration.
 
     `field` is the up force (m/s²) and ω_ie (rad/s) in n, shape (2, 3); `outer` and `inner` are segments of the joints'
-    profiles, shape (k, 6). The first sample ends at (first + 1)·interval, s. `base_velocity` is that of the centre of
-    rotation in n at the samples' borders, m/s, shape (n + 1, 3).
+    profiles, shape (k, 6). The first sample ends at (first + 1)·interval, s. `base_velocity` is the velocity of the
+    centre of rotation in n at the samples' borders, m/s, shape (n + 1, 3).
     """
     count = base_velocity.shape[0] - 1
     result = np.zeros((count, 6))
@@ -169,11 +169,11 @@ def digitise(
     as_rate: bool,
     remainder: FloatArray,
 ) -> tuple[FloatArray, BoolArray]:
-    """Add noise to the increments and count them: counts, shape (n, 6), and saturation, shape (n,).
+    """Add noise to the increments and quantise them; return counts, shape (n, 6), and saturation, shape (n,).
 
-    `normals` are standard normals, white and then the bank, shape (n, 6 or 6 + 6m). The bank of Gauss-Markov processes
-    has `decay`, `driven` and `bias` of shapes (m,), (6, m), (6, m). With `as_rate` means over the sample are rounded,
-    each alone; otherwise increments, whose remainder in counts is carried on. `bias` and `remainder` are updated.
+    `normals` are standard normals for white noise, then the bank, shape (n, 6 or 6 + 6m). The Gauss-Markov bank has
+    `decay`, `driven` and `bias` of shapes (m,), (6, m), (6, m). With `as_rate`, sample means are rounded independently;
+    otherwise increments are rounded with the remainder carried on. Updates `bias` and `remainder` (counts).
     """
     count, bank = increments.shape[0], decay.shape[0]
     counts = np.empty((count, 6))
@@ -198,16 +198,16 @@ def digitise(
 
 @dataclass(frozen=True)
 class StreamOutput:
-    """Counts, shape (n, 6), and whether a channel saturated, shape (n,)."""
+    """Counts, shape (n, 6), and whether any channel saturated, shape (n,)."""
 
     counts: FloatArray
     saturated: BoolArray
 
 
 class Digitiser:
-    """Adds a unit's noise to its increments and counts them, one sample after another.
+    """Adds a unit's noise to its increments and quantises them, sample by sample.
 
-    `columns` is the number of standard normals that a sample needs. The biases drift from what `start_drift` draws.
+    `columns` is the number of standard normals needed per sample. `start_drift` draws the initial values of bias drift.
     """
 
     def __init__(self, imu: ImuTruth, *, instability: bool = True) -> None:
@@ -231,7 +231,7 @@ class Digitiser:
         self._bias = draw_instability(self._instability, random)
 
     def digitise(self, increments: FloatArray, normals: FloatArray) -> StreamOutput:
-        """Counts of increments, rad and m/s, shape (n, 6), with standard normals of shape (n, `columns` or more)."""
+        """Quantise increments, rad and m/s, shape (n, 6), with standard normals of shape (n, `columns` or more)."""
         lsb, limit, remainder = self._lsb, self._limit, self._remainder
         noise = (self._white, self._decay, self._driven, self._bias)
         counts, saturated = digitise(increments, normals, *noise, lsb, limit, self._interval, self._as_rate, remainder)

@@ -1,7 +1,7 @@
-"""Joint trajectories in closed form: trapezoids of limited acceleration, seen through the drive's resonance.
+"""Joint trajectories in closed form: trapezoids of limited acceleration, filtered by the drive's resonance.
 
-The command u(t) is piecewise of constant acceleration. The joint follows it as a load on a spring, y = u − d with
-d'' + 2ζω d' + ω² d = u'', a damped oscillation about a constant load on each segment.
+The command u(t) has piecewise constant acceleration. The joint follows it like a load on a spring, y = u − d with
+d'' + 2ζω d' + ω² d = u''; on each segment, d is a damped oscillation about a constant deflection.
 """
 
 from collections.abc import Callable
@@ -17,14 +17,14 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def compiled(function: F) -> F:
-    """Compile `function` at its first call and keep the machine code on disk beside the source."""
+    """Compile `function` at its first call and cache the machine code on disk next to the source."""
     return cast(F, numba.njit(cache=True)(function))
 
 
 #: Undamped frequency of the drive, rad/s, and its damping ratio.
 DRIVE_FREQUENCY = 2.0 * np.pi * 12.0
 DRIVE_DAMPING = 0.2
-#: Oscillation below which a joint counts as settled, and as rigidly still, rad.
+#: Oscillations below which a joint counts as settled and as completely at rest, rad.
 SETTLED = 1e-6
 STILL = 1e-12
 
@@ -34,10 +34,10 @@ _DAMPED = DRIVE_FREQUENCY * np.sqrt(1.0 - DRIVE_DAMPING**2)
 
 @compiled
 def joint_state(segments: FloatArray, still: float, time: float) -> tuple[float, float, float]:
-    """Angle, rate and acceleration of a joint at one time; rad, rad/s, rad/s².
+    """Return angle, rate and acceleration of a joint at one time; rad, rad/s, rad/s².
 
-    Rows of `segments`, shape (k, 6): start time, s, and there the command's angle, rate and acceleration, the deviation
-    and its rate. From `still` on, s, the joint rests rigidly at the last row's angle.
+    Rows of `segments`, shape (k, 6): start time, s, and at this time the command's angle, rate and acceleration, the
+    deviation and its rate. From time `still`, s, the joint is completely at rest at the last row's angle.
     """
     last = segments.shape[0] - 1
     if time >= still:
@@ -74,13 +74,13 @@ def _joint_states(segments: FloatArray, still: float, times: FloatArray) -> Floa
 
 @dataclass(frozen=True)
 class JointProfile:
-    """The motion of one joint from a time on; `segments` as in `joint_state`, the last row at rest."""
+    """The motion of one joint from a start time; `segments` are as in `joint_state`, with the last row at rest."""
 
     segments: FloatArray
 
     @classmethod
     def rest(cls, angle: float, time: float = 0.0) -> "JointProfile":
-        """A joint at rest at `angle`, rad, from `time`, s."""
+        """Create the profile of a joint at rest at `angle`, rad, from `time`, s."""
         return cls(np.array([[time, angle, 0.0, 0.0, 0.0, 0.0]]))
 
     @property
@@ -90,35 +90,35 @@ class JointProfile:
 
     @property
     def end(self) -> float:
-        """Time at which the command arrives, s."""
+        """Time at which the command reaches its target, s."""
         return float(self.segments[-1, 0])
 
     def quiet(self, tolerance: float) -> float:
-        """Time from which the oscillation about the target stays below `tolerance`, rad; s."""
+        """Return the time, s, from which the oscillation about the target stays below `tolerance`, rad."""
         start, deviation, deviation_rate = self.segments[-1, [0, 4, 5]]
         amplitude = np.hypot(deviation, (deviation_rate + _DECAY * deviation) / _DAMPED)
         return float(start + max(0.0, np.log(max(amplitude, 1e-300) / tolerance) / _DECAY))
 
     @property
     def still(self) -> float:
-        """Time from which the joint is rigidly at rest, s."""
+        """Time from which the joint is completely at rest, s."""
         return self.quiet(STILL)
 
     def states(self, times: FloatArray) -> FloatArray:
-        """Angle, rate, acceleration at `times` (s, shape (n,)); rad, rad/s, rad/s², shape (n, 3)."""
+        """Return angle, rate and acceleration at `times` (s, shape (n,)); rad, rad/s, rad/s², shape (n, 3)."""
         return _joint_states(self.segments, self.still, np.asarray(times, dtype=np.float64))
 
     def command(self, time: float) -> tuple[float, float]:
-        """Command angle and rate at `time`, rad and rad/s."""
+        """Return the commanded angle and rate at `time`, s; rad and rad/s."""
         row = max(int(np.searchsorted(self.segments[:, 0], time, side="right")) - 1, 0)
         start, angle, rate, acceleration = self.segments[row, :4]
         s = time - start
         return float(angle + rate * s + 0.5 * acceleration * s * s), float(rate + acceleration * s)
 
     def move(self, time: float, target: float, rate: float, acceleration: float) -> "JointProfile":
-        """Trapezoid to `target` (rad), no faster than `rate` (rad/s), with `acceleration` (rad/s²).
+        """Return a trapezoidal profile to `target` (rad) with limits `rate` (rad/s) and `acceleration` (rad/s²).
 
-        Raises ValueError if the joint's command is still moving at `time`, or rate or acceleration are not positive.
+        Raises ValueError if the joint's command is still moving at `time`, or if rate or acceleration is not positive.
         """
         if not (rate > 0.0 and acceleration > 0.0):
             raise ValueError("rate and acceleration must be positive")
@@ -135,16 +135,16 @@ class JointProfile:
         return self._continue(time, [(ramp, sign * acceleration), (cruise, 0.0), (ramp, -sign * acceleration)], target)
 
     def stop(self, time: float, deceleration: float) -> "JointProfile":
-        """Decelerate to rest from whatever the command does at `time`; `deceleration` in rad/s²."""
+        """Return a profile that decelerates to rest from the commanded rate at `time`, s, by `deceleration`, rad/s²."""
         _, speed = self.command(time)
         if time >= self.end or speed == 0.0:
             return self
         return self._continue(time, [(abs(speed) / deceleration, -np.sign(speed) * deceleration)], None)
 
     def _continue(self, time: float, pieces: list[tuple[float, float]], target: float | None) -> "JointProfile":
-        """From `time` on pieces of (duration s, acceleration rad/s²), then rest at `target` or their end.
+        """Return a profile that continues at `time` with `pieces` (duration s, acceleration rad/s²) and then rests.
 
-        The segment that was running is kept before them, for times a little earlier.
+        It rests at `target`, or at the end of the pieces. The segment active until `time` is kept for earlier times.
         """
         angle, rate = self.command(time)
         state = self.states(np.array([time]))[0]

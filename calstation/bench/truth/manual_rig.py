@@ -1,6 +1,6 @@
-"""A manual rig: the unit on an inner rail in an outer rail, pushed by an operator from position to position.
+"""A manual rig: the unit on an inner rail inside an outer rail, pushed by an operator from position to position.
 
-Hands stop near the position, correct, tremble and shake the rig; the unit sits off the rails' centre.
+The operator stops near the position, corrects it, and shakes the rig with a tremor; the unit is off the rails' centre.
 """
 
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ Pose = tuple[float, float]
 
 @dataclass(frozen=True)
 class ManualRig:
-    """The rig and the operator; rad, s, m.
+    """Parameters of the rig and the operator, in rad, s and m.
 
-    `rest` durations vary by a fifth. `stop_sigma` is the deviation from the intended position, `play` the largest turn
-    about the third axis during a push, part of which remains, `shake` the rms acceleration while pushed, m/s². `tilt`
-    is that of the rig's foot, `arm` that of the unit from the rails' centre, `velocity_sigma` the vibration of the
-    foot, m/s.
+    `rest` durations vary by ±20 %. `stop_sigma` is the sigma of the deviation from the intended position, `play` the
+    largest turn about the third axis during a push, part of which remains, `shake` the rms acceleration during a push,
+    m/s². `tilt` is the tilt of the rig's base, `arm` the position of the unit relative to the rails' centre,
+    `velocity_sigma` the rms vibration velocity of the base, m/s.
     """
 
     latitude: float = np.deg2rad(34.25)
@@ -44,13 +44,13 @@ class ManualRig:
 
     @property
     def field(self) -> Field:
-        """Force and rotation sensed by a body at rest on the rig."""
+        """Specific force, earth rate and vibration of a body at rest on the rig."""
         gravity = normal_gravity(self.latitude, self.height) if self.gravity is None else self.gravity
         return Field(np.array([0.0, 0.0, gravity]), earth_rate_n(self.latitude), self.velocity_sigma)
 
 
 def around(step: float = np.deg2rad(45.0)) -> list[Pose]:
-    """Poses: inner rail once round and back, outer rail the same, and again with the inner rail turned by 90°."""
+    """Return poses: inner rail one turn and back, outer rail likewise, then outer rail again with the inner at 90°."""
     count = round(2.0 * np.pi / step)
     sweep = [k * step for k in (*range(1, count + 1), *range(count - 1, -1, -1))]
     quarter = 0.5 * np.pi
@@ -60,7 +60,7 @@ def around(step: float = np.deg2rad(45.0)) -> list[Pose]:
 def record(
     imu: ImuTruth, rig: ManualRig, poses: list[Pose], seed: int | np.random.SeedSequence
 ) -> tuple[Simulated, FreeMotion]:
-    """A recording of the unit carried through `poses` (outer, inner) from (0, 0), and the true motion.
+    """Return a recording of the unit moved through `poses` (outer, inner), rad, from (0, 0), and the true motion.
 
     There are no encoders: the angles are NaN, and the step is 0 throughout.
     """
@@ -77,7 +77,7 @@ def record(
 
 
 def push(rig: ManualRig, poses: list[Pose], random: np.random.Generator) -> tuple[FreeMotion, float]:
-    """The motion through `poses` and how long it takes, s."""
+    """Return the motion through `poses` and its duration, s."""
     hands, time = Hands(rig, random), rig.initial_rest
     for pose in poses:
         time = hands.push(pose, time) + rig.rest * random.uniform(0.8, 1.2)
@@ -85,24 +85,24 @@ def push(rig: ManualRig, poses: list[Pose], random: np.random.Generator) -> tupl
 
 
 def foot(rig: ManualRig, random: np.random.Generator) -> FloatArray:
-    """Attitude of the rig, tilted about a random direction, shape (3, 3)."""
+    """Return the attitude of the rig, tilted about a random direction, shape (3, 3)."""
     direction = random.standard_normal(3)
     return rotation(rig.tilt * direction / np.linalg.norm(direction))
 
 
 class Hands:
-    """Hands that push the rails; `at` are the rails' angles at the end of the last push, rad."""
+    """The operator who pushes the rails; `at` contains the rail angles at the end of the last push, rad, shape (2,)."""
 
     def __init__(self, rig: ManualRig, random: np.random.Generator) -> None:
         self._rig, self._random = rig, random
         self.at = np.zeros(2)
-        self._leaning = 0.0
+        self._lean_angle = 0.0
         self._rails: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
         self._shaken: tuple[list[Pulse], list[Pulse], list[Pulse]] = ([], [], [])
         self._settled = np.zeros(3)
 
     def push(self, pose: Pose, time: float) -> float:
-        """Push the rails from `time` on to about `pose` (outer, inner); returns when they are released, s."""
+        """Push the rails from `time` approximately to `pose` (outer, inner); return the time of their release, s."""
         rig, random, at = self._rig, self._random, self.at
         goal = np.asarray(pose) + rig.stop_sigma * random.standard_normal(2)
         far = float(np.abs(goal - at).max())
@@ -117,10 +117,10 @@ class Hands:
             self._rails[rail].append(Pulse(time, duration, first, tremor(random, 0.01 * abs(amount))))
             self._rails[rail].append(Pulse(time + duration, 0.5, float(correction[rail]), np.empty((0, 3))))
         lean = rig.play * random.uniform(-1.0, 1.0)
-        stays = 0.3 * lean - self._leaning
+        stays = 0.3 * lean - self._lean_angle
         self._rails[2].append(Pulse(time, 0.5 * duration, lean, tremor(random, 0.05 * rig.play)))
         self._rails[2].append(Pulse(time + 0.5 * duration, 0.5 * duration + 0.5, stays - lean, np.empty((0, 3))))
-        self._leaning += stays
+        self._lean_angle += stays
         for axis in range(3):
             sines = tremor(random, rig.shake)
             sines[:, 0] /= (2.0 * np.pi * sines[:, 1]) ** 2
@@ -129,7 +129,7 @@ class Hands:
         return time + duration + 0.5
 
     def forget(self, time: float) -> None:
-        """Merge the pushes that end before `time`, s, into constant angles; earlier times are not needed again."""
+        """Merge the pushes that end before `time`, s, into constant angles; do not request earlier times afterwards."""
         for rail, pulses in enumerate(self._rails):
             over = [p for p in pulses if p.start + p.duration <= time]
             self._settled[rail] += sum(p.amount for p in over)
@@ -138,7 +138,7 @@ class Hands:
             pulses[:] = [p for p in pulses if p.start + p.duration > time]
 
     def motion(self, base: FloatArray) -> FreeMotion:
-        """Motion of the unit by the pushes so far, on a rig with attitude `base`, shape (3, 3)."""
+        """Return the motion of the unit due to the pushes so far, on a rig with attitude `base`, shape (3, 3)."""
         outer, inner = self._rig.outer_axis, self._rig.inner_axis
         third = np.cross(outer, inner)
         courses = [Course(tuple(p), float(o)) for p, o in zip(self._rails, self._settled, strict=True)]
@@ -151,19 +151,19 @@ class Hands:
         return FreeMotion(links, np.eye(3), (x, y, z))
 
 
-#: Time between a request and the push, s.
-_REACTION = (0.5, 1.5)
-#: Share of positions at which the rig is touched again too soon.
-_IMPATIENT = 0.12
-#: How far such a touch turns a rail, rad.
-_TOUCHED = np.deg2rad(12.0)
+#: Range of the delay between a request and the push, s.
+_REACTION_TIME = (0.5, 1.5)
+#: Fraction of positions at which the rig is touched again too soon.
+_RETOUCH_FRACTION = 0.12
+#: Angle by which such a touch turns a rail, rad.
+_RETOUCH_ANGLE = np.deg2rad(12.0)
 
 
 class HandStream:
-    """Samples of one unit on a manual rig; the sizes of the requests do not change them.
+    """Samples of one unit on a manual rig; they do not depend on the sizes of the requests.
 
-    The operator reacts after a moment, and now and then touches the rig again before it has rested long enough.
-    `asked` is the pose requested last, rad.
+    The operator reacts after a delay, and occasionally touches the rig again before it has rested long enough. `asked`
+    is the last requested pose, rad.
     """
 
     def __init__(self, imu: ImuTruth, rig: ManualRig, seed: np.random.SeedSequence) -> None:
@@ -179,25 +179,25 @@ class HandStream:
 
     @property
     def produced(self) -> int:
-        """Samples so far."""
+        """Number of samples produced so far."""
         return self._samples.produced
 
     def carry(self, pose: Pose, rest: float, time: float) -> None:
-        """At `time`, s, request that the rails be brought to `pose` (outer, inner), rad, and left for `rest` s."""
+        """Request at `time`, s, a move of the rails to `pose` (outer, inner), rad, followed by a rest of `rest` s."""
         if pose == self.asked:
             return
         self.asked = pose
         hands, random = self._hands, self._random
         hands.forget(self.produced * self.interval)
-        self._free = hands.push(pose, max(time, self._free) + random.uniform(*_REACTION))
-        if random.uniform() < _IMPATIENT:
+        self._free = hands.push(pose, max(time, self._free) + random.uniform(*_REACTION_TIME))
+        if random.uniform() < _RETOUCH_FRACTION:
             rail, way = random.integers(2), random.choice([-1.0, 1.0])
             touched = list(pose)
-            touched[rail] += way * _TOUCHED
+            touched[rail] += way * _RETOUCH_ANGLE
             again = self._free + max(random.uniform(0.3, 0.7) * rest, 1.0)
             self._free = hands.push((touched[0], touched[1]), again)
         self._motion = hands.motion(self._base)
 
     def produce(self, count: int) -> StreamOutput:
-        """The next `count` samples."""
+        """Return the next `count` samples."""
         return self._samples.produce(count, self._motion)

@@ -6,40 +6,40 @@ from scipy.linalg import expm
 from calstation.bench.truth.kinematics import compiled
 from calstation.physics import FloatArray
 
-#: Correlation times of the bank, s, four apart.
+#: Correlation times of the bank of processes, s, in ratios of four.
 INSTABILITY_TIMES: tuple[float, ...] = (2.0, 8.0, 32.0, 128.0, 512.0, 2048.0)
 _SPACING = 4.0
 
-#: Samples this far apart of the base's velocity are uncorrelated, s.
+#: Interval at which samples of the base's velocity are uncorrelated, s.
 VIBRATION_INTERVAL = 0.1
 VIBRATION_DAMPING = 0.2
 
 
 def instability_variance(instability: FloatArray | float) -> FloatArray:
-    """Stationary variance of each process of the bank for a bias instability B.
+    """Return the stationary variance of each process of the bank for a bias instability B.
 
-    Processes with correlation times a factor ρ apart and equal variance s² add to the two-sided density
-    s²/(2 f ln ρ); flicker of instability B has B²/(2π f) (IEEE Std 952-1997, C.4), hence s² = B² ln ρ / π and
-    an Allan floor of sqrt(2 ln 2 / π) B = 0.664 B.
+    Processes with correlation times in ratios of ρ and equal variance s² sum to the two-sided density s²/(2 f ln ρ);
+    flicker noise of instability B has B²/(2π f) (IEEE Std 952-1997, C.4), hence s² = B² ln ρ / π and an Allan deviation
+    floor of sqrt(2 ln 2 / π) B = 0.664 B.
     """
     return np.asarray(np.square(instability) * (np.log(_SPACING) / np.pi), dtype=np.float64)
 
 
 def draw_instability(instability: FloatArray, random: np.random.Generator) -> FloatArray:
-    """Draw the bank's stationary state for B of shape (k,), shape (k, m)."""
+    """Draw the bank's stationary state, shape (k, m), for B of shape (k,)."""
     sigma = np.sqrt(instability_variance(instability))[:, None]
     return sigma * random.standard_normal((len(instability), len(INSTABILITY_TIMES)))
 
 
 def instability_steps(instability: FloatArray, interval: float) -> tuple[FloatArray, FloatArray]:
-    """Decay per sample, shape (m,), and driven sigma, shape (k, m), of the bank for B of shape (k,)."""
+    """Return decay per sample, shape (m,), and driving sigma, shape (k, m), of the bank for B of shape (k,)."""
     decay = np.exp(-interval / np.array(INSTABILITY_TIMES))
     sigma = np.sqrt(instability_variance(instability))[:, None] * np.sqrt(1.0 - decay**2)
     return decay, sigma
 
 
 def vibration_frequency() -> float:
-    """Undamped frequency of the base, rad/s: the fourth zero of its velocity's autocorrelation is at 0.1 s.
+    """Return the undamped frequency, rad/s, that puts the fourth zero of the velocity autocorrelation at 0.1 s.
 
     A resonance x'' + 2ζω x' + ω² x = w driven by white noise has the velocity autocorrelation
     e^(−ζωτ)(cos ω_d τ − ζω/ω_d sin ω_d τ) (Crandall & Mark 1963).
@@ -51,7 +51,7 @@ def vibration_frequency() -> float:
 class Vibration:
     """Velocity of the vibrating base along each axis of n, continued from call to call.
 
-    `velocity_sigma` is the rms, m/s; for 0 nothing is drawn.
+    `velocity_sigma` is the rms velocity, m/s; if it is 0, nothing is drawn.
     """
 
     def __init__(self, velocity_sigma: float, interval: float, random: np.random.Generator) -> None:
@@ -69,13 +69,13 @@ class Vibration:
         self._state = stationary[:, None] * random.standard_normal((2, 3))
 
     def velocities(self, normals: FloatArray) -> FloatArray:
-        """Velocities at the borders of the next n samples, m/s, shape (n + 1, 3), from normals of shape (n, 6)."""
+        """Return velocities at the borders of n samples, m/s, shape (n + 1, 3), from `normals` of shape (n, 6)."""
         return _shake(self._state, self._transition, self._root, normals)
 
 
 @compiled
 def _shake(state: FloatArray, transition: FloatArray, root: FloatArray, normals: FloatArray) -> FloatArray:
-    """Velocities of the base, m/s, shape (n + 1, 3); updates `state`, shape (2, 3)."""
+    """Return velocities of the base, m/s, shape (n + 1, 3); updates `state`, shape (2, 3)."""
     velocity = np.empty((normals.shape[0] + 1, 3))
     velocity[0] = state[1]
     for n in range(normals.shape[0]):

@@ -1,4 +1,4 @@
-"""Simulates a plan on the truth without any protocol, for the Monte Carlo study."""
+"""Simulate a plan from the true values without any protocol, for the Monte Carlo study."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from calstation.physics import Dwell, FloatArray, IntArray, Move, RoundEnd, Step
 
 #: Time between encoder readings, s.
 POLL_INTERVAL = 0.05
-#: Of the unit, °C.
+#: Temperature of the unit, °C.
 TEMPERATURE = 25.0
 
 
@@ -22,7 +22,7 @@ TEMPERATURE = 25.0
 class BenchTruth:
     """True values of everything that the station estimates.
 
-    `azimuth`, rad, is that of the station file; the true one is `table.azimuth`. `outer_lever` is "estimated", or
+    `azimuth`, rad, is that of the station file; the true azimuth is `table.azimuth`. `outer_lever` is "estimated", or
     "fixed" at 0.
     """
 
@@ -41,10 +41,10 @@ class BenchTruth:
 
 @dataclass(frozen=True)
 class Simulated:
-    """Samples of one stage, as an ideal acquisition would stamp them.
+    """Samples of one stage, with the timestamps of an ideal acquisition.
 
-    `time` is the end of each sample, s. `angles` are encoder angles there, rad, NaN between polls, shape (n, 2). `step`
-    counts the moves so far.
+    `time` is the end of each sample, s. `angles` are the encoder angles at these times, rad, NaN between polls, shape
+    (n, 2). `step` is the number of moves so far.
     """
 
     stage: str
@@ -57,7 +57,7 @@ class Simulated:
 
 
 class Simulator:
-    """Runs stage after stage on one bench; time, joints, noise, counter and step carry on.
+    """Simulates consecutive stages on one bench; time, joints, noise, counter and step continue from stage to stage.
 
     Equal seeds and plans give equal samples.
     """
@@ -67,7 +67,7 @@ class Simulator:
         stream_seed, encoder_seed = root.spawn(2)
         self._stream = SensorStream(truth.imu, truth.table, stream_seed)
         self._drive = TableDrive(truth.encoder, seed=encoder_seed)
-        self._every = max(1, round(POLL_INTERVAL * truth.imu.sample_rate))
+        self._poll_every = max(1, round(POLL_INTERVAL * truth.imu.sample_rate))
         self._step = 0
 
     @property
@@ -76,9 +76,9 @@ class Simulator:
         return self._stream.time
 
     def run(self, steps: Iterable[Step], stage: str, rounds: int | None = None) -> Simulated:
-        """Drive one stage; an endless plan needs `rounds`.
+        """Simulate one stage; an endless plan needs `rounds`.
 
-        A move lasts until both joints have settled, a dwell its duration after that; other steps take no time.
+        A move lasts until both joints have settled, and a dwell for its duration; other steps take no time.
         """
         parts: list[tuple[FloatArray, FloatArray, IntArray]] = []
         first = self._stream.produced
@@ -103,12 +103,12 @@ class Simulator:
         return np.asarray((seq + 1) * self._stream.interval, dtype=np.float64)
 
     def _produce(self, duration: float) -> tuple[FloatArray, FloatArray, IntArray]:
-        """Counts, encoder angles and step numbers of the samples in the next `duration` s."""
+        """Return counts, encoder angles and step numbers of the samples in the next `duration`, s."""
         count = int(np.ceil(duration / self._stream.interval - 1e-9))
         first = self._stream.produced
         outer, inner = self._drive.profiles
         counts = self._stream.produce(count, outer, inner).counts
         angles = np.full((count, 2), np.nan)
-        polled = np.flatnonzero((np.arange(first, first + count) + 1) % self._every == 0)
+        polled = np.flatnonzero((np.arange(first, first + count) + 1) % self._poll_every == 0)
         angles[polled] = self._drive.readings(self._ends(first + polled))
         return counts, angles, np.full(count, self._step, dtype=np.int64)

@@ -9,7 +9,7 @@ from calstation.bench.truth.table import TableTruth
 
 
 class SensorStream:
-    """Samples of one unit on one table; the sizes of the requests do not change them."""
+    """Samples of one unit on one table; they do not depend on the sizes of the requests."""
 
     def __init__(self, imu: ImuTruth, table: TableTruth, seed: int | np.random.SeedSequence) -> None:
         self.interval = 1.0 / imu.sample_rate
@@ -31,7 +31,7 @@ class SensorStream:
         return self.produced * self.interval
 
     def produce(self, count: int, outer: JointProfile, inner: JointProfile) -> StreamOutput:
-        """The next `count` samples while the joints follow these profiles."""
+        """Return the next `count` samples while the joints follow these profiles."""
         normals = self._random.standard_normal((count, self._columns))
         vibration = self._vibration
         velocity = vibration.velocities(normals[:, -6:]) if vibration.active else np.zeros((count + 1, 3))

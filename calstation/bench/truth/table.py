@@ -3,13 +3,13 @@
     C_b^n = R_base · Rz(−azimuth) · W_o · R(outer axis, q_o) · R_orth · W_i · R(inner axis, q_i) · R_mount
 
 W is the wobble of a bearing: a tilt of constant size ε whose direction turns with the joint,
-W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), u normal to the axis a. The whole is therefore a chain of constant
-rotations P_j and of turns about constant axes by angles linear in the joints, and rate and acceleration pass
-through each link exactly: with R = R(a, θ),
+W = R(a, kq + ψ) · R(u, ε) · R(a, −kq − ψ), with u normal to the axis a. The attitude is therefore a chain of constant
+rotations P_j and of turns about constant axes by angles linear in the joint angles, and rate and acceleration are
+transformed exactly by each link: with R = R(a, θ),
 
     ω' = Rᵀω + a θ',    ω'' = Rᵀω'' − θ' a × (Rᵀω) + a θ''        (rigid-body kinematics, rotating axes)
 
-starting from the earth's rotation in n, so that the end of the chain is ω_ib in b.
+starting from the earth rate in n, so that the chain ends with ω_ib in b.
 """
 
 from dataclasses import dataclass
@@ -21,18 +21,18 @@ from calstation.physics import FloatArray
 
 #: Rotation rate of the earth, rad/s.
 EARTH_RATE = 7.292115e-5
-#: Semi-major axis, m.
+#: Semi-major axis of the ellipsoid, m.
 SEMI_MAJOR = 6378137.0
 FLATTENING = 1.0 / 298.257223563
 #: Gravity at the equator, m/s².
 EQUATOR_GRAVITY = 9.7803253359
 SOMIGLIANA = 1.931852652458e-3
-#: Centrifugal over gravitational acceleration at the equator, ω²a²b/GM.
+#: Ratio of centrifugal to gravitational acceleration at the equator, ω²a²b/GM.
 CENTRIFUGAL_RATIO = 3.449786506841e-3
 
 
 def normal_gravity(latitude: float, height: float) -> float:
-    """Somigliana gravity at a geodetic latitude, rad, carried to a height above the ellipsoid, m; m/s²."""
+    """Return Somigliana's normal gravity, m/s², at a geodetic latitude, rad, and height above the ellipsoid, m."""
     sine2 = np.sin(latitude) ** 2
     eccentricity2 = FLATTENING * (2.0 - FLATTENING)
     surface = EQUATOR_GRAVITY * (1.0 + SOMIGLIANA * sine2) / np.sqrt(1.0 - eccentricity2 * sine2)
@@ -41,16 +41,16 @@ def normal_gravity(latitude: float, height: float) -> float:
 
 
 def earth_rate_n(latitude: float) -> FloatArray:
-    """Rotation of the earth in east, north, up, rad/s, shape (3,)."""
+    """Return the rotation rate of the earth in east, north, up, rad/s, shape (3,)."""
     return EARTH_RATE * np.array([0.0, np.cos(latitude), np.sin(latitude)])
 
 
-#: Turns of the tilt's direction per turn of the joint; 0 and 1 would be constant tilts of stator and rotor.
+#: Turns of the tilt direction per turn of the joint; 0 and 1 would be constant tilts of stator and rotor.
 WOBBLE_HARMONIC = 2.0
 
 
 def rotation(vector: FloatArray) -> FloatArray:
-    """Matrix of the rotation by |vector| rad about `vector` (Rodrigues), shape (3, 3)."""
+    """Return the matrix of the rotation by |vector| rad about `vector` (Rodrigues), shape (3, 3)."""
     angle = float(np.linalg.norm(vector))
     if angle == 0.0:
         return np.eye(3)
@@ -63,10 +63,10 @@ def rotation(vector: FloatArray) -> FloatArray:
 class TableTruth:
     """True geometry and site of the table; angles in rad, rotation vectors of shape (3,).
 
-    `base_tilt` turns the base in n, `mount` the unit on the inner platform. `non_orthogonality` turns the inner axis
-    about (outer × inner). `wobble` tilts the outer and the inner bearing towards `wobble_phase` at angle 0.
-    `velocity_sigma` is the rms velocity of the centre along each axis of n, m/s. `gravity` None stands for the normal
-    gravity.
+    `base_tilt` rotates the base in n, `mount` the unit on the inner platform. `non_orthogonality` rotates the inner
+    axis about (outer × inner). `wobble` tilts the outer and inner bearings towards `wobble_phase` at angle 0.
+    `velocity_sigma` is the rms velocity of the centre along each axis of n, m/s. If `gravity` is None, normal gravity
+    applies.
     """
 
     latitude: float
@@ -94,10 +94,10 @@ class TableTruth:
         return earth_rate_n(self.latitude)
 
     def chain(self) -> FloatArray:
-        """The chain for the compiled functions, shape (5, 15).
+        """Return the chain for the compiled functions, shape (5, 15).
 
-        A row holds P_j transposed (9 numbers), the axis (3), and the gains of θ on q_o and q_i and its phase;
-        the last row is the mount alone.
+        A row contains P_j transposed (9 numbers), the axis (3), the gains of θ on q_o and q_i, and its phase; the last
+        row is only the mount.
         """
         outer, inner = _unit(self.outer_axis), _unit(self.inner_axis)
         hinge = _unit(np.cross(outer, inner))
@@ -121,7 +121,7 @@ def _unit(vector: FloatArray | tuple[float, float, float]) -> FloatArray:
 
 @compiled
 def _turn_back(axis: FloatArray, sine: float, cosine: float, vector: FloatArray) -> None:
-    """Vector ← R(axis, θ)ᵀ vector."""
+    """Replace `vector` by R(axis, θ)ᵀ vector."""
     ax, ay, az = axis[0], axis[1], axis[2]
     x, y, z = vector[0], vector[1], vector[2]
     along = (ax * x + ay * y + az * z) * (1.0 - cosine)
@@ -132,7 +132,7 @@ def _turn_back(axis: FloatArray, sine: float, cosine: float, vector: FloatArray)
 
 @compiled
 def _constant_back(link: FloatArray, vector: FloatArray) -> None:
-    """Vector ← Pᵀ vector, Pᵀ in the first nine numbers of a link."""
+    """Replace `vector` by Pᵀ vector, with Pᵀ in the first nine numbers of a link."""
     x, y, z = vector[0], vector[1], vector[2]
     vector[0] = link[0] * x + link[1] * y + link[2] * z
     vector[1] = link[3] * x + link[4] * y + link[5] * z
@@ -141,7 +141,7 @@ def _constant_back(link: FloatArray, vector: FloatArray) -> None:
 
 @compiled
 def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray) -> FloatArray:
-    """A vector of n in b at joint angles in rad, shape (3,)."""
+    """Transform a vector from n to b at joint angles in rad, shape (3,)."""
     vector = vector_n.copy()
     for j in range(chain.shape[0]):
         link = chain[j]
@@ -153,9 +153,9 @@ def to_body(chain: FloatArray, outer: float, inner: float, vector_n: FloatArray)
 
 @compiled
 def body_motion(chain: FloatArray, outer: FloatArray, inner: FloatArray, vectors: FloatArray) -> None:
-    """Carry a fixed vector, ω and its derivative (rows of `vectors`, in n) into b, in place.
+    """Transform a fixed vector, ω and its derivative (rows of `vectors`) from n to b, in place.
 
-    `outer` and `inner` hold angle, rate and acceleration of the joints.
+    `outer` and `inner` are angle, rate and acceleration of the joints.
     """
     for j in range(chain.shape[0]):
         link = chain[j]

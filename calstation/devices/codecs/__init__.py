@@ -1,6 +1,6 @@
-"""Numbers, checks and conventions as bytes and registers hold them.
+"""Encoding of numbers, checks and matrix conventions in bytes and registers.
 
-Pure functions; no profile and no port.
+All functions are pure and depend on neither profiles nor ports.
 """
 
 import lazy_loader as lazy

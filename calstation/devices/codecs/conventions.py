@@ -1,13 +1,13 @@
 """Converts a sensor's parameters to the matrix and offset of a unit's own formula, and back, exactly.
 
-The error model is measured = (I + M) true + b; a unit computes from its registers' matrix R and offset B one of
+The error model is measured = (I + M) true + b. From the matrix R and offset B in its registers, a unit computes either
 
     corrected = C (measured − B)        offset before the matrix
     corrected = C measured − B          offset after it
 
-with C given by R: C itself ("correction"), or its inverse E = C⁻¹, the error matrix that the unit inverts ("error");
-with the identity or without it, C = I + R; with that part negated, C = I − R; and with B added instead of subtracted.
-Whatever the convention, corrected = true exactly, not to first order.
+where R is C itself ("correction"), or its inverse E = C⁻¹, the error matrix that the unit inverts ("error"). R may omit
+the identity, C = I + R, and may then be negated, C = I − R. B may be added instead of subtracted. In every convention,
+corrected = true holds exactly, not only to first order.
 """
 
 from collections.abc import Iterable, Mapping
@@ -22,17 +22,17 @@ from calstation.schema import EntryError, StrictModel
 
 SENSORS = ("gyro", "accel")
 
-#: Largest rounding above the diagonal of an accelerometer's matrix.
+#: Largest rounding error accepted above the diagonal of an accelerometer's error matrix.
 _TRIANGULAR = 1e-6
 
 
 class Convention(StrictModel):
-    """`convention` of a register entry with a matrix or an offset.
+    """`convention` of a register entry that contains a matrix or an offset.
 
-    matrix : "correction", which multiplies the output, or "error", its inverse
-    identity : the registers include the ones on the diagonal
-    negated : of a matrix without identity, the registers hold it with the opposite sign
-    offset : subtracted "before" or "after" the matrix; added : the unit adds it instead
+    matrix : "correction", the matrix that multiplies the output, or "error", its inverse
+    identity : whether the registers include the ones on the diagonal
+    negated : whether a matrix without the identity is stored with the opposite sign
+    offset : whether it is subtracted "before" or "after" the matrix is applied; added : whether it is added instead
     """
 
     matrix: Literal["correction", "error"] = "correction"
@@ -49,21 +49,21 @@ class Convention(StrictModel):
 
 
 def matrix_slots(sensor: str) -> tuple[str, ...]:
-    """Names of a sensor's matrix elements in registers, row by row."""
+    """Return the names of a sensor's matrix elements in registers, row by row."""
     return tuple(f"{sensor}_matrix_{a}{b}" for a in AXES for b in AXES)
 
 
 def offset_slots(sensor: str) -> tuple[str, ...]:
-    """Names of a sensor's offsets in registers."""
+    """Return the names of a sensor's offsets in registers."""
     return tuple(f"{sensor}_offset_{axis}" for axis in AXES)
 
 
-#: Names that registers may have besides the parameters themselves.
+#: Names that register entries may contain besides the parameters themselves.
 SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor)))
 
 
 def parameter_of(name: str) -> str | None:
-    """The parameter of a slot, or the name itself if it is none; None for an element that is 0 in the error model."""
+    """Return the parameter of a slot, or `name` if not a slot; None for an element that is 0 in the error model."""
     if name not in SLOTS:
         return name
     sensor, kind, element = name.split("_")
@@ -76,7 +76,7 @@ def parameter_of(name: str) -> str | None:
 def to_registers(
     sensor: str, values: Mapping[str, float], slots: Iterable[str], matrix: Convention, offset: Convention
 ) -> dict[str, float]:
-    """Values of a sensor's slots from parameters by contract name, SI; those without a slot count as 0."""
+    """Convert parameters by contract name, SI, to the values of a sensor's slots; those without a slot count as 0."""
     present = set(slots)
     held = {slot: parameter_of(slot) for slot in present}
     error = np.eye(3)
@@ -101,8 +101,8 @@ def to_registers(
 
 
 def from_registers(sensor: str, held: Mapping[str, float], matrix: Convention, offset: Convention) -> dict[str, float]:
-    """Parameters from the values of a sensor's slots, SI; NaN if their matrix cannot be inverted. Raises
-    DeviceFaultError if an accelerometer's matrix is not lower triangular: the error model has no such matrix.
+    """Convert the values of a sensor's slots to parameters, SI; NaN if the matrix cannot be inverted. Raises
+    DeviceFaultError if an accelerometer's matrix is not lower triangular, which the error model cannot represent.
     """
     stored = np.zeros((3, 3)) if not matrix.identity else np.eye(3)
     for i, slot in enumerate(matrix_slots(sensor)):
@@ -138,7 +138,7 @@ def _inverse(matrix: FloatArray) -> FloatArray:
 
 
 def legal_range(slot: str, sigmas: Mapping[str, float], convention: Convention) -> tuple[float, float] | None:
-    """Lowest and highest value of a slot over all units within `sigmas`, to first order, widened by half; or None."""
+    """Return the range of a slot's values for units within `sigmas`, to first order and widened by half, or None."""
     name = parameter_of(slot)
     reach = sigmas.get(name) if name is not None else None
     if reach is None:

@@ -1,4 +1,4 @@
-"""Frame checks by name: the CRCs, sums and parities that profiles may name, and CRCs by their parameters."""
+"""Frame checks: the CRCs, sums and parities that profiles may name, and CRCs defined by parameters."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -17,7 +17,7 @@ def _xor(data: bytes) -> int:
 
 
 def _fletcher(data: bytes) -> int:
-    """Fletcher's sum modulo 256: the sum of the bytes, then the sum of all partial sums."""
+    """Return Fletcher's checksum modulo 256: the sum of the bytes, then the sum of all partial sums."""
     values = np.frombuffer(data, np.uint8).astype(np.int64)
     return (int(values.sum()) & 0xFF) << 8 | int(values @ np.arange(len(values), 0, -1)) & 0xFF
 
@@ -41,12 +41,12 @@ _CHECKS = {**_CRCS, **_SUMS}
 #: Size in bytes of each kind of CRC.
 CRC_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CRCS.items()}
 
-#: Size in bytes of each kind of check, sums and parities included.
+#: Size in bytes of each kind of check, including sums and parities.
 CHECK_WIDTHS: dict[str, int] = {kind: width for kind, (width, _) in _CHECKS.items()}
 
 
 def check_bytes(kind: str, data: bytes, byte_order: Literal["little", "big"]) -> bytes:
-    """The check of `data` on the wire."""
+    """Return the check of `data` as bytes on the wire."""
     width, function = _CHECKS[kind]
     return function(data).to_bytes(width, byte_order)
 
@@ -59,15 +59,15 @@ def check_function(kind: str) -> CheckFunction:
 def parametric_crc(
     width: int, polynomial: int, initial: int, reflect_in: bool, reflect_out: bool, final_xor: int
 ) -> CheckFunction:
-    """A CRC by the Rocksoft model (R. Williams, A Painless Guide to CRC Error Detection, 1993).
+    """Return the function of a CRC in the Rocksoft model (R. Williams, A Painless Guide to CRC Error Detection, 1993).
 
     Parameters
     ----------
-    width : bits, 8 to 32 in whole bytes
-    polynomial : without its leading 1, the highest power first
-    initial : content of the register before the first byte
-    reflect_in, reflect_out : whether each byte, or the result, is mirrored
-    final_xor : applied to the result
+    width : number of bits, 8 to 32 in steps of 8
+    polynomial : coefficients without the leading 1, highest power first
+    initial : content of the CRC register before the first byte
+    reflect_in, reflect_out : whether the bits of each input byte, or of the result, are reversed
+    final_xor : value that is XORed with the result
     """
     top, mask = 1 << (width - 1), (1 << width) - 1
     table = np.empty(256, np.int64)

@@ -14,7 +14,7 @@ from calstation.physics import FloatArray, IntArray
 from calstation.schema import EntryError
 
 ByteOrder = Literal["little", "big"]
-#: Order of the 16-bit words of a number; `fraction_first`: of a Q format, the fraction before the whole part.
+#: Order of the 16-bit words of a number; `fraction_first` is a Q format with the fraction before the integer part.
 WordOrder = Literal["little", "big", "fraction_first"]
 
 _INTEGER = re.compile(r"([ui])(8|16|24|32|40|48|56|64)")
@@ -24,7 +24,7 @@ _Q = re.compile(r"(u?)q(\d{1,2})\.(\d{1,2})")
 
 @dataclass(frozen=True)
 class Number:
-    """A type of number: unsigned, signed or IEEE 754, its bytes, and the binary digits after a Q format's point."""
+    """A number type: unsigned, signed or IEEE 754, its width in bytes, and the fraction bits of a Q format."""
 
     kind: Literal["u", "i", "f"]
     width: int
@@ -32,7 +32,7 @@ class Number:
 
     @property
     def whole(self) -> bool:
-        """Whether it holds whole numbers only."""
+        """Whether the type represents integers only."""
         return self.kind != "f" and self.fraction == 0
 
     @property
@@ -45,12 +45,12 @@ class Number:
 
     @property
     def raw_bounds(self) -> tuple[int, int]:
-        """Lowest and highest integer on the wire; not of floats."""
+        """Lowest and highest integer on the wire; undefined for floats."""
         bits = 8 * self.width
         return (-(1 << (bits - 1)), (1 << (bits - 1)) - 1) if self.kind == "i" else (0, (1 << bits) - 1)
 
     def nearest(self, value: float) -> float:
-        """The representable value nearest to `value`; raises ValueError if it is out of range."""
+        """Return the representable value nearest to `value`; raises ValueError if `value` is out of range."""
         if self.kind == "f":
             if not abs(value) <= self.bounds[1]:
                 raise ValueError(f"{value:g} cannot be held")
@@ -67,7 +67,7 @@ class Number:
         return raw
 
     def pack(self, value: float, byte_order: ByteOrder, word_order: WordOrder | None = None) -> bytes:
-        """The bytes of `value` on the wire; raises ValueError if it is out of range."""
+        """Return the bytes of `value` on the wire; raises ValueError if it is out of range."""
         if self.kind == "f":
             plain = struct.pack(">f" if self.width == 4 else ">d", self.nearest(value))
         else:
@@ -78,12 +78,12 @@ class Number:
         return bytes(wire)
 
     def unpack(self, wire: bytes, byte_order: ByteOrder, word_order: WordOrder | None = None) -> float:
-        """The value of `width` bytes from the wire."""
+        """Return the value of `width` bytes from the wire."""
         column = np.frombuffer(wire, np.uint8, self.width)[None, :]
         return float(self.column(column, byte_order, word_order)[0])
 
     def native(self, byte_order: ByteOrder, word_order: WordOrder | None = None) -> np.dtype[np.generic] | None:
-        """The numpy type that reads its bytes on the wire; None if there is none."""
+        """Return the NumPy type that reads the bytes on the wire, or None if there is none."""
         if self.fraction or self.width not in (1, 2, 4, 8) or word_order not in (None, byte_order):
             return None
         return np.dtype(f"{'<' if byte_order == 'little' else '>'}{self.kind}{self.width}")
@@ -91,13 +91,13 @@ class Number:
     def column(
         self, wire: NDArray[np.uint8], byte_order: ByteOrder, word_order: WordOrder | None = None
     ) -> FloatArray | IntArray:
-        """Values of many numbers from their bytes, shape (n, width): int64 if whole (of u64 the lower 63 bits and a
-        sign), else float64.
+        """Decode many numbers from their bytes, shape (n, width), to int64 if whole (u64 wraps around to negative
+        values), else to float64.
         """
         plain = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":
             real = np.ascontiguousarray(plain).view(">f4" if self.width == 4 else ">f8")
-            with np.errstate(invalid="ignore"):  # a signalling NaN is only a NaN here
+            with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any NaN
                 return np.asarray(real[:, 0].astype(np.float64))
         padded = np.zeros((len(plain), 8), dtype=np.uint8)
         padded[:, 8 - self.width :] = plain
@@ -109,7 +109,7 @@ class Number:
         return np.asarray(whole * 2.0**-self.fraction)
 
     def _positions(self, byte_order: ByteOrder, word_order: WordOrder | None) -> list[int]:
-        """Positions of the bytes on the wire, most significant first."""
+        """Return the positions of the bytes on the wire, most significant first."""
         places = list(range(self.width))
         if word_order == "fraction_first":
             split = self.fraction // 8
@@ -124,7 +124,7 @@ class Number:
 
 @cache
 def number(name: str) -> Number:
-    """The number of a type's name; raises EntryError for an unknown one."""
+    """Return the number type with this name; raises EntryError for an unknown name."""
     if match := _INTEGER.fullmatch(name):
         return Number("u" if match[1] == "u" else "i", int(match[2]) // 8)
     if match := _FLOAT.fullmatch(name):
@@ -137,7 +137,7 @@ def number(name: str) -> Number:
 
 
 def check_orders(name: str, word_order: WordOrder | None) -> None:
-    """Check that a type can have this word order; raises EntryError."""
+    """Check that a number type can have this word order; raises EntryError."""
     kind = number(name)
     if word_order == "fraction_first" and (kind.fraction == 0 or kind.fraction % 8):
         raise EntryError("profile.fraction_first", "word_order", type=name)
@@ -150,11 +150,11 @@ def _known(name: str) -> str:
     return name
 
 
-#: A type's name in a profile.
+#: Name of a number type in a profile.
 NumberName = Annotated[str, AfterValidator(_known)]
 
 
 def check_code(code: str) -> None:
-    """Check a device's code as written in a profile, in ASCII digits; raises EntryError."""
+    """Check that a device code in a profile is a decimal number in ASCII digits; raises EntryError."""
     if not (code.isascii() and code.isdecimal() and code == str(int(code))):
         raise EntryError("profile.not_a_code")

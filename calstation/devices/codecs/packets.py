@@ -1,19 +1,19 @@
-"""Packets in a byte stream: the protocol of their kinds, replies to commands, and bytes quoted in messages."""
+"""Packets in a byte stream: interface of packet kinds, replies to commands, and quoting of bytes in messages."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
-#: Characters of quoted bytes, unless the caller asks for another length.
+#: Default length of quoted bytes, characters.
 QUOTE_LENGTH = 40
 
 
 class PacketKind(Protocol):
-    """One kind of packet that a stream may carry; `sync` are the bytes that begin it."""
+    """A kind of packet in a stream; `sync` are the bytes that begin it."""
 
     sync: bytes
 
     def size(self, buffer: bytes, start: int) -> int | None:
-        """Size in bytes of the packet that begins at `start`: None until more bytes have come, 0 if none begins."""
+        """Return the size in bytes of the packet at `start`: None until more bytes arrive, 0 if there is none."""
 
     def is_valid(self, packet: bytes) -> bool:
         """Whether a complete packet passes its check."""
@@ -21,21 +21,21 @@ class PacketKind(Protocol):
 
 @dataclass(frozen=True)
 class Reply:
-    """Op and payload of a reply; a line of text has op 0 and is the payload itself."""
+    """Op code and payload of a reply; a line of text has op 0 and is itself the payload."""
 
     op: int
     payload: bytes
 
 
 class ReplyKind(PacketKind, Protocol):
-    """Packets that answer commands."""
+    """A kind of packet that replies to commands."""
 
     def reply(self, packet: bytes) -> Reply:
-        """Content of a valid packet."""
+        """Return the content of a valid packet."""
 
 
 def quoted(data: bytes, length: int = QUOTE_LENGTH) -> str:
-    r"""The first characters of some bytes, unprintable ones as ``\x00``; "..." stands for what is left out."""
+    r"""Quote the first characters of a byte string, unprintable ones as ``\x00``; "..." marks the omitted rest."""
     text = ""
     for byte in data:
         letter = chr(byte) if 0x20 <= byte < 0x7F and byte != 0x5C else f"\\x{byte:02x}"
@@ -46,5 +46,5 @@ def quoted(data: bytes, length: int = QUOTE_LENGTH) -> str:
 
 
 def quoted_text(text: str, length: int = QUOTE_LENGTH) -> str:
-    """The same for text in which each letter is one byte."""
+    """Quote the first characters of text in which each character is one byte, like `quoted`."""
     return quoted(text.encode("latin-1", "replace"), length)

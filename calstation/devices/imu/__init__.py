@@ -1,6 +1,6 @@
-"""Drivers of IMUs, from bytes to samples, and the transfer of calibration registers.
+"""IMU drivers, which decode bytes to samples, and the transfer of calibration registers.
 
-Opening a station belongs to `connection`.
+Stations are opened by `connection`.
 """
 
 import lazy_loader as lazy

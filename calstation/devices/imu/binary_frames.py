@@ -14,14 +14,14 @@ Column = FloatArray | IntArray
 
 @dataclass(frozen=True)
 class Columns:
-    """Raw numbers of consecutive packets by field, 0 or NaN if a packet has none, and which have one; shape (n,)."""
+    """Raw numbers of packets by field, 0 or NaN if absent, and masks of the packets that have the field; shape (n,)."""
 
     values: dict[str, Column]
     present: dict[str, BoolArray]
 
 
 class BinaryFrame:
-    """Frames of a binary format: fixed, with a length field, or of items with ids."""
+    """A binary frame format: of fixed layout, with a length field, or composed of items with ids."""
 
     def __init__(self, frame: FrameSection) -> None:
         self.sync = frame.sync_bytes
@@ -69,12 +69,12 @@ class BinaryFrame:
         return self._frame.items is None or not self.is_sample(packet) or self._walk(packet) is not None
 
     def is_sample(self, packet: bytes) -> bool:
-        """Whether a valid packet has the samples' id."""
+        """Whether a valid packet has the id of sample frames."""
         at = self._frame.id.at if self._frame.id else 0
         return packet[at : at + len(self._id)] == self._id
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
-        """Numbers of valid packets, decoded at once for all of one layout."""
+        """Return the numbers of valid packets; all packets with the same layout are decoded together."""
         alike: dict[tuple[int, bytes], list[int]] = {}
         for row, packet in enumerate(packets):
             alike.setdefault(self._layout_key(packet), []).append(row)
@@ -88,7 +88,7 @@ class BinaryFrame:
         return Columns(values, present)
 
     def _layout_key(self, packet: bytes) -> tuple[int, bytes]:
-        """Key of a packet's layout: packets of one key have their numbers at the same bytes."""
+        """Return the key of a packet's layout; packets with equal keys have their numbers at the same bytes."""
         if self._frame.items is None:
             return len(packet), b""
         heads = self._walk(packet) or []
@@ -119,7 +119,7 @@ class BinaryFrame:
         return places
 
     def _extra(self, packet: bytes) -> int:
-        """Bytes by which an extended length shifts what follows it."""
+        """Return the number of bytes by which an extended length shifts the data after it."""
         length = self._frame.length
         if length is None or not length.extended:
             return 0
@@ -128,7 +128,7 @@ class BinaryFrame:
         return number(length.extended).width if long else 0
 
     def _walk(self, packet: bytes) -> list[tuple[bytes, int, int]] | None:
-        """Id, start and size of the data of every item; None if they do not fill the packet exactly."""
+        """Return id, data start and data size of every item, or None if the items do not fill the packet exactly."""
         items = self._frame.items
         assert items is not None
         start = items.at + self._extra(packet)
@@ -169,7 +169,7 @@ class Layout:
 
     def read(self, packets: bytes) -> dict[str, Column]:
         rows = np.frombuffer(packets, self._plain)
-        with np.errstate(invalid="ignore"):  # a signalling NaN is only a NaN here
+        with np.errstate(invalid="ignore"):  # a signalling NaN is treated like any NaN
             found: dict[str, Column] = {
                 name: rows[name].astype(np.int64) if self._whole[name] else rows[name].astype(np.float64)
                 for name in self._plain.names or ()
@@ -181,7 +181,7 @@ class Layout:
         return found
 
 
-#: Number of layouts that are remembered: noise that passes a check must not fill the memory.
+#: Largest number of stored layouts, so that noise which passes a check cannot fill the memory.
 _LAYOUTS_KEPT = 256
 
 

@@ -1,4 +1,4 @@
-"""The driver of an IMU by its profile's protocol, and the driver of an IMU that only streams."""
+"""Selects the driver of an IMU by its profile's protocol, and drives IMUs that only stream."""
 
 from collections.abc import Callable, Mapping
 
@@ -13,7 +13,7 @@ from calstation.devices.profiles import ImuProfile
 
 
 class SilentImu(StreamedImu):
-    """An IMU that streams by itself, in one way: it takes no command, has no registers and cannot be identified."""
+    """An IMU that only streams: it accepts no commands, has no registers and cannot be identified."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, serial: str) -> None:
         super().__init__(link, profile, None)
@@ -22,7 +22,7 @@ class SilentImu(StreamedImu):
     def start(self, *, corrected: bool = False) -> None: ...
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> None:
-        """Forget noise only: a unit that restarted streams again by itself."""
+        """Reset the noise count only, because a unit that has restarted resumes its stream by itself."""
         self._forget_noise()
 
     def identify(self) -> ImuIdentity:
@@ -46,7 +46,7 @@ _DRIVERS: dict[str, Callable[[SerialLink, ImuProfile], RegisteredImu]] = {
 
 
 def open_imu(link: SerialLink, profile: ImuProfile, serial: str) -> StreamedImu:
-    """The driver of an IMU, not streaming yet; the operator's `serial` is used if the unit cannot report its own."""
+    """Return the driver of an IMU, not yet streaming; the operator's `serial` is used if the unit reports none."""
     if profile.protocol == "stream":
         return SilentImu(link, profile, serial)
     return _DRIVERS[profile.protocol](link, profile)

@@ -19,9 +19,9 @@ _PAYLOAD = 255
 
 
 class FramedImu(RegisteredImu):
-    """The IMU of a profile on a link; one thread owns the port, reads samples and sends commands.
+    """Driver of an IMU on a link; one thread owns the port, reads samples and sends commands.
 
-    Registers are read and written by address u16, count u8 and the numbers themselves.
+    Registers are read and written with address u16, count u8 and the numbers themselves.
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
@@ -30,7 +30,7 @@ class FramedImu(RegisteredImu):
         super().__init__(link, profile, profile.commands)
 
     def read_words(self, address: int, count: int) -> list[int]:
-        """Read 16-bit registers of the system's own axes; a lost answer is asked for again."""
+        """Read 16-bit registers of the system's own axes; the request is repeated if the reply is lost."""
         head = struct.pack(self._format("HB"), address, count)
         answer = self._ask("read_words", head, head)
         if len(answer) != len(head) + 2 * count:
@@ -38,7 +38,7 @@ class FramedImu(RegisteredImu):
         return list(struct.unpack(self._format(f"{count}H"), answer[len(head) :]))
 
     def write_words(self, address: int, values: list[int], repeat: bool) -> None:
-        """Write 16-bit registers of the system's own axes; a lost answer is asked for again only if `repeat`."""
+        """Write 16-bit registers of the system's own axes; repeated after a lost reply only if `repeat`."""
         head = struct.pack(self._format("HB"), address, len(values))
         body = struct.pack(self._format(f"{len(values)}H"), *values)
         question = self._question("write_words", head + body, head)
@@ -89,7 +89,7 @@ class FramedImu(RegisteredImu):
                 raise DeviceFaultError("imu.not_taken", address=address)
 
     def _transfers(self, entry: RegisterEntry) -> list[tuple[int, int, int]]:
-        """Address, index of the first number and count of each transfer of an entry."""
+        """Return the address, index of the first number, and count of each transfer of an entry."""
         most = min(_VALUES_PER_TRANSFER, (_PAYLOAD - 3) // number(entry.type).width)
         total = len(entry.names)
         return [(entry.address_of(begin), begin, min(most, total - begin)) for begin in range(0, total, most)]
@@ -104,7 +104,7 @@ class FramedImu(RegisteredImu):
         return self.exchange(question, timeout=timeout or self._commands.timeout_s, attempts=attempts)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
-        """The identity, then registers in ever shorter parts."""
+        """Yield the identity query, then register reads of decreasing length."""
         yield self._question("identify", b"", b"")
         transfers = [part for entry in self._registers.entries for part in self._transfers(entry)]
         for shorter in range(max((count for _, _, count in transfers), default=0)):

@@ -1,4 +1,4 @@
-"""Decodes a byte stream into samples and command replies, in bulk and independent of how the stream was cut."""
+"""Decodes a byte stream into samples and command replies, in bulk and independently of how the stream is divided."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ _REPLY_HEADER = 2  # op, payload length
 
 @dataclass(frozen=True)
 class Frames:
-    """Valid frames that carry the samples' fields, in order: each one's bytes, and the raw numbers of its fields."""
+    """Valid frames with sample fields, in order: the bytes of each frame, and the raw numbers of its fields."""
 
     raw: tuple[bytes, ...]
     columns: Columns
@@ -27,7 +27,7 @@ class Frames:
 
     @property
     def complete(self) -> BoolArray:
-        """Which frames are samples: those that have the counter and all six channels, shape (n,)."""
+        """Mask of the frames that are samples, with the counter and all six channels, shape (n,)."""
         names, present = ("counter", *CHANNELS), self.columns.present
         if not set(names) <= present.keys():
             return np.zeros(len(self), np.bool_)
@@ -45,7 +45,7 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True)
 class Decoded:
-    """Frames of samples, and replies, that further bytes completed, each in order."""
+    """Sample frames and replies that new bytes have completed, each in order."""
 
     frames: Frames
     replies: tuple[Reply, ...]
@@ -54,11 +54,11 @@ class Decoded:
 class FrameDecoder:
     """Finds packets by their sync bytes and check; other bytes are skipped one by one.
 
-    A partial packet is kept until its rest comes, so the result does not depend on how the stream was cut.
-    Never more than the largest packet is kept, and no bytes that cannot begin one.
+    A partial packet is kept until the rest arrives, so the result does not depend on how the stream is divided.
+    At most one packet of the largest size is kept, and no bytes that cannot begin a packet.
 
-    crc_errors : packets whose check was wrong; skipped : bytes that belong to no packet
-    others : valid packets that carry no field of a sample
+    crc_errors : packets that failed their check; skipped : bytes that belong to no packet
+    others : valid packets without sample fields
     since_frame : bytes skipped since the last valid packet
     """
 
@@ -133,7 +133,7 @@ class FrameDecoder:
 
     @property
     def size(self) -> int:
-        """Bytes of a sample frame, of the shortest where they differ."""
+        """Size of a sample frame in bytes; of the shortest one if sizes differ."""
         return self._frame.shortest
 
     def _skip(self, count: int) -> None:
@@ -141,11 +141,11 @@ class FrameDecoder:
         self.since_frame += count
 
     def _packet(self, buffer: bytes, start: int) -> tuple[int | None, PacketKind | None]:
-        """Size and kind of the packet at `start`: size None until more bytes have come, kind None if there is none."""
+        """Return size and kind of the packet at `start`: size None until more bytes arrive, kind None if not found."""
         waiting = False
         for kind in self._kinds:
             if not buffer.startswith(kind.sync, start):
-                # Only the end of the buffer can still become a longer sync.
+                # Only the last bytes of the buffer can be an incomplete sync.
                 waiting |= kind.sync.startswith(buffer[start : start + len(kind.sync)])
                 continue
             size = kind.size(buffer, start)
@@ -157,7 +157,7 @@ class FrameDecoder:
 
 
 class _Search:
-    """Finds the next index in a buffer at which a sync begins, or may begin once more bytes have come."""
+    """Finds the next index in a buffer at which a sync begins, or may begin once more bytes arrive."""
 
     def __init__(self, buffer: bytes, syncs: Iterable[bytes]) -> None:
         self._buffer = buffer
@@ -165,7 +165,7 @@ class _Search:
         self._found = dict.fromkeys(self._syncs, -1)
 
     def next(self, start: int) -> int:
-        """The first such index from `start` on; the buffer's length if there is none."""
+        """Return the first such index from `start` on, or the buffer's length if there is none."""
         nearest = len(self._buffer)
         for sync in self._syncs:
             # The next index of each sync is cached: a new search from every packet would take quadratic time.
@@ -176,7 +176,7 @@ class _Search:
         return nearest
 
     def _partial(self, sync: bytes, start: int) -> int:
-        """Index at which the buffer ends with a beginning of `sync`, else its length."""
+        """Return the index of a partial `sync` at the end of the buffer, or the buffer's length if there is none."""
         end = len(self._buffer)
         for begin in range(max(start, end - len(sync) + 1), end):
             if sync.startswith(self._buffer[begin:]):
@@ -208,6 +208,6 @@ class CommandReply:
 
 
 def command_frame(commands: CommandSection, frame: FrameSection, op: int, payload: bytes) -> bytes:
-    """The bytes of a request: sync, op, length, payload, check."""
+    """Return the bytes of a request: sync, op, length, payload, check."""
     body = bytes([op, len(payload)]) + payload
     return hex_bytes(commands.request_sync) + body + check_bytes(commands.crc, body, frame.byte_order)

@@ -15,12 +15,12 @@ from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
 _ATTEMPTS = 3
-#: Registers in one transfer.
-_MOST = 120
+#: Largest number of registers in one transfer.
+_MAX_REGISTERS = 120
 
 
 class ModbusImu(RegisteredImu):
-    """The IMU of a profile on a link."""
+    """Driver of an IMU on a link, as described by its profile."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.modbus is not None
@@ -57,27 +57,27 @@ class ModbusImu(RegisteredImu):
         self._order(self._section.reset, self._section.timeout_s)
 
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
-        self._turn_to(entry.page)
+        self._select_page(entry.page)
         kind = number(entry.type)
         words: list[int] = []
         total = entry.end - entry.address
-        for begin in range(0, total, _MOST):
-            words += self._read(entry.address + begin, min(_MOST, total - begin))
+        for begin in range(0, total, _MAX_REGISTERS):
+            words += self._read(entry.address + begin, min(_MAX_REGISTERS, total - begin))
         data = struct.pack(f">{len(words)}H", *words)
         return [kind.unpack(data[k : k + kind.width], *self._orders(entry)) for k in range(0, len(data), kind.width)]
 
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
-        self._turn_to(entry.page)
+        self._select_page(entry.page)
         kind = number(entry.type)
         data = b"".join(kind.pack(value, *self._orders(entry)) for value in numbers)
         words = list(struct.unpack(f">{len(data) // 2}H", data))
-        for begin in range(0, len(words), _MOST):
-            self._write(entry.address + begin, words[begin : begin + _MOST])
+        for begin in range(0, len(words), _MAX_REGISTERS):
+            self._write(entry.address + begin, words[begin : begin + _MAX_REGISTERS])
 
     def _orders(self, entry: RegisterEntry) -> tuple[ByteOrder, WordOrder | None]:
         return entry.byte_order or self._section.byte_order, entry.word_order or self._section.word_order
 
-    def _turn_to(self, page: int) -> None:
+    def _select_page(self, page: int) -> None:
         if self._section.page is not None:
             self._write(self._section.page, [page])
 
@@ -117,7 +117,7 @@ class ModbusImu(RegisteredImu):
 
     @contextmanager
     def _quiet(self) -> Iterator[None]:
-        """Switch the stream off meanwhile if the unit needs it."""
+        """Switch the stream off in this context if the unit requires it."""
         stream = self._section.stream
         if stream is None or stream.off is None:
             yield
@@ -137,7 +137,7 @@ class ModbusImu(RegisteredImu):
         self._ask(RtuRequest.write(self._section.unit, address, values), attempts, timeout)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:
-        """Texts, whole and in part: they are on no page."""
+        """Yield reads of text registers, whole and in part, since these do not depend on the page."""
         longest = max(self._texts, key=lambda text: text.words)
         for words in (*(text.words for text in self._texts), *range(1, longest.words)):
             address = next((text.address for text in self._texts if text.words == words), longest.address)

@@ -1,9 +1,9 @@
-"""Writes values to a unit's registers so that a power cut at any moment leaves them recognisably old or new.
+"""Writes values to a unit's registers so that after a power cut at any time they can be identified as old or new.
 
-Verify the serial number, restart the unit so that its registers are those of its flash, save them, record the
-intention, write, read back bit for bit, commit, restart, read again. The entry of the journal stays open until the
-corrected output is verified on new data; an open entry holds the old and the new values, so that the next start can
-tell which of them the unit holds.
+Verify the serial number, restart the unit so that its registers have the values of its flash, save them, record the
+intended change, write, read back bit by bit, commit, restart, and read again. The journal entry stays open until the
+corrected output is verified on new data; an open entry contains the old and the new values, so that the next start
+can determine which of them the unit has.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,11 +18,11 @@ from calstation.errors import CalstationError, DeviceFaultError
 
 
 class Step(StrEnum):
-    """Progress of a transfer in its journal: each step is on disk before the next begins.
+    """Steps of a transfer as recorded in its journal; each step is on disk before the next begins.
 
-    `TURNED` and `AT_REST` state how the output was verified: with turns, or at rest only; `READ_BACK` that the unit
-    shows no output with its registers, so that they were only read back.
-    A commit costs the unit a flash cycle from `COMMITTING` on, whether its answer comes or not.
+    `TURNED` and `AT_REST` state that the output was verified with rotations, or at rest only; `READ_BACK` that the unit
+    has no output with its registers applied, so that they were only read back.
+    From `COMMITTING` on, the commit counts as a flash cycle of the unit, whether its reply arrives or not.
     """
 
     WRITTEN = "written"
@@ -37,7 +37,7 @@ class Step(StrEnum):
 
 
 class Closing(StrEnum):
-    """How an entry ends: new values in flash and verified, old values kept, or old values restored."""
+    """Outcome of a transfer: new values in flash and verified, old values kept, or old values restored."""
 
     DONE = "done"
     KEPT = "kept"
@@ -45,7 +45,7 @@ class Closing(StrEnum):
 
 
 class Holds(StrEnum):
-    """Which values a restarted unit holds."""
+    """Which values the flash of a restarted unit contains."""
 
     OLD = "old"
     NEW = "new"
@@ -53,9 +53,9 @@ class Holds(StrEnum):
 
 
 class Entry(Protocol):
-    """A transfer in the journal: what the unit held and is to hold, by parameter, SI.
+    """A transfer in the journal, with the unit's old values and the new ones to write, by parameter, SI.
 
-    Both calls return when it is on disk, or raise a CalstationError.
+    Both methods return when the record is on disk, or raise a CalstationError.
     """
 
     serial: str
@@ -66,23 +66,23 @@ class Entry(Protocol):
         """Record a step."""
 
     def close(self, closing: Closing) -> None:
-        """Record how it ended."""
+        """Record the outcome."""
 
 
-#: Records an intention: old and new registers by parameter, SI; on disk when it returns.
+#: Records an intended change of the registers from old to new, by parameter, SI; on disk when it returns.
 Begin = Callable[[Mapping[str, float], Mapping[str, float]], Entry]
 
 
 @dataclass(frozen=True)
 class Transferred:
-    """A transfer that is in the unit's flash and read back from it; its entry is open until it is verified."""
+    """A transfer whose values are in the unit's flash and were read back; its entry is open until they are verified."""
 
     entry: Entry
     found: Mapping[str, float]
 
 
 def flash_registers(imu: Imu) -> dict[str, float]:
-    """Restart the unit and read the registers of its flash, SI; uncommitted values are lost."""
+    """Restart the unit and read its registers as stored in flash, SI; uncommitted values are lost."""
     imu.reset()
     return imu.read_registers()
 
@@ -98,10 +98,10 @@ def transfer(
     """Write the parameters that have registers; registers of other parameters keep their values.
 
     values : new values by contract name, SI; names without a register are ignored
-    begin : records the intention before anything is written
-    old : the unit's `flash_registers` if just read; None to read them here
+    begin : function that records the intended change before anything is written
+    old : the unit's `flash_registers` if they were just read; None to read them here
 
-    Raises DeviceFaultError: another unit answers, a value does not fit, the link fails, or a register reads back
+    Raises DeviceFaultError if another unit replies, a value does not fit, the link fails, or a register reads back
     differently.
     """
     check_serial(imu, serial)
@@ -112,7 +112,7 @@ def transfer(
 
 
 def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
-    """Continue an open entry; writes nothing if the flash holds the new values already. Raises as `transfer`."""
+    """Complete an open entry; writes nothing if the flash already has the new values. Raises like `transfer`."""
     if recognise(imu, entry, registers) is Holds.NEW:
         entry.note(Step.RESTARTED)
         return Transferred(entry, dict(entry.new))
@@ -120,7 +120,7 @@ def finish(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
 
 
 def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, float]:
-    """Restore the old values of an open entry and close it; returns what the unit then holds. Raises as `transfer`."""
+    """Restore the old values of an open entry and close it; returns the unit's values. Raises like `transfer`."""
     if recognise(imu, entry, registers) is Holds.OLD:
         entry.close(Closing.KEPT)
         return dict(entry.old)
@@ -130,13 +130,13 @@ def restore(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, floa
 
 
 def put_back(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
-    """Write the old values of an open entry and leave it open. Raises as `transfer`."""
+    """Write the old values of an open entry and leave it open. Raises like `transfer`."""
     entry.note(Step.RESTORING)
     return _put(imu, registers, entry, entry.old)
 
 
 def recognise(imu: Imu, entry: Entry, registers: RegisterMap) -> Holds:
-    """Restart the unit and determine which values its flash holds; raises DeviceFaultError for another unit."""
+    """Restart the unit and determine which values its flash contains; raises DeviceFaultError for another unit."""
     check_serial(imu, entry.serial)
     found = flash_registers(imu)
     if not registers.differing(entry.new, found):
@@ -168,14 +168,14 @@ def _put(imu: Imu, registers: RegisterMap, entry: Entry, wanted: Mapping[str, fl
 
 
 def _explained(imu: Imu, registers: RegisterMap, entry: Entry, error: CalstationError) -> CalstationError:
-    """The error with what the unit holds now. The entry is closed if these are the old values, else it stays open."""
+    """Return the error with the values that the unit has now; close the entry if these are the old values."""
     kind, values = type(error), {**error.values, "serial": entry.serial, "cause": error.as_text}
     try:
         holds = recognise(imu, entry, registers)
     except CalstationError:
         return kind("imu.holds_unknown", **values)
     if holds is Holds.OLD:
-        with suppress(CalstationError):  # the given error reports the same disk
+        with suppress(CalstationError):  # the original error already reports a failing disk
             entry.close(Closing.KEPT)
         return kind("imu.holds_old", **values)
     return kind("imu.holds_new" if holds is Holds.NEW else "imu.holds_neither", **values)

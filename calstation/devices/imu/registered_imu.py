@@ -1,8 +1,8 @@
-"""Base of IMU drivers with calibration registers: the map entry by entry, commit and verified restart.
+"""Base of IMU drivers with calibration registers: access by entry, commit and verified restart.
 
-A unit that has burnt its registers shows the same values before and after its restart. One that answers the reset and
-continues, or restarts later than it answers, would be read back from memory, and its flash taken for right. So a
-marker is written to its memory that its flash does not hold and only a restart removes.
+A unit that has written its registers to flash reads the same before and after a restart. If it replies to the reset but
+does not restart, or restarts later, its memory would be read back and mistaken for its flash. A marker that is not in
+flash is therefore written to its memory; only a restart removes it.
 """
 
 import time
@@ -22,12 +22,12 @@ from calstation.errors import DeviceFaultError
 
 T = TypeVar("T")
 
-#: Host time between two checks whether a unit has carried out a command, s.
+#: Interval between two checks whether a unit has executed a command, host time in s.
 POLL = 0.02
 
 
 class RegisteredImu(StreamedImu):
-    """An IMU whose link carries commands to its registers; `replies` are the packets that answer them."""
+    """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind) -> None:
         super().__init__(link, profile, replies)
@@ -73,7 +73,7 @@ class RegisteredImu(StreamedImu):
             return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
     def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write calibration registers; parameters not named keep theirs."""
+        """Write calibration registers; parameters that are not in `values` keep their values."""
         missing = [name for name in self._registers.parameters if name not in values]
         present = self.read_registers() if missing else {}
         numbers = self._registers.encode({**present, **values})
@@ -82,14 +82,14 @@ class RegisteredImu(StreamedImu):
                 self._write_entry(entry, numbers[entry.key])
 
     def commit(self) -> None:
-        """Write the registers to flash, once: a lost answer is a fault, never a second flash cycle."""
+        """Write the registers to flash once: a lost reply is a fault and never causes a second flash cycle."""
         self._burns_until = time.monotonic() + self._commit_timeout
         with self._quiet():
             self._burn()
         self._burns_until = 0.0
 
     def reset(self) -> None:
-        """Restart the unit once its flash is burnt and resume the stream; raises DeviceFaultError if it does not."""
+        """Restart the unit after any pending commit and resume the stream; raises DeviceFaultError on failure."""
         self._wait_for_commit()
         mark = self._mark()
         deadline = time.monotonic() + self._reset_timeout
@@ -97,7 +97,7 @@ class RegisteredImu(StreamedImu):
             self._restart()
         except ImuRefusalError:
             raise
-        except DeviceFaultError:  # one that restarts at once has no time to answer
+        except DeviceFaultError:  # a unit that restarts immediately has no time to reply
             if self.lost:
                 raise
         while not self._restarted(mark, last=time.monotonic() > deadline):
@@ -106,7 +106,7 @@ class RegisteredImu(StreamedImu):
             self.start()
 
     def _wait_for_commit(self) -> None:
-        """Wait for a commit whose end was not seen: a restart during it would leave neither old nor new registers."""
+        """Wait for an unconfirmed commit, because a restart during it would leave neither old nor new registers."""
         if not self._burns_until:
             return
         time.sleep(max(0.0, self._burns_until - time.monotonic()))
@@ -115,7 +115,7 @@ class RegisteredImu(StreamedImu):
         self._burns_until = 0.0
 
     def _mark(self) -> "RestartMarker | None":
-        """Write the marker once the flash is idle; None if the unit has no registers."""
+        """Write the marker once the flash is idle and return it; None if the unit has no registers."""
         entry = markable(self._registers.entries)
         if entry is None:
             return None
@@ -129,7 +129,7 @@ class RegisteredImu(StreamedImu):
         return RestartMarker(entry, tuple(before), tuple(shown))
 
     def _retry_while_busy(self, work: Callable[[], T]) -> T:
-        """Repeat what a busy unit refuses, for as long as its flash may take."""
+        """Repeat an operation that a busy unit refuses, for up to the commit timeout."""
         deadline = time.monotonic() + self._commit_timeout
         while True:
             try:
@@ -140,7 +140,7 @@ class RegisteredImu(StreamedImu):
             time.sleep(POLL)
 
     def _restarted(self, mark: "RestartMarker | None", *, last: bool) -> bool:
-        """Whether it answers and the marker is gone; if not, raises DeviceFaultError on the `last` check."""
+        """Whether the unit replies and the marker is gone; if not, raises DeviceFaultError on the `last` check."""
         try:
             self._ask_identity(attempts=1)
             if mark is None:
@@ -160,20 +160,20 @@ class RegisteredImu(StreamedImu):
         return False
 
     def _quiet(self) -> AbstractContextManager[None]:
-        """Context in which registers are accessed: the stream is off if the unit needs it."""
+        """Return a context for register access, in which the stream is off if the unit requires it."""
         return nullcontext()
 
     @abstractmethod
     def _switch_on(self, *, corrected: bool) -> None:
-        """Command the unit to stream."""
+        """Command the unit to start its stream."""
 
     @abstractmethod
     def _ask_identity(self, attempts: int = 3) -> ImuIdentity:
-        """The unit's identity, whatever its model."""
+        """Query the unit's identity without checking its model."""
 
     @abstractmethod
     def _read_entry(self, entry: RegisterEntry) -> list[float]:
-        """The numbers in an entry's registers."""
+        """Read the numbers in an entry's registers."""
 
     @abstractmethod
     def _write_entry(self, entry: RegisterEntry, numbers: list[float]) -> None:
@@ -181,7 +181,7 @@ class RegisteredImu(StreamedImu):
 
     @abstractmethod
     def _burn(self) -> None:
-        """Command the unit, once, to burn its registers, and wait until it has."""
+        """Send a single command to write the registers to flash, and wait until this is done."""
 
     def _burning(self) -> bool:
         return False
@@ -191,7 +191,7 @@ class RegisteredImu(StreamedImu):
 
     @abstractmethod
     def _restart(self) -> None:
-        """Command the unit to restart, once."""
+        """Send a single restart command to the unit."""
 
 
 #: Fractions of a register's range that calibrations do not produce; one always differs from the present value.
@@ -202,7 +202,7 @@ _MATRIX = frozenset(slot for sensor in SENSORS for slot in matrix_slots(sensor))
 
 @dataclass(frozen=True)
 class RestartMarker:
-    """An entry written without a commit: its values before, and as read back until a restart."""
+    """An entry written without a commit: its previous values, and the values read back until a restart."""
 
     entry: RegisterEntry
     before: tuple[float, ...]
@@ -210,12 +210,12 @@ class RestartMarker:
 
 
 def markable(entries: Sequence[RegisterEntry]) -> RegisterEntry | None:
-    """The entry for the marker, preferably without elements of a matrix, which the unit might invert."""
+    """Return the entry for the marker, preferably one without matrix elements, since the unit might invert a matrix."""
     return min(entries, key=lambda entry: not _free(entry), default=None)
 
 
 def marked(entry: RegisterEntry, before: Sequence[float]) -> list[float]:
-    """Numbers within the entry's range that differ from its present ones; of a matrix entry only the last."""
+    """Return numbers in the entry's range that differ from its present ones; only the last one in a matrix entry."""
     free = _free(entry) or [len(entry.names) - 1]
     kind = number(entry.type)
     numbers = list(before)

@@ -1,4 +1,4 @@
-"""The register map of a profile: parameters in SI to register values and back."""
+"""The register map of a profile, which converts parameters in SI to register values and back."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,16 +19,16 @@ from calstation.devices.codecs import (
 from calstation.devices.profiles import RegisterEntry
 from calstation.errors import DeviceFaultError
 
-#: Passes after which a value that is stored and read again no longer changes.
-_ROUNDINGS = 8
+#: Largest number of times that a value is encoded and decoded until it no longer changes.
+_MAX_PASSES = 8
 
-#: Rounding of the conversion to and from a matrix, for types that resolve it.
+#: Rounding error of the conversion to and from a matrix, for number types that resolve it.
 _LEAST = {"f64": 1e-12}
 
 
 @dataclass(frozen=True)
 class RegisterMap:
-    """Entries of a profile, by rising address, none overlapping."""
+    """Register entries of a profile, in order of address and without overlap."""
 
     entries: tuple[RegisterEntry, ...]
 
@@ -39,7 +39,7 @@ class RegisterMap:
         return tuple(name for name in held if name)
 
     def encode(self, values: Mapping[str, float]) -> dict[int, list[float]]:
-        """Numbers of each entry by its key, as registers hold them; raises DeviceFaultError if a value does not fit."""
+        """Return the numbers to store in each entry, by entry key; raises DeviceFaultError if a value does not fit."""
         held = self._held(values)
         return {
             entry.key: [_fitted(entry, i, held.get(name, 0.0)) for i, name in enumerate(entry.names)]
@@ -47,7 +47,7 @@ class RegisterMap:
         }
 
     def decode(self, registers: Mapping[int, list[float]]) -> dict[str, float]:
-        """Parameters, SI, from numbers by the entries' keys; raises DeviceFaultError if the error model has none."""
+        """Convert numbers by entry key to SI parameters; raises DeviceFaultError if they do not fit the error model."""
         held = {
             name: registers[entry.key][i] * entry.scale
             for entry in self.entries
@@ -62,18 +62,18 @@ class RegisterMap:
         return {name: found[name] for name in self.parameters}
 
     def rounded(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The values that the registers will hold, SI; raises DeviceFaultError as `encode`."""
+        """Return the values as rounded by the registers, SI; raises DeviceFaultError like `encode`."""
         now = self.decode(self.encode(values))
-        for _ in range(_ROUNDINGS):
+        for _ in range(_MAX_PASSES):
             before, now = now, self.decode(self.encode(now))
             if before == now:
                 break
         return now
 
     def differing(self, wanted: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
-        """Parameters whose registers read back differently from what was written.
+        """Return the parameters whose registers read back differently from the values written.
 
-        In entries without tolerance every bit counts: an erased NaN equals itself, −0 is not 0.
+        In entries without a tolerance, every bit must agree: −0 differs from 0, but any NaN (erased) equals any other.
         """
         suspects = [n for n, value in wanted.items() if n not in found or not _same(found[n], value)]
         if not suspects:
@@ -89,7 +89,7 @@ class RegisterMap:
         return [name for name in suspects if name in wrong or name not in mapped]
 
     def address(self, name: str) -> int:
-        """Register of a parameter."""
+        """Return the register address of a parameter."""
         for entry in self.entries:
             for i, held in enumerate(entry.names):
                 if name in (held, parameter_of(held)):
@@ -97,7 +97,7 @@ class RegisterMap:
         raise KeyError(name)
 
     def stored(self, values: Mapping[str, float]) -> list[tuple[int, str, str]]:
-        """Address, parameter and content in hexadecimal, high byte first, of each register of `values`."""
+        """Return address, parameter and hexadecimal content (high byte first) of each register of `values`."""
         complete = {**dict.fromkeys(self.parameters, 0.0), **values}
         rows = []
         for entry in self.entries:
@@ -127,14 +127,14 @@ class RegisterMap:
 
 
 def _fitted(entry: RegisterEntry, index: int, value: float) -> float:
-    """The number nearest to a value in its register. Raises DeviceFaultError if it does not fit."""
+    """Return the register number nearest to a value. Raises DeviceFaultError if the value does not fit."""
     kind, name = number(entry.type), entry.names[index]
     if not name:
         return 0.0
     low, high = entry.range
     try:
         held = kind.nearest(value / entry.scale)
-        # Compared as held, so that a value at the edge still fits when read back.
+        # Compare stored numbers, so that a value at the edge of the range still fits after it is read back.
         edges = sorted(kind.nearest(edge / entry.scale) for edge in (low, high))
         if not edges[0] <= held <= edges[1]:
             raise ValueError
@@ -161,7 +161,7 @@ def alike(numbers: Sequence[float], others: Sequence[float]) -> bool:
 
 
 def _same(a: float, b: float) -> bool:
-    """Every bit of both is the same; any NaN is like any other."""
+    """Whether two numbers agree in every bit; any NaN equals any other."""
     return (a == b and math.copysign(1.0, a) == math.copysign(1.0, b)) or (math.isnan(a) and math.isnan(b))
 
 

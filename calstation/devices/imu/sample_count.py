@@ -6,15 +6,15 @@ from calstation.devices.profiles import FrameSection
 from calstation.estimation.common import unwrap_counter
 from calstation.physics import IntArray
 
-#: Largest number of frames that may overtake another; a counter that falls by more was reset.
-_OVERTAKEN = 3
+#: Largest number of later frames that may arrive before a frame; a counter that falls by more was reset.
+_MAX_LATE = 3
 
-#: Largest step of a clock in samples; more is invalid and must not overflow.
-_FARTHEST = 2.0**40
+#: Largest step of a clock in samples; a larger one is invalid and is clipped to avoid an overflow.
+_MAX_STEP = 2.0**40
 
 
 class SampleCount:
-    """Counts samples by the frame's field `counter`, which is a clock if it counts more than one per sample.
+    """Counts samples by the frame's field `counter`, which is a clock if it advances by more than 1 per sample.
 
     gaps : interruptions so far
     restarts : interruptions at which the counter, or the clock, restarted
@@ -31,38 +31,38 @@ class SampleCount:
         self.gaps = self.restarts = 0
 
     def in_order(self, raw: IntArray) -> IntArray:
-        """Indices that select and order further samples by their raw counter, shape (m,), m ≤ n.
+        """Return the indices that select and order new samples by their raw counter, shape (m,), m ≤ n.
 
-        A frame that came twice, or so late that its successors are counted already, is left out; one that was
-        overtaken by a few is put back in order.
+        A frame that arrives twice, or after its successors have been counted, is omitted; one that a few later frames
+        have overtaken is put back in order.
         """
         if not len(raw):
             return np.arange(0)
         steps = self._clock_steps(raw) if self._is_clock else self._counter_steps(raw)
-        if not ((steps <= 0) & (steps >= -_OVERTAKEN)).any():
+        if not ((steps <= 0) & (steps >= -_MAX_LATE)).any():
             return np.arange(len(raw))
-        # A reset is not a late frame: what follows it stays after it.
-        position = np.cumsum(np.where(steps < -_OVERTAKEN, 1, steps))
+        # A reset is not a late frame: frames received after it stay after it.
+        position = np.cumsum(np.where(steps < -_MAX_LATE, 1, steps))
         order = np.argsort(position, kind="stable")
         fresh = np.diff(position[order], prepend=0) > 0
         return np.asarray(order[fresh])
 
     def _counter_steps(self, raw: IntArray) -> IntArray:
-        """Samples from each frame to the next received one: a few backwards, or forwards."""
+        """Return the step in samples from each received frame to the next: forwards, or a few backwards."""
         modulus = 1 << self._bits
         first = int(raw[0]) - 1 if self._last_raw is None else self._last_raw
         steps = (raw.astype(np.int64) - np.concatenate(([first], raw[:-1]))) % modulus
-        return np.asarray(np.where(steps >= modulus - _OVERTAKEN, steps - modulus, steps))
+        return np.asarray(np.where(steps >= modulus - _MAX_LATE, steps - modulus, steps))
 
     def _clock_steps(self, ticks: IntArray) -> IntArray:
-        """Samples from each frame to the next received one, rounded; negative if the clock runs back."""
+        """Return the step in samples from each received frame to the next, rounded; negative if the clock runs back."""
         first = int(ticks[0]) - round(self._per_sample) if self._last is None else self._last_ticks
         passed = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
         signed = (passed << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
-        return np.asarray(np.rint(signed / self._per_sample).clip(-_FARTHEST, _FARTHEST).astype(np.int64))
+        return np.asarray(np.rint(signed / self._per_sample).clip(-_MAX_STEP, _MAX_STEP).astype(np.int64))
 
     def feed(self, raw: IntArray) -> IntArray:
-        """Continuous count of further samples from their raw counter."""
+        """Convert the raw counter of new samples to their continuous count."""
         if not len(raw):
             return raw
         seq = self._of_clock(raw) if self._is_clock else self._of_counter(raw)
@@ -73,7 +73,7 @@ class SampleCount:
         return seq
 
     def _of_counter(self, raw: IntArray) -> IntArray:
-        """Unwrap the counter; the raw one is kept as well, since a reset separates the two for good."""
+        """Unwrap the counter; the raw value is also stored, because the two differ permanently after a reset."""
         seq = unwrap_counter(raw, self._last, self._bits, self._last_raw)
         before = seq[0] - 1 if self._last is None else self._last
         before_raw = raw[0] - 1 if self._last_raw is None else self._last_raw
@@ -83,7 +83,7 @@ class SampleCount:
         return seq
 
     def _of_clock(self, ticks: IntArray) -> IntArray:
-        """Round steps of a clock to samples; a clock that runs back was reset, which costs one sample."""
+        """Convert steps of a clock to samples; a clock that runs back was reset, which counts as one lost sample."""
         steps = self._clock_steps(ticks)
         self.restarts += int((steps < 0).sum())
         steps = np.where(steps < 0, 2, np.maximum(1, steps))

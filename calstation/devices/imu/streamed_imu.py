@@ -21,8 +21,8 @@ from calstation.messages import Text
 
 #: Host time for which the reader waits for bytes before it checks for commands to send, s.
 _WAIT = 0.02
-#: Bytes without a valid frame after which the link counts as set wrongly, in frames, and at least in seconds of the
-#: stream once the link has worked, so that a burst of noise does not count.
+#: Amount of data without a valid frame after which the link settings are considered wrong, in frames; once the link has
+#: worked, also at least in seconds of the stream, so that a burst of noise does not suffice.
 _NOISE_FRAMES, _NOISE_SECONDS = 40, 2.0
 
 T = TypeVar("T")
@@ -38,16 +38,16 @@ class ImuRefusalError(DeviceFaultError):
 
 
 class ImuBusyError(ImuRefusalError):
-    """The unit cannot do it yet: its flash is busy, or it is still starting."""
+    """The unit cannot execute a command yet: its flash is busy, or it is still starting."""
 
 
 @dataclass(frozen=True)
 class Question(Generic[T_co]):
-    """A command with an answer.
+    """A command that expects a reply.
 
     request : bytes to send
-    signature : what its answer has in common with those of other commands that could be mistaken for it
-    take : content of a reply, None if it answers something else; raises ImuRefusalError
+    signature : key of its reply; replies with equal signatures could be mistaken for each other
+    take : returns the content of a reply, or None if it belongs to another command; raises ImuRefusalError
     """
 
     request: bytes
@@ -56,7 +56,7 @@ class Question(Generic[T_co]):
 
 
 class StreamedImu(Imu):
-    """The port of an IMU: samples come out of `read`, commands go through `exchange`."""
+    """An IMU on a port: `read` returns samples, `exchange` sends commands."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind | None) -> None:
         self._link = link
@@ -83,11 +83,11 @@ class StreamedImu(Imu):
 
     @property
     def received(self) -> int:
-        """Bytes read and decoded since the link was opened."""
+        """Number of bytes read and decoded since the link was opened."""
         return self._bytes
 
     def read(self) -> SampleBatch:
-        """Samples since the last call. Raises DeviceFaultError if the link is lost or only noise comes."""
+        """Return the samples since the last call. Raises DeviceFaultError if the link is lost or only noise arrives."""
         parts = [self._arrived.get() for _ in range(self._arrived.qsize())]
         if not parts:
             self._check()
@@ -103,7 +103,7 @@ class StreamedImu(Imu):
         return SampleBatch(seq, end, counts[taken], temperature[taken], status[taken], arrival[taken])
 
     def close(self) -> None:
-        """End the reader and close the port."""
+        """Stop the reader thread and close the port."""
         self._closing.set()
         self._thread.join(5.0)
         self._link.close()
@@ -111,11 +111,11 @@ class StreamedImu(Imu):
     def exchange(self, question: Question[T], *, timeout: float, attempts: int, urgent: bool = False) -> T:
         """Send a command and wait for its reply, `timeout` s of host time in each attempt.
 
-        A late reply could be mistaken for the next command's. So a command whose answer has the signature of one that
-        may still come is only sent after the unit has answered a question with another signature. An `urgent` command
-        must not wait and may be sent twice: it is sent at once, and again if needed.
+        A late reply could be mistaken for that of the next command. A command whose reply has the signature of one that
+        may still arrive is therefore sent only after the unit has replied to a question with another signature. An
+        `urgent` command must not wait and may be sent twice: it is sent immediately, and again if needed.
 
-        Raises DeviceFaultError: no acceptable reply comes, or the link is lost.
+        Raises DeviceFaultError if no acceptable reply arrives or the link is lost.
         """
         with self._asking:
             for attempt in range(attempts):
@@ -132,11 +132,11 @@ class StreamedImu(Imu):
         raise self._no_answer(timeout)
 
     def _other_questions(self) -> Iterator[Question[object]]:
-        """Questions to any unit of this kind, with different signatures."""
+        """Yield questions that any unit of this kind replies to, with different signatures."""
         return iter(())
 
     def _between(self, timeout: float) -> bool:
-        """Ask a question with a signature that no late answer has; whether it is answered, after which none comes."""
+        """Ask a question whose reply cannot be a late one. Return whether it arrives: no late reply can follow it."""
         while True:
             for question in self._other_questions():
                 if question.signature not in self._unanswered:
@@ -149,7 +149,7 @@ class StreamedImu(Imu):
             self._unanswered.forget_oldest()
 
     def _attempt(self, question: Question[T], timeout: float) -> T | None:
-        """Send a command once; None if it is not answered in time."""
+        """Send a command once; return None if no reply arrives in time."""
         self._check()
         while not self._replies.empty():
             self._replies.get()
@@ -167,7 +167,7 @@ class StreamedImu(Imu):
                 if set(self._unanswered) <= {question.signature}:
                     self._unanswered.answered(question.signature)
                     raise
-                # It may refuse an older command; then no command before that one will be answered any more.
+                # It may refuse an older command; replies to commands before that one can no longer arrive.
                 self._unanswered.forget_oldest()
                 continue
             if taken is not None:
@@ -177,7 +177,7 @@ class StreamedImu(Imu):
         return None
 
     def _listen_until_quiet(self, timeout: float) -> None:
-        """Wait until replies cease, for at most the time of one: some units send unsolicited ones."""
+        """Wait until replies cease, but at most `timeout` s, because some units send unsolicited ones."""
         deadline = time.monotonic() + timeout
         with suppress(queue.Empty):
             while time.monotonic() < deadline:
@@ -188,7 +188,7 @@ class StreamedImu(Imu):
         return self._failure is not None
 
     def _expect(self, frame: FrameSection) -> None:
-        """Expect samples of these frames from now on, and drop those received before the last reply."""
+        """Decode samples from these frames from now on, and discard those received before the last reply."""
         if frame is not self._decoder_frame:
             before, decoder = self._decoder, FrameDecoder(frame, self._kind)
             decoder.crc_errors, decoder.skipped = before.crc_errors, before.skipped
@@ -197,7 +197,7 @@ class StreamedImu(Imu):
             self._arrived.get()
 
     def _forget_noise(self) -> None:
-        """Do not take earlier bytes for a wrong setting: a unit that restarted may send anything."""
+        """Reset the count of bytes without a frame, because a unit that has restarted may send any bytes."""
         self._decoder.since_frame = 0
 
     def _no_answer(self, timeout: float) -> DeviceFaultError:
@@ -233,7 +233,7 @@ class StreamedImu(Imu):
             self._failure.__cause__ = exc
 
     def _take(self, data: bytes, now: float) -> None:
-        decoder = self._decoder  # may be replaced by the thread that asks
+        decoder = self._decoder  # may be replaced by the thread that sends commands
         decoded = decoder.feed(data)
         if len(decoded.frames):
             self._frames += len(decoded.frames)

@@ -8,7 +8,7 @@ from calstation.devices.codecs import number
 from calstation.devices.imu.binary_frames import Columns
 from calstation.devices.profiles import FrameField, FrameSection
 
-#: Bound below which whole numbers are exact as floats.
+#: Bound below which integers are exact as floats.
 _EXACT = 2.0**53
 
 
@@ -39,13 +39,13 @@ class TextLine:
 
 
 class TextFrame(TextLine):
-    """Lines of numbers in ASCII, with a check in hexadecimal before their end."""
+    """Lines of numbers in ASCII, with a check in hexadecimal before the line end."""
 
     def __init__(self, frame: FrameSection) -> None:
         super().__init__(frame)
         self._separator = frame.separator
         self._fields = [f for f in frame.fields if not f.is_spare]
-        #: Column of each field, from 0 after the first separator.
+        #: Column of each field, counted from 0 after the first separator.
         self.column_of: dict[str, int] = {}
         column = -1
         for f in frame.fields:
@@ -55,11 +55,11 @@ class TextFrame(TextLine):
         self.shortest = len(self.sync) + 2 * frame.crc.size + 1 + len(frame.tail_bytes)
 
     def is_sample(self, packet: bytes) -> bool:
-        """Whether its header is the samples', not only a longer one with the same beginning."""
+        """Whether a line has the header of samples, not a longer header that begins with it."""
         return self.body(packet)[len(self.sync) :].startswith(self._separator.encode())
 
     def columns(self, packets: Sequence[bytes]) -> Columns:
-        """Numbers of valid lines; other text counts as absent, with the value NaN."""
+        """Return the numbers of valid lines; other text is marked absent, with the value 0 or NaN."""
         begin = len(self.sync) + 1
         rows = [self.body(p)[begin:].decode("ascii", "replace").split(self._separator) for p in packets]
         found = Columns({}, {})

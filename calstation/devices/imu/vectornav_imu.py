@@ -1,4 +1,4 @@
-"""Driver of VectorNav's IMUs (VN-100): a binary or text stream, and commands in lines $VN...*check."""
+"""Driver of VectorNav IMUs (VN-100), with a binary or text stream and commands as lines $VN...*check."""
 
 from collections.abc import Iterator
 
@@ -14,31 +14,31 @@ from calstation.messages import Text, known
 
 _ATTEMPTS = 3
 #: Largest size of a reply in bytes.
-_LONGEST = 512
+_MAX_REPLY_SIZE = 512
 #: Registers of model, serial number and firmware.
 _IDENTITY = (1, 3, 4)
 
 
 class LineReply(TextLine):
-    """Lines that answer commands; meets `packets.ReplyKind`."""
+    """Lines that reply to commands; implements `packets.ReplyKind`."""
 
     def __init__(self, section: VectorNavSection) -> None:
         crc = CrcSection(kind=section.check, start=1)
-        super().__init__(FrameSection(format="text", sync="$VN", fields=[], crc=crc, max_size=_LONGEST))
+        super().__init__(FrameSection(format="text", sync="$VN", fields=[], crc=crc, max_size=_MAX_REPLY_SIZE))
 
     def reply(self, packet: bytes) -> Reply:
-        """The line's words between $ and *."""
+        """Return the text of the line between $ and *."""
         return Reply(0, self.body(packet)[1:])
 
 
 def line(words: str, check: str) -> bytes:
-    """The bytes of a command."""
+    """Return the bytes of a command line."""
     value = check_function(check)(words.encode("ascii"))
     return f"${words}*{value:0{2 * CHECK_WIDTHS[check]}X}\r\n".encode("ascii")
 
 
 class VectorNavImu(RegisteredImu):
-    """The IMU of a profile on a link. A register entry is one register of the unit with all its fields."""
+    """Driver of a VectorNav IMU on a link. A register entry is one register of the unit with all its fields."""
 
     def __init__(self, link: SerialLink, profile: ImuProfile) -> None:
         assert profile.vectornav is not None
@@ -77,7 +77,7 @@ class VectorNavImu(RegisteredImu):
         self._ask(f"VNWRG,{entry.address},{written}")
 
     def _ask(self, words: str, *, timeout: float | None = None, attempts: int = _ATTEMPTS) -> list[str]:
-        """Send a line and wait for the one that repeats its command and register; its further fields."""
+        """Send a line and return the other fields of the reply, which repeats its command and register."""
         return self.exchange(self._question(words), timeout=timeout or self._section.timeout_s, attempts=attempts)
 
     def _other_questions(self) -> Iterator[Question[list[str]]]:
@@ -105,7 +105,7 @@ def _same_register(found: list[str], asked: list[str]) -> bool:
 
 
 def _meaning(fields: list[str]) -> Text:
-    """What an error's hexadecimal code means (VN-100 User Manual UM001, section 3.8)."""
+    """Return the meaning of a hexadecimal error code (VN-100 User Manual UM001, section 3.8)."""
     code = fields[0] if fields else ""
     try:
         value = int(code, 16)

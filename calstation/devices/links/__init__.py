@@ -1,6 +1,6 @@
-"""Serial, Modbus and text links with time limits for every exchange.
+"""Serial, Modbus and text links with a time limit for every exchange.
 
-A link knows no meaning of what it carries.
+A link does not interpret the data that it transfers.
 """
 
 import lazy_loader as lazy

@@ -1,4 +1,4 @@
-"""Holding registers of one Modbus unit, over TCP (by pymodbus) or RTU: bounded transfers and typed errors."""
+"""Access to holding registers of one Modbus unit over TCP (with pymodbus) or RTU, with timeouts and typed errors."""
 
 import logging
 import time
@@ -18,27 +18,27 @@ from calstation.messages import Text, known
 
 logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors become DeviceFaultError
 
-#: The exception of a device that carries out the request but needs time.
+#: Modbus exception of a device that executes the request but needs time.
 ACKNOWLEDGED = 5
 
-#: Exceptions of a device that is only late.
+#: Modbus exceptions of a device that is only busy.
 NOT_YET = (ACKNOWLEDGED, 6)
 
-#: Host time until a busy device is asked again, s.
-_AGAIN_AFTER = 0.05
+#: Delay before a request to a busy device is repeated, host time in s.
+_RETRY_DELAY = 0.05
 
 _ATTEMPTS = 3
 T = TypeVar("T")
 
 
 def exception_text(number: int) -> Text:
-    """The meaning of a Modbus exception, with its remedy for a table."""
+    """Return the meaning of a Modbus exception, with the remedy for a table."""
     kind = number if known(f"modbus.exception_{number}") else "other"
     return Text.of(f"modbus.exception_{kind}", number=number)
 
 
 class NoAnswerError(DeviceFaultError):
-    """The device does not answer, not even after repetitions."""
+    """The device does not reply, even after repeated requests."""
 
     @property
     def unit(self) -> int:
@@ -46,7 +46,7 @@ class NoAnswerError(DeviceFaultError):
 
 
 class ModbusRefusalError(DeviceFaultError):
-    """The device answers with a Modbus exception."""
+    """The device replied with a Modbus exception."""
 
     @property
     def unit(self) -> int:
@@ -58,10 +58,10 @@ class ModbusRefusalError(DeviceFaultError):
 
 
 class ModbusLink:
-    """Holding registers of one Modbus unit over TCP or RTU; not for use by two threads at once.
+    """Holding registers of one Modbus unit over TCP or RTU; not thread-safe.
 
-    port : `tcp://host:port`, or for RTU a serial port, also as `usb:SERIALNUMBER`
-    greet : called after each reopening, before any other transfer; raises DeviceFaultError if another device answers
+    port : `tcp://host:port`, or a serial port for RTU, which may be given as `usb:SERIALNUMBER`
+    greet : called after each reopening, before any other transfer; raises DeviceFaultError if another device replies
     """
 
     def __init__(self, port: str, unit: int, timeout: float, serial: SerialSettings) -> None:
@@ -79,7 +79,7 @@ class ModbusLink:
         return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read registers of the link's own unit, or of another one on the line; a lost transfer is repeated."""
+        """Read registers of the link's own unit, or of another unit on the line; a lost transfer is repeated."""
         at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
         try:
             return self._transfer(lambda again: self._carrier.read(at["unit"], address, count), _ATTEMPTS)
@@ -90,7 +90,7 @@ class ModbusLink:
             raise NoAnswerError("table.read_unanswered", **at, port=self._port, reason=exc.reason) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
-        """Write registers as `read` reads them; a lost transfer is repeated only if `repeat`."""
+        """Write registers of the same units as `read`; a lost transfer is repeated only if `repeat`."""
         at = {"unit": self._unit if unit is None else unit, "address": address}
         attempts = _ATTEMPTS if repeat else 1
         try:
@@ -108,14 +108,14 @@ class ModbusLink:
         self._carrier.close()
 
     def _transfer(self, transfer: Callable[[bool], T], attempts: int) -> T:
-        """Carry out a transfer. Raises RefusedError, or UnansweredError once all attempts failed."""
+        """Execute a transfer. Raises RefusedError, or UnansweredError once all attempts have failed."""
         reason = Text("modbus.no_answer")
         attempts = 1 if self._greeting else attempts
         for attempt in range(attempts):
             try:
                 self._prepare()
                 return transfer(attempt > 0)
-            except NoAnswerError as exc:  # of the greeting
+            except NoAnswerError as exc:  # raised by `greet`
                 reason = exc.values["reason"]
             except PortLostError as exc:
                 reason = Text.of("modbus.port_lost", reason=exc.values["reason"])
@@ -124,11 +124,11 @@ class ModbusLink:
             except RefusedError as exc:
                 if exc.number not in NOT_YET or attempt + 1 == attempts:
                     raise
-                time.sleep(_AGAIN_AFTER)
+                time.sleep(_RETRY_DELAY)
         raise UnansweredError(reason)
 
     def _prepare(self) -> None:
-        """Make sure that the link is open, and to the same device as before."""
+        """Ensure that the link is open and connected to the same device as before."""
         if self._carrier.open:
             return
         try:
@@ -186,7 +186,7 @@ class TcpConnection:
         return list(answer.registers)
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
-        """Write holding registers; `repeat` and `again` do not matter here. Raises as `read`."""
+        """Write holding registers; `repeat` and `again` have no effect over TCP. Raises like `read`."""
         if len(values) == 1:
             self._request(lambda: self._client.write_register(address, values[0], device_id=unit))
         else:

@@ -1,8 +1,8 @@
-"""Modbus RTU on a serial line: requests, answers among the received bytes, and late answers kept apart.
+"""Modbus RTU on a serial line: requests, replies found in the received bytes, and recognition of late replies.
 
-An RTU answer says neither what was asked nor when ("Modbus over Serial Line" V1.02, 2.5): a late one looks like the
-answer to the next request. So unanswered requests are remembered, and a request whose answer would look like one that
-may still come is only sent after a read of another length has been answered.
+An RTU reply does not identify its request ("Modbus over Serial Line" V1.02, 2.5), so a late one looks like the reply to
+the next request. Unanswered requests are therefore recorded, and a request whose reply would look like one that may
+still arrive is sent only after a read of another length has been answered.
 """
 
 import struct
@@ -20,22 +20,22 @@ from calstation.messages import Text
 
 READ, WRITE, WRITE_MANY, REFUSED = 0x03, 0x06, 0x10, 0x80
 
-#: Bytes of the largest frame that an answer may be.
+#: Largest size of a reply frame, bytes.
 LARGEST = 260
 
-#: Bytes of late answers that are searched.
-_KEPT = 16 * LARGEST
+#: Largest number of received bytes that are searched for late replies.
+_MAX_SEARCHED = 16 * LARGEST
 
-#: Characters of silence between two frames.
+#: Silence between two frames, character times.
 _FRAME_GAP = 3.5
 
 
-#: What identifies an answer: unit, function, and the beginning of its data.
+#: Properties that identify a reply: unit, function, and the beginning of its data.
 Signature = tuple[int, int, bytes]
 
 
 class UnansweredError(Exception):
-    """No valid answer came in time; `reason` says what came instead."""
+    """No valid reply arrived in time; `reason` describes what arrived instead."""
 
     def __init__(self, reason: Text) -> None:
         super().__init__(reason.code)
@@ -43,7 +43,7 @@ class UnansweredError(Exception):
 
 
 class RefusedError(Exception):
-    """The device answers with a Modbus exception of this number."""
+    """The device replied with a Modbus exception of this number."""
 
     def __init__(self, number: int) -> None:
         super().__init__(number)
@@ -51,7 +51,7 @@ class RefusedError(Exception):
 
 
 class RtuReply:
-    """Answer frames of Modbus RTU; meets `packets.ReplyKind`."""
+    """Reply frames of Modbus RTU; implements `packets.ReplyKind`."""
 
     def __init__(self, unit: int) -> None:
         self.sync = bytes([unit])
@@ -75,7 +75,7 @@ class RtuReply:
 
 @dataclass(frozen=True)
 class RtuRequest:
-    """A request to a unit, and the beginning of its answer's data."""
+    """A request to a unit; `begins` is the beginning of the data in its reply."""
 
     unit: int
     function: int
@@ -88,7 +88,7 @@ class RtuRequest:
 
     @staticmethod
     def write(unit: int, address: int, values: list[int]) -> "RtuRequest":
-        """A write to holding registers, in one transfer."""
+        """Return a request that writes holding registers in one transfer."""
         if len(values) == 1:
             payload = struct.pack(">HH", address, values[0])
             return RtuRequest(unit, WRITE, payload, payload)
@@ -103,7 +103,7 @@ class RtuRequest:
 
     @property
     def signature(self) -> Signature:
-        """What its answer has in common with others."""
+        """Signature of the reply, by which it can be mistaken for others."""
         return self.unit, self.function, self.begins
 
     @property
@@ -111,7 +111,7 @@ class RtuRequest:
         return int.from_bytes(self.payload[:2], "big")
 
     def data_of(self, reply: Reply, unanswered: Unanswered) -> bytes | None:
-        """Data of its answer, or None for that to an older request, which is then removed; raises RefusedError."""
+        """Return the reply's data, or None if it belongs to an older request, which is removed; raises RefusedError."""
         if reply.op == self.function and reply.payload.startswith(self.begins):
             unanswered.answered(self.signature)
             return reply.payload
@@ -124,7 +124,7 @@ class RtuRequest:
 
 
 def mark_answered(reply: Reply, unanswered: Unanswered) -> None:
-    """Remove the oldest unanswered request that an unexpected reply can answer."""
+    """Remove the oldest unanswered request to which an unexpected reply can belong, and those before it."""
     unanswered.late(lambda signature: _refuses(reply, signature) or _answers(reply, signature))
 
 
@@ -138,19 +138,19 @@ def _refuses(reply: Reply, signature: Hashable) -> bool:
 
 
 class Barriers:
-    """Reads whose answers differ in length from any that may still come; lengths already read are preferred to shorter
-    parts of the longest, which a device might refuse.
+    """Reads whose replies differ in length from any that may still arrive; lengths already read are preferred to
+    shorter parts of the longest one, which a device might refuse.
     """
 
     def __init__(self) -> None:
         self._asked: dict[int, dict[int, int]] = {}
 
     def asked(self, unit: int, address: int, count: int) -> None:
-        """Record that the unit has these registers."""
+        """Record a read of these registers."""
         self._asked.setdefault(unit, {}).setdefault(count, address)
 
     def next(self, unit: int, unanswered: Unanswered) -> RtuRequest:
-        """The read to send; if answers of all lengths may still come, the oldest of them is given up."""
+        """Return the read to send; if replies of all lengths may still arrive, the oldest one is no longer expected."""
         asked = self._asked.get(unit, {1: 0})
         longest = max(asked)
         counts = [*asked, *(count for count in range(1, max(longest, 2) + 1) if count not in asked)]
@@ -163,7 +163,7 @@ class Barriers:
 
 
 class RtuLine:
-    """A serial line with Modbus units; not for use by two threads at once. `received` are the bytes received last."""
+    """A serial line with Modbus units; not thread-safe. `received` are the bytes received last."""
 
     def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
         self.received = b""
@@ -188,16 +188,16 @@ class RtuLine:
         self._link = None
 
     def read(self, unit: int, address: int, count: int) -> list[int]:
-        """Read holding registers. Raises UnansweredError, RefusedError; PortLostError closes the port."""
+        """Read holding registers. Raises UnansweredError, RefusedError, or PortLostError after closing the port."""
         self._barriers.asked(unit, address, count)
         data = self._ask(RtuRequest.read(unit, address, count))
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
     def write(self, unit: int, address: int, values: list[int], *, repeat: bool, again: bool) -> None:
-        """Write holding registers. Raises as `read`.
+        """Write holding registers. Raises like `read`.
 
-        repeat : they may be written twice, so they are sent at once even if late answers may come: it may be a stop
-        again : the same was sent just before; either answer confirms it
+        repeat : the write, e.g. a stop, may be sent twice; it is sent immediately even if late replies may still arrive
+        again : the same write was sent just before; the reply to either one confirms it
         """
         request = RtuRequest.write(unit, address, values)
         unanswered = self._unanswered.setdefault(unit, Unanswered())
@@ -211,7 +211,7 @@ class RtuLine:
         if request.signature in unanswered and not again:
             self._listen_until_quiet(request.unit, unanswered)
         if request.signature in unanswered and not again:
-            with suppress(RefusedError):  # a refusal is an answer, too
+            with suppress(RefusedError):  # a refusal is also a reply
                 self._exchange(self._barriers.next(request.unit, unanswered), unanswered)
         return self._exchange(request, unanswered)
 
@@ -232,11 +232,11 @@ class RtuLine:
         raise UnansweredError(Text("modbus.other_answer" if others else "modbus.no_answer"))
 
     def _listen_until_quiet(self, unit: int, unanswered: Unanswered, quiet: float = QUIET) -> None:
-        """Receive late answers until the line is quiet, for at most the time of an answer."""
+        """Receive late replies until the line is quiet, for at most the reply timeout."""
         deadline = time.monotonic() + self._timeout
         received = b""
         while time.monotonic() < deadline and (data := self._receive(quiet)):
-            received = (received + data)[-_KEPT:]
+            received = (received + data)[-_MAX_SEARCHED:]
         for reply, _ in replies(unit, received, 0):
             mark_answered(reply, unanswered)
 
@@ -263,7 +263,7 @@ class RtuLine:
 
 
 def replies(unit: int, received: bytes, start: int) -> Iterator[tuple[Reply, int]]:
-    """A unit's valid answers among bytes from `start` on, each with the index after it."""
+    """Yield a unit's valid replies in the bytes from `start` on, each with the index after it."""
     kind = RtuReply(unit)
     while 0 <= (start := received.find(kind.sync, start)) < len(received):
         size = kind.size(received, start)

@@ -1,4 +1,4 @@
-"""Finds out why a port cannot be opened, by reasons that a person can act on."""
+"""Determines why a port cannot be opened, as a reason that the user can act on."""
 
 import errno
 import socket
@@ -12,8 +12,8 @@ from calstation.devices.profiles import SerialSettings
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text
 
-#: No such USB adapter or port, no permission, in use, unsuitable settings; host:port misspelt, host not found,
-#: connection refused, host unreachable.
+#: In order: no such USB adapter, no such port, no permission, in use, unsuitable settings; host:port malformed, host
+#: not found, connection refused, host unreachable; other.
 Reason = Literal[
     "no_adapter",
     "no_port",
@@ -27,12 +27,12 @@ Reason = Literal[
     "other",
 ]
 
-#: Schemes of addresses.
+#: URL schemes of TCP addresses.
 SOCKETS = ("tcp://", "socket://")
 
 
 def host_and_port(url: str) -> tuple[str, int] | None:
-    """Host and port of ``tcp://host:port`` or ``socket://host:port``; None if it is neither."""
+    """Return host and port of ``tcp://host:port`` or ``socket://host:port``; None for any other URL."""
     for scheme in SOCKETS:
         if url.startswith(scheme):
             host, _, number = url.removeprefix(scheme).partition("/")[0].rpartition(":")
@@ -42,9 +42,9 @@ def host_and_port(url: str) -> tuple[str, int] | None:
 
 
 def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, Text | None]:
-    """The kind of reason why a port cannot be opened, found by trying, and the system's own words if they say more.
+    """Try to open a port and return the reason why it cannot be opened, with the system's message if it adds detail.
 
-    A port that can be opened now counts as "other".
+    If the port can be opened now, the reason is "other".
     """
     if port.startswith(SOCKETS):
         return _why_no_connection(port, timeout)
@@ -63,7 +63,7 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
 
 @contextmanager
 def explained(device: Device, port: str, timeout: float) -> Iterator[None]:
-    """While a connection over the network is opened: if it fails, raise a fault that says why."""
+    """Raise a fault that states the reason if opening a network connection fails in this context."""
     try:
         yield
     except DeviceFaultError as fault:

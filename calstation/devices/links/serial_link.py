@@ -1,4 +1,4 @@
-"""One serial link: opens any port that pyserial knows and turns its exceptions into errors of the catalogue."""
+"""A serial link, which opens any port that pyserial supports and converts its exceptions to errors of the catalogue."""
 
 import select
 from contextlib import suppress
@@ -16,24 +16,24 @@ try:
 except ImportError:  # no termios on Windows
     termios_error = OSError  # type: ignore[assignment, misc]
 
-#: What pyserial raises: a closed pty gives plain OSError, a refused parity termios.error.
+#: Exceptions raised by pyserial: OSError for a closed pty, termios.error for a refused parity.
 LINK_ERRORS = (serial.SerialException, OSError, termios_error)
 
-#: Whose port it is, as a code of the family `source`.
+#: Device that a port belongs to, as a code of the message family `source`.
 Device = Literal["table", "imu"]
 
 _READ_SIZE = 65536
 
 
 class PortLostError(DeviceFaultError):
-    """An open port was lost: a pulled plug, or a device that closed the connection."""
+    """An open port was lost: it was unplugged, or the device closed the connection."""
 
 
 class SerialLink:
     """An open port: `/dev/...`, `COM3`, `usb:SERIALNUMBER`, `socket://host:port` or `rfc2217://host:port`.
 
-    Raises ConfigurationError: no such port can exist, or the settings do not suit it; DeviceFaultError: the port cannot
-    be opened. Not for use by two threads at once.
+    Raises ConfigurationError if the port name is invalid or the settings do not suit the port, DeviceFaultError if the
+    port cannot be opened. Not thread-safe.
     """
 
     def __init__(self, port: str, settings: SerialSettings, device: Device) -> None:
@@ -52,7 +52,7 @@ class SerialLink:
             self._fileno = None
 
     def read(self, wait: float) -> bytes:
-        """Bytes that have come, waiting at most `wait` s for the first. Raises PortLostError."""
+        """Return the bytes received, waiting at most `wait` s for the first one. Raises PortLostError."""
         try:
             if self._fileno is not None:
                 ready, _, _ = select.select([self._fileno], [], [], wait)
@@ -73,7 +73,7 @@ class SerialLink:
 
     def close(self) -> None:
         """Close the port; never raises."""
-        # pyserial drops a socket whose far end has closed without closing it.
+        # pyserial drops a socket without closing it if the remote end has closed it.
         held = getattr(self._serial, "_socket", None)
         with suppress(*LINK_ERRORS):
             self._serial.close()
@@ -95,7 +95,7 @@ class SerialLink:
 
 
 def link_reason(exc: BaseException) -> Text:
-    """Why the operating system or pyserial failed, as a part of a sentence."""
+    """Return the reason for an error of the operating system or pyserial, as part of a sentence."""
     if isinstance(exc, OSError) and exc.errno is not None:
         return os_reason(exc)
     words = str(exc).rsplit("] ", 1)[-1].split(": '")[0].rstrip(".")
@@ -103,7 +103,7 @@ def link_reason(exc: BaseException) -> Text:
 
 
 def open_serial(device: str, settings: SerialSettings) -> serial.Serial:
-    """Open a port for this process alone. Raises what pyserial raises: ValueError, LINK_ERRORS."""
+    """Open a port exclusively for this process. Raises the exceptions of pyserial: ValueError, LINK_ERRORS."""
     port = serial.serial_for_url(
         device,
         baudrate=settings.baud,
@@ -112,10 +112,10 @@ def open_serial(device: str, settings: SerialSettings) -> serial.Serial:
         stopbits=settings.stop_bits,
         timeout=0,
         write_timeout=settings.write_timeout_s,
-        exclusive=True,  # two readers of one port would each get half of the bytes
+        exclusive=True,  # two readers of one port would each get only part of the bytes
     )
     try:
-        port.parity = settings.parity  # a port without parity may accept it at first and drop it silently
+        port.parity = settings.parity  # a port without parity may accept it at first but drop it silently
     except LINK_ERRORS:
         port.close()
         raise

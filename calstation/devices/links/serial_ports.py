@@ -1,4 +1,4 @@
-"""The serial ports of this computer, also by the serial numbers of their USB adapters."""
+"""Lists the serial ports of this computer, also by the serial numbers of their USB adapters."""
 
 import re
 from collections.abc import Sequence
@@ -9,17 +9,17 @@ from serial.tools.list_ports_common import ListPortInfo
 
 from calstation.errors import DeviceFaultError
 
-#: Prefix of a port named by its adapter: `usb:SERIALNUMBER`, `usb:SERIALNUMBER/2` for its second port; of several
-#: adapters with the same number `usb:SERIALNUMBER@1-4`, by the location on the bus.
+#: Prefix of a port named by its adapter: `usb:SERIALNUMBER`, `usb:SERIALNUMBER/2` for its second port; if several
+#: adapters have the same serial number, `usb:SERIALNUMBER@1-4` with the location on the bus.
 USB = "usb:"
 
 
 @dataclass(frozen=True)
 class FoundPort:
-    """A serial port as the system lists it, e.g. `/dev/ttyUSB0` or `COM3`; what is unknown is empty.
+    """A serial port as the system lists it, e.g. `/dev/ttyUSB0` or `COM3`; unknown attributes are empty.
 
-    usb : the name that stays with the adapter whatever its `device`; None without serial number, or if others have the
-        same and the location is unknown
+    usb : name that stays with the adapter when its `device` changes; None if it has no serial number, or if others have
+        the same one and the location is unknown
     """
 
     device: str
@@ -31,7 +31,7 @@ class FoundPort:
 
 
 def found_ports() -> tuple[FoundPort, ...]:
-    """All serial ports of this computer, those of USB adapters first."""
+    """Return all serial ports of this computer, those of USB adapters first."""
     listed = _listed()
     ports = []
     for p in listed:
@@ -44,8 +44,8 @@ def found_ports() -> tuple[FoundPort, ...]:
 
 
 def resolve(port: str, device: str) -> str:
-    """The port to open: for `usb:...` the current device of the adapter, else `port` itself. Raises DeviceFaultError,
-    whose source is `device`, if no such adapter is plugged in or several are.
+    """Return the port to open: for `usb:...` the current device of the adapter, else `port`. Raises DeviceFaultError,
+    with `device` as its source, if no such adapter is plugged in or if several are.
     """
     if not port.startswith(USB):
         return port
@@ -70,14 +70,14 @@ def _listed() -> list[ListPortInfo]:
 
 
 def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...]:
-    """Names of a port by its adapter, the preferred one first.
+    """Return the names of a port by its adapter, the preferred one first.
 
-    A serial number that several share names none of them: when the first is unplugged, its name would pass on.
+    A serial number of several adapters is not used as a name, since it would change its meaning if one is unplugged.
     """
     alike = [p for p in listed if p.serial_number and p.serial_number == port.serial_number]
     location = _location(port)
     own = [p for p in alike if _location(p) == location]
-    # Ports of one adapter come and go together, so that their order identifies them.
+    # Ports of one adapter appear and disappear together, so their order identifies them.
     which = f"/{own.index(port) + 1}" if len(own) > 1 else ""
     names = []
     if own and len(own) == len(alike) and (location or len(own) == 1):
@@ -88,10 +88,10 @@ def _names(port: ListPortInfo, listed: Sequence[ListPortInfo]) -> tuple[str, ...
 
 
 def _location(port: ListPortInfo) -> str:
-    """Location of an adapter on the bus, without its interface; "" if unknown."""
+    """Return the location of an adapter on the bus, without its interface; "" if unknown."""
     return (port.location or "").partition(":")[0]
 
 
 def _natural(text: str) -> list[tuple[int, str]]:
-    """Sort key that puts ttyUSB10 after ttyUSB9."""
+    """Return a sort key that places ttyUSB10 after ttyUSB9."""
     return [(int(p), "") if p.isdecimal() else (-1, p) for p in re.split(r"(\d+)", text)]

@@ -1,4 +1,4 @@
-"""Lines of text to a table and its replies: with prompts, plain or checked; each exchange is bounded in time."""
+"""Text lines to a table and their replies, with a prompt, plain or checked; each exchange is bounded in time."""
 
 import re
 import time
@@ -10,8 +10,8 @@ from calstation.devices.profiles import CheckedLines, SerialSettings, TextSectio
 from calstation.errors import DeviceFaultError
 
 _ATTEMPTS = 3
-#: Largest size of a reply in bytes; more without its end is noise.
-_LONGEST = 4096
+#: Largest size of a reply in bytes; more bytes without the end of a reply are noise.
+_MAX_REPLY_SIZE = 4096
 
 
 class TextRefusalError(DeviceFaultError):
@@ -19,11 +19,11 @@ class TextRefusalError(DeviceFaultError):
 
 
 class UnlikeAnswerError(DeviceFaultError):
-    """The table answers in another form than the profile states."""
+    """The form of the table's reply is not the one that the profile states."""
 
 
 class Plain:
-    """The framing of lines and replies; each reply is a line (ACL)."""
+    """Framing of lines and replies in which each reply is one line (ACL)."""
 
     def __init__(self, section: TextSection) -> None:
         self._end = section.line_end
@@ -33,7 +33,7 @@ class Plain:
         return (line + self._end).encode("latin-1")
 
     def reply(self, line: str, received: bytes) -> tuple[str, bytes] | None:
-        """The reply to `line` in the received bytes and what follows it; None until it is complete."""
+        """Return the reply to `line` in the received bytes and the bytes after it; None until the reply is complete."""
         while b"\n" in received:
             first, _, received = received.partition(b"\n")
             words = self._words(line, first.decode("latin-1").strip())
@@ -42,12 +42,12 @@ class Plain:
         return None
 
     def _words(self, line: str, received: str) -> str:
-        """What a received line says; "" if it does not reply to `line`."""
+        """Return the text of a received line, or "" if it does not reply to `line`."""
         return received
 
 
 class Prompted(Plain):
-    """Replies end with a prompt (ATL)."""
+    """Framing in which replies end with a prompt (ATL)."""
 
     def __init__(self, section: TextSection) -> None:
         super().__init__(section)
@@ -63,7 +63,7 @@ class Prompted(Plain):
 
 
 class Checked(Plain):
-    """Each line has a head and a sum, its reply repeats the command's letters ($MN...*SS)."""
+    """Framing with a head and a checksum; the reply repeats the letters of the command ($MN...*SS)."""
 
     def __init__(self, section: TextSection, lines: CheckedLines) -> None:
         super().__init__(section)
@@ -75,7 +75,7 @@ class Checked(Plain):
         return f"{body}{self._lines.mark}{self._check(body, self._lines.head)}{self._end}".encode("latin-1")
 
     def _words(self, line: str, received: str) -> str:
-        """Words of a line with a right sum whose command is that of `line`."""
+        """Return the text of a line if its checksum is correct and its command is that of `line`."""
         begin = received.rfind(self._lines.reply_head)
         body, mark, stated = received[begin:].rpartition(self._lines.mark) if begin >= 0 else ("", "", "")
         words = body.removeprefix(self._lines.reply_head)
@@ -88,11 +88,11 @@ class Checked(Plain):
 
 
 class TextLink:
-    """The link to a table that is commanded in text; not for use by two threads at once.
+    """The link to a table with text commands; not thread-safe.
 
-    A reply seldom says what it replies to, and a late one looks like the next line's. So after an unanswered line a
-    question with a distinct answer is sent, and no reply is accepted before that answer. After the link was reopened
-    the table is identified before any command is sent. `received` are the bytes received last, valid or not.
+    A reply rarely identifies its line, and a late one looks like the reply to the next line. After an unanswered line,
+    a query with a distinct reply is therefore sent, and no other reply is accepted before it. After the link has been
+    reopened, the table is identified before any command is sent. `received` are the last bytes received, valid or not.
     """
 
     def __init__(self, port: str, section: TextSection, serial: SerialSettings) -> None:
@@ -116,7 +116,7 @@ class TextLink:
         self._new = False
 
     def ask(self, line: str, answer: re.Pattern[str]) -> str:
-        """Send a question and wait for its reply, repeatedly. Raises TextRefusalError, DeviceFaultError."""
+        """Send a query and wait for its reply, with repetitions. Raises TextRefusalError, DeviceFaultError."""
         for _ in range(_ATTEMPTS):
             if self._synchronised() and (reply := self._exchange(line, answer)) is not None:
                 if line == self._identity:
@@ -125,10 +125,10 @@ class TextLink:
         raise self._not_answered(line)
 
     def command(self, line: str, repeat: bool = True) -> None:
-        """Send a command; raises as `ask`. A command without answer is followed by the flush.
+        """Send a command; raises like `ask`. A command without a reply is followed by the flush query.
 
-        repeat : it may be sent twice, so it is sent at once even if late replies may come (it may be a stop), and again
-            if its reply was lost
+        repeat : the command, e.g. a stop, may be sent twice; it is sent immediately even if late replies may arrive,
+            and again if its reply is lost
         """
         if self._silent is not None and self._silent.search(line):
             if self._known() or self._synchronised():
@@ -141,7 +141,7 @@ class TextLink:
         if repeat and self._unanswered and self._known():
             self._send(line)
         for attempt in range(_ATTEMPTS if repeat else 1):
-            # Either of two equal lines may be the answered one; the other's reply may still come.
+            # The reply may belong to either of two equal lines; the reply to the other one may still arrive.
             again = attempt > 0 and self._known()
             if (again or self._synchronised()) and self._exchange(line, None) is not None:
                 return
@@ -153,17 +153,17 @@ class TextLink:
             self._link.close()
 
     def _open(self) -> SerialLink:
-        # pyserial uses another scheme for sockets than the station files.
+        # The URL scheme for sockets differs between pyserial and the station files.
         url = self._port.replace("tcp://", "socket://", 1) if self._port.startswith("tcp://") else self._port
         self._new = True
         return SerialLink(url, self._serial, "table")
 
     def _known(self) -> bool:
-        """Whether the table was identified on this link."""
+        """Whether the table has been identified since the link was opened."""
         return self._link is not None and not self._new
 
     def _synchronised(self) -> bool:
-        """Whether the next reply will answer the next line; asks the table if that is uncertain."""
+        """Whether the next reply will belong to the next line; queries the table if this is uncertain."""
         if self._known() and not self._unanswered:
             return True
         others = [line for line in self._questions if line not in self._unanswered]
@@ -196,9 +196,9 @@ class TextLink:
             self._last_sent = time.monotonic()
 
     def _exchange(self, line: str, answer: re.Pattern[str] | None, only: bool = False) -> str | None:
-        """The reply to a line; None if none comes in time.
+        """Send a line and return its reply, or None if none arrives in time.
 
-        only : accept nothing but the form of `answer`; else another reply is accepted if no better one comes
+        only : accept only replies that match `answer`; otherwise another reply is accepted if no matching one arrives
         """
         self._send(line)
         link = self._link
@@ -206,7 +206,7 @@ class TextLink:
         deadline = time.monotonic() + self._section.timeout_s
         other: str | None = None
         received = b""
-        while (left := deadline - time.monotonic()) > 0 and len(received) < _LONGEST:
+        while (left := deadline - time.monotonic()) > 0 and len(received) < _MAX_REPLY_SIZE:
             try:
                 data = link.read(left)
             except DeviceFaultError:
@@ -227,14 +227,14 @@ class TextLink:
                     return text
         if answer is not None or other is None:
             self._unanswered.append(line)
-            if "://" in self._port:  # the connection may be dead without notice
+            if "://" in self._port:  # the connection may be lost without notice
                 self._drop()
             else:
                 self._wait_until_quiet()
         return other
 
     def _wait_until_quiet(self) -> None:
-        """Wait until the line is quiet, for at most the time of an answer."""
+        """Wait until the line is quiet, for at most the reply timeout."""
         deadline = time.monotonic() + self._section.timeout_s
         while self._link is not None and time.monotonic() < deadline:
             try:

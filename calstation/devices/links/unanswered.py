@@ -1,16 +1,16 @@
-"""Requests that were not answered in time, whose late answers could be mistaken for those of later requests."""
+"""Records unanswered requests, whose late replies could be mistaken for those to later requests."""
 
 from collections.abc import Callable, Hashable, Iterator
 
-#: Host time without a byte after which a transmission counts as ended, s.
+#: Host time without a byte after which a transmission is considered complete, s.
 QUIET = 0.05
 
-#: Unanswered requests that are remembered; a device that leaves more is not late but silent.
-_MOST = 100
+#: Largest number of recorded requests; a device that leaves more unanswered is not late but silent.
+_MAX_REQUESTS = 100
 
 
 class Unanswered:
-    """Signatures of the answers that may still come, oldest first: after an answer none to an older request comes."""
+    """Signatures of replies that may still arrive, oldest first; after a reply, none to an older request arrives."""
 
     def __init__(self) -> None:
         self._signatures: list[Hashable] = []
@@ -25,19 +25,19 @@ class Unanswered:
         return len(self._signatures)
 
     def add(self, signature: Hashable) -> None:
-        """Record that the last request was not answered in time; its answer would have this signature."""
-        self._signatures = [*self._signatures, signature][-_MOST:]
+        """Record that the last request was not answered in time; its reply would have this signature."""
+        self._signatures = [*self._signatures, signature][-_MAX_REQUESTS:]
 
     def answered(self, signature: Hashable) -> None:
-        """Record an answer with the last request's signature; it may belong to an older request with the same one."""
+        """Record a reply with the last request's signature; it may belong to an older request with the same one."""
         self._signatures = [*self._after(signature.__eq__), signature] if signature in self._signatures else []
 
     def late(self, like: Callable[[Hashable], bool]) -> None:
-        """Record an answer to an older request: to the oldest that it can belong to."""
+        """Record a reply to an older request, namely to the oldest one to which it can belong."""
         self._signatures = self._after(like)
 
     def forget_oldest(self) -> None:
-        """Give up the oldest answer."""
+        """Stop expecting the oldest reply."""
         del self._signatures[:1]
 
     def _after(self, like: Callable[[Hashable], bool]) -> list[Hashable]:

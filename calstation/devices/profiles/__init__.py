@@ -1,6 +1,6 @@
-"""The models of profile files: frames, registers, limits and accuracy, checked as a whole.
+"""Data models of profile files: frames, registers, limits and accuracy, checked as a whole.
 
-Finding and editing the files belongs to `config`.
+The files are found and edited by `config`.
 """
 
 import lazy_loader as lazy

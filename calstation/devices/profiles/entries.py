@@ -1,4 +1,4 @@
-"""Kinds of entries that several sections of profiles have."""
+"""Entry types that are used in several sections of profiles."""
 
 from typing import Annotated
 
@@ -10,7 +10,7 @@ LAST_ADDRESS = 0xFFFF
 
 
 def hex_bytes(text: str) -> bytes:
-    """Bytes written as hexadecimal text, e.g. "55 AA"; raises EntryError."""
+    """Convert hexadecimal text, e.g. "55 AA", to bytes; raises EntryError."""
     try:
         return bytes.fromhex(text)
     except ValueError:

@@ -1,4 +1,4 @@
-"""The frame of a profile (`[frame]`): packets, their check and fields, and what channels hold."""
+"""The section `[frame]` of a profile: packets, their check and fields, and the range of the channels."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ from calstation.schema import EntryError, StrictModel, entry, near_miss
 LARGEST_FRAME = 65_536
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-#: Status words, joined to one of 48 bits, `status` the lowest 16.
+#: Status words, which are joined into one of 48 bits with `status` as the lowest 16 bits.
 STATUS_WORDS = ("status", "status2", "status3")
 #: Names of fields with a meaning; all others are "spare...".
 FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
@@ -36,12 +36,12 @@ FIELDS = ("counter", *CHANNELS, "temperature", *STATUS_WORDS)
 class FrameField(StrictModel):
     """A number in the frame: value = raw × scale + offset; "spare" bytes are skipped.
 
-    at : first byte in the frame or its item (of a text frame: its column); after the previous field if absent
-    item : id of the item that carries it, in hexadecimal; only in frames of items
-    word_order : of its 16-bit words, if it differs from the byte order
-    per_sample : of a counter, its increment per sample, e.g. the ticks of a clock
-    reach : of a channel, the absolute value from which on it is saturated, in addition to the bounds of its type
-    prefix, base : of a text frame, letters before the number, and 16 for hexadecimal numbers
+    at : first byte in the frame or item, or column in a text frame; directly after the previous field if absent
+    item : id of the item that contains the field, in hexadecimal; only in frames of items
+    word_order : order of its 16-bit words, if it differs from the byte order
+    per_sample : increment of a counter per sample, e.g. the ticks of a clock
+    reach : absolute value from which on a channel is saturated, in addition to the bounds of its type
+    prefix, base : in a text frame, the letters before the number, and 16 for hexadecimal numbers
     """
 
     name: str
@@ -71,11 +71,11 @@ class FrameField(StrictModel):
 
 
 class CrcSection(StrictModel):
-    """The check of a frame, over everything from byte `start` of the frame up to the check.
+    """The check of a frame, computed over all bytes from `start` up to the check.
 
-    kind : a name of `frame_checks`, or "crc" with the parameters below (Rocksoft model)
+    kind : name of a check in `frame_checks`, or "crc" with the parameters below (Rocksoft model)
     pad : zero bytes appended to the checked bytes
-    byte_order : of the check itself, the frame's if absent; in a text frame it is hexadecimal
+    byte_order : order of the check itself, that of the frame if absent; in a text frame the check is hexadecimal
     """
 
     kind: str
@@ -118,7 +118,7 @@ class CrcSection(StrictModel):
         return self.width // 8 if self.width else CHECK_WIDTHS[self.kind]
 
     def function(self) -> CheckFunction:
-        """The function that computes it, padding included."""
+        """Return the function that computes the check, including the padding."""
         if self.width is None:
             function = check_function(self.kind)
         else:
@@ -133,8 +133,8 @@ class CrcSection(StrictModel):
 class LengthSection(StrictModel):
     """`length`: the number in the header that gives the frame's size.
 
-    at, type : its position and type; adds : bytes of the frame that it does not count
-    extended : type of a longer length that follows if all bits of the first are set; it shifts what follows
+    at, type : its position and type; adds : number of bytes of the frame that it does not include
+    extended : type of a longer length that follows if all bits of the first are set; it shifts the data after it
     """
 
     at: int = Field(ge=0, lt=64)
@@ -144,9 +144,9 @@ class LengthSection(StrictModel):
 
 
 class ItemSection(StrictModel):
-    """`items`: fields that each carry their own id and length, from byte `at` up to the check.
+    """`items`: items with their own id and length, from byte `at` up to the check.
 
-    order : of id and length; counts_header : the length includes both of them
+    order : order of id and length; counts_header : whether the length includes both of them
     """
 
     at: int = Field(ge=0, lt=64)
@@ -161,19 +161,19 @@ class ItemSection(StrictModel):
 
 
 class IdSection(StrictModel):
-    """`id`: the bytes that distinguish frames of samples from other frames of the same shape."""
+    """`id`: the bytes that distinguish sample frames from other frames with the same layout."""
 
     at: int = Field(ge=0, lt=64)
     value: HexText
 
 
 class FrameSection(StrictModel):
-    """`[frame]`: sync, fields, check, and the header of frames that have more than these.
+    """`[frame]`: sync, fields and check of a frame, and the optional parts of its header.
 
-    sync : first bytes in hexadecimal; of a text frame, its first characters
+    sync : first bytes in hexadecimal; in a text frame, its first characters
     tail : constant bytes after the check
-    max_size : size in bytes above which a length is taken for noise
-    separator, mark, tail : of a text frame: between numbers, before the check, and the end of the line
+    max_size : size in bytes above which a length is treated as noise
+    separator, mark, tail : in a text frame, the characters between numbers, before the check, and at the line end
     """
 
     format: Literal["binary", "text"] = "binary"
@@ -212,12 +212,12 @@ class FrameSection(StrictModel):
 
     @property
     def body(self) -> int:
-        """First byte after sync, length and id, where the fields begin."""
+        """Index of the first byte after sync, length and id, where the fields begin."""
         return max(end for _, end in self._header().values())
 
     @property
     def counter_period(self) -> float:
-        """Samples after which the counter, or the unit's clock, wraps."""
+        """Number of samples after which the counter, or the unit's clock, wraps."""
         counter = self.named("counter")
         return 2.0 ** (8 * counter.width) / counter.per_sample
 
@@ -225,11 +225,11 @@ class FrameSection(StrictModel):
         return next((f for f in self.fields if f.name == name), None)
 
     def named(self, name: str) -> FrameField:
-        """The field of a name that every checked frame of samples has."""
+        """Return the field called `name`, which every checked sample frame contains."""
         return next(f for f in self.fields if f.name == name)
 
     def positions(self) -> list[tuple[FrameField, int, int]]:
-        """Each field with its first byte, in the frame or in its item, and the byte after its last."""
+        """Return each field with its byte range [first, last + 1), in the frame or in its item."""
         ends: dict[str, int] = {}
         found = []
         for f in self.fields:
@@ -240,10 +240,10 @@ class FrameSection(StrictModel):
         return found
 
     def min_size(self, names: Collection[str] = ()) -> int:
-        """Smallest size in bytes of a frame with the fields of these names, or with all fields."""
+        """Return the smallest size in bytes of a frame with the fields of these names, or with all fields."""
         wanted = {f.name for f in self.fields if f.name in names or not names}
         trailer = self.crc.size + len(self.tail_bytes)
-        if self.format == "text":  # a digit and a separator each, the mark, two digits for a byte of the check
+        if self.format == "text":  # digit and separator per field, mark, two digits per check byte
             return len(self.sync_bytes) + 2 * len(self.fields) + 1 + self.crc.size + trailer
         if self.items is None:
             ends = [end for f, _, end in self.positions() if f.name in wanted or self.length is None]
@@ -255,7 +255,7 @@ class FrameSection(StrictModel):
         return self.items.at + sum(self.items.header + end for end in ends_of.values()) + trailer
 
     def _header(self) -> dict[str, tuple[int, int]]:
-        """First byte of sync, length and id, and the byte after each."""
+        """Return the byte ranges [first, last + 1) of sync, length and id."""
         found = {"sync": (0, len(self.sync_bytes))}
         if self.length is not None:
             found["length"] = (self.length.at, self.length.at + number(self.length.type).width)
@@ -299,7 +299,7 @@ class FrameSection(StrictModel):
                     raise EntryError("profile.not_with", "fields", i, name, other='format = "text"')
 
     def _check_header(self) -> None:
-        """Sync, length and id do not overlap, and the check begins before the frame ends."""
+        """Check that sync, length and id do not overlap, and that the check begins before the frame ends."""
         for (a, at), (b, other) in combinations(self._header().items(), 2):
             if at[0] < other[1] and other[0] < at[1]:
                 raise EntryError("profile.header_overlap", b, "at", other=a, first=at[0], last=at[1] - 1)
@@ -361,7 +361,7 @@ def check_samples(frame: FrameSection) -> None:
 
 
 def _check_field(f: FrameField, words: int) -> None:
-    """Check the keys of a field by its meaning; `words` is the number of status words."""
+    """Check that the keys of a field suit its meaning; `words` is the number of status words."""
     is_counter, is_word = f.name == "counter", f.name in STATUS_WORDS
     if f.reach is not None and f.name not in CHANNELS:
         raise EntryError("profile.only_of_channels", "reach")
@@ -381,9 +381,9 @@ def _check_field(f: FrameField, words: int) -> None:
 
 @dataclass(frozen=True)
 class Span:
-    """What the six channels of a stream can hold, in counts, each of shape (6,).
+    """Resolution and range of the six channels of a stream, in counts, each of shape (6,).
 
-    step : smallest difference of two values: 0 for floats, infinite if unknown
+    step : smallest difference between two values: 0 for floats, infinite if unknown
     low, high : values at which the output is saturated
     """
 
@@ -393,7 +393,7 @@ class Span:
 
 
 def span(frame: FrameSection) -> Span:
-    """What the channels of a frame can hold; a whole number at a bound of its type is saturated."""
+    """Return the resolution and range of a frame's channels; an integer at a bound of its type is saturated."""
     steps, ends = [], []
     for name in CHANNELS:
         f = frame.named(name)

@@ -26,29 +26,29 @@ from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.physics import GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, load_once, near_miss
 
-#: The section that each protocol needs.
+#: The section that each protocol requires.
 _SECTIONS = {"framed": "commands", "modbus": "modbus", "vectornav": "vectornav"}
 
-#: Shortest period of the counter, s: the loss of a whole period is detected by the host's clock, against which samples
-#: arrive a few hundredths of a second early or late.
+#: Shortest period of the counter, s: the loss of a whole period is detected with the host's clock, relative to which
+#: samples arrive a few hundredths of a second early or late.
 SHORTEST_WRAP = 0.1
 
 
 class PriorSigma(StrictModel):
-    """`[prior.NAME]`: of a parameter or a group, SI."""
+    """`[prior.NAME]`: prior standard deviation of a parameter, or of each parameter of a group, SI."""
 
     sigma: float = Field(gt=0)
 
 
 class ImuProfile(StrictModel):
-    """One type of IMU: all that driver, register transfer and solvers must know of it.
+    """A type of IMU, with all data that its driver, the register transfer and the solvers need.
 
     model : text that the unit's own model name must contain
-    protocol : of its commands: framed, with `[commands]`; modbus, with `[modbus]`; vectornav, with `[vectornav]`;
+    protocol : command protocol: framed, with `[commands]`; modbus, with `[modbus]`; vectornav, with `[vectornav]`; or
         stream, without commands
-    without_register : parameters and groups that the unit has no register for
+    without_register : parameters and groups for which the unit has no register
     flash_cycles_max : number of commits that its data sheet allows
-    corrected : how a stream before the registers is replaced by one after them
+    corrected : how to switch from the stream before the registers are applied to the one after
     """
 
     name: str
@@ -86,7 +86,7 @@ class ImuProfile(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _addresses(cls, data: Any) -> Any:
-        """Set the span of each register entry that has none: the addresses of a number on this link."""
+        """Set the span of each register entry that has none to the number of addresses per number in this protocol."""
         if not isinstance(data, dict) or not isinstance(data.get("registers"), list):
             return data
         protocol = data.get("protocol")
@@ -168,16 +168,16 @@ class ImuProfile(StrictModel):
 
     @property
     def timeout_s(self) -> float:
-        """Host time for an answer, s."""
+        """Reply timeout, host time in s."""
         return 1.0 if self.command_times is None else self.command_times.timeout_s
 
     @property
     def command_times(self) -> CommandTimes | None:
-        """The section of the protocol; None for a unit without commands."""
+        """The section of the command protocol; None for a unit without commands."""
         return self.commands or self.modbus or self.vectornav
 
     def with_timeout(self, seconds: float) -> "ImuProfile":
-        """The profile with another host time for an answer, s."""
+        """Return the profile with another reply timeout, host time in s."""
         name = _SECTIONS.get(self.protocol)
         if name is None:
             return self
@@ -185,13 +185,13 @@ class ImuProfile(StrictModel):
         return self.model_copy(update={name: section})
 
     def prior_sigmas(self) -> dict[str, float]:
-        """Prior standard deviations by parameter, SI, of the parameters with a prior."""
+        """Return the prior standard deviation, SI, of each parameter that has a prior, by name."""
         found = {p.name: self.prior.get(p.name, self.prior.get(p.group)) for p in PARAMETERS}
         return {name: prior.sigma for name, prior in found.items() if prior is not None}
 
 
 def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:
-    """Check that the frame of a name holds the bits of the status masks, and that no bit has two meanings."""
+    """Check that the frame `name` contains the bits of the status masks, and that no bit has two meanings."""
     words = [(i, frame.field(word)) for i, word in enumerate(STATUS_WORDS)]
     present = sum(((1 << 8 * f.width) - 1) << 16 * i for i, f in words if f is not None)
     masks = {"ready": status.ready, "saturated": status.saturated, "failed": status.failed}
@@ -204,7 +204,7 @@ def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:
 
 
 def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name: str = "frame") -> None:
-    """Check that the serial line can carry a stream of `rate` samples per second; `name` is the frame's."""
+    """Check that the serial line can carry a stream of `rate` samples per second; `name` is that of the frame."""
     size = frame.min_size(("counter", *CHANNELS))
     needed = settings.bits_per_byte * size * rate
     if needed > settings.baud:
@@ -213,7 +213,7 @@ def check_baud(settings: SerialSettings, frame: FrameSection, rate: float, name:
 
 
 def check_nanoseconds(frame: FrameSection, rate: float) -> None:
-    """Check that a VectorNav's clock counts the nanoseconds of its sample rate."""
+    """Check that a VectorNav's clock in nanoseconds agrees with its sample rate."""
     counter = frame.named("counter")
     expected = 1e9 / rate
     if counter.per_sample != 1.0 and abs(counter.per_sample - expected) > 1e-3 * expected:
@@ -238,7 +238,7 @@ def check_sync(frame: FrameSection, reply_sync: bytes) -> None:
 
 
 def check_corrected(section: CorrectedSection, protocol: str, order: str, raw: tuple[int, ...] | None) -> None:
-    """Check that `[corrected]` fits the protocol of its profile and the order of stream and registers.
+    """Check that `[corrected]` is consistent with the protocol and the stream order of its profile.
 
     raw : values that switch the raw stream on and off; None if the link has no such switch
     """
@@ -266,16 +266,16 @@ def _given(section: CorrectedSection, name: str) -> bool:
 
 
 def check_modbus_map(section: ModbusUnitSection, entries: Sequence[RegisterEntry]) -> None:
-    """Check that the unit's own registers and its calibration do not overlap.
+    """Check that the unit's own registers and its calibration registers do not overlap.
 
-    Commands and the page register answer on every page, so the calibration may overlap them on none.
+    Commands and the page register are present on every page, so calibration registers must not overlap them on any.
     """
     own, written = section.ranges, section.written
     for name, (begin, end) in own.items():
         if end - 1 > LAST_ADDRESS:
             raise EntryError("profile.past_last_address", "modbus", name, address=begin, last=end - 1)
     for (a, at), (b, other) in combinations(own.items(), 2):
-        distinguished = a in written and b in written  # by the value
+        distinguished = a in written and b in written  # by the written value
         if not distinguished and at[0] < other[1] and other[0] < at[1]:
             values = {"mine": _span(*other), "other": f"modbus.{a}", "at": _span(*at)}
             raise EntryError("profile.registers_overlap", "modbus", b, **values)

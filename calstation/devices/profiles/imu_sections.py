@@ -9,7 +9,7 @@ from calstation.devices.profiles.entries import Address, Word, hex_bytes
 from calstation.devices.profiles.frame import FrameSection
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
-#: Ops of the framed link and their usual numbers; those of words belong to systems with axes of their own.
+#: Op codes of the framed link and their usual numbers; the `..._words` ops are for systems with their own axes.
 OPS = {
     "identify": 1,
     "read": 2,
@@ -27,7 +27,7 @@ FLASH_BUSY = 3
 
 
 def check_lines(lines: list[str]) -> list[str]:
-    """Check lines to a VectorNav, without $ and check; raises EntryError naming the line."""
+    """Check command lines for a VectorNav, without $ and check; raises EntryError naming the line."""
     for i, line in enumerate(lines):
         if not line or not line.isascii() or not line.isprintable() or set(line) & set("$*"):
             raise EntryError("profile.not_a_command_line", i, value=line)
@@ -35,9 +35,9 @@ def check_lines(lines: list[str]) -> list[str]:
 
 
 class StreamSection(StrictModel):
-    """`[stream]`: what a count means; units as in a log's `[imu]`.
+    """`[stream]`: meaning of a count; units as in the `[imu]` section of a log.
 
-    order : whether the stream precedes or follows the unit's own calibration registers
+    order : whether the stream is taken before or after the unit applies its calibration registers
     """
 
     sample_rate_hz: float = Field(gt=0, le=100_000)
@@ -48,7 +48,7 @@ class StreamSection(StrictModel):
 
 
 class NoiseSection(StrictModel):
-    """`[noise]`: rad/√s, m/s/√s, rad/s, m/s²."""
+    """`[noise]`: random walks in rad/√s and m/s/√s, bias instabilities in rad/s and m/s²."""
 
     gyro_arw: float = Field(gt=0)
     accel_vrw: float = Field(gt=0)
@@ -57,7 +57,7 @@ class NoiseSection(StrictModel):
 
 
 class StatusSection(StrictModel):
-    """`[status]`: masks of the status word; 0 if the unit does not report it."""
+    """`[status]`: masks of the status word; 0 for a state that the unit does not report."""
 
     ready: int = Field(default=0, ge=0)
     saturated: int = Field(default=0, ge=0)
@@ -65,7 +65,7 @@ class StatusSection(StrictModel):
 
 
 class CommandTimes(StrictModel):
-    """Host times, s: for an answer, for burning the flash, and until the unit answers again after a reset."""
+    """Timeouts, host time in s: for a reply, for writing the flash, and until the unit replies again after a reset."""
 
     timeout_s: float = Field(gt=0, le=60)
     commit_timeout_s: float = Field(default=5.0, gt=0, le=120)
@@ -75,8 +75,8 @@ class CommandTimes(StrictModel):
 class CommandSection(CommandTimes):
     """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | check over op to payload.
 
-    ops : numbers of the ops that differ from `OPS`; errors : meaning of the codes in an error's reply
-    busy : error codes for "not yet"; 3 if absent and the errors are the usual ones
+    ops : numbers of the ops that differ from `OPS`; errors : meanings of the codes in an error reply
+    busy : error codes of a unit that is busy; if absent, 3 unless `errors` is given
     """
 
     request_sync: str
@@ -129,7 +129,7 @@ class CommandSection(CommandTimes):
 
 
 class TextRegisters(StrictModel):
-    """ASCII in holding registers, two characters each, high byte first."""
+    """ASCII text in holding registers, two characters in each, high byte first."""
 
     address: Address
     words: int = Field(ge=1, le=64)
@@ -138,7 +138,7 @@ class TextRegisters(StrictModel):
 class WordCommand(StrictModel):
     """A command given by writing a value to a holding register.
 
-    done : what the register reads once it is done; without it the answer to the write suffices
+    done : value of the register once the command is done; if absent, the reply to the write confirms it
     """
 
     address: Address
@@ -147,7 +147,7 @@ class WordCommand(StrictModel):
 
 
 class StreamSwitch(StrictModel):
-    """The holding register that switches the stream; off : value while registers are accessed, if the unit needs it."""
+    """The holding register that switches the stream; off : value during register access, if the unit requires it."""
 
     address: Address
     on: Word
@@ -161,7 +161,7 @@ class StreamSwitch(StrictModel):
 class ModbusUnitSection(CommandTimes):
     """`[modbus]`: the unit's registers over Modbus RTU, on the line of its stream. Addresses are 0-based.
 
-    model, serial, firmware : texts; byte_order, word_order : of the calibration registers
+    model, serial, firmware : text registers; byte_order, word_order : orders in the calibration registers
     page : register that selects the page; commit, reset, stream : the registers of these commands
     """
 
@@ -178,7 +178,7 @@ class ModbusUnitSection(CommandTimes):
 
     @property
     def ranges(self) -> dict[str, tuple[int, int]]:
-        """First address of everything but the calibration, and the address after the last, by name."""
+        """Address ranges [first, last + 1) of everything except the calibration registers, by name."""
         found = {}
         for text in ("model", "serial", "firmware"):
             if (registers := getattr(self, text)) is not None:
@@ -192,17 +192,17 @@ class ModbusUnitSection(CommandTimes):
 
     @property
     def written(self) -> dict[str, tuple[int, ...]]:
-        """Values written to the registers whose value selects the command."""
+        """Values that each command writes to its register; the value distinguishes commands that share a register."""
         switch = {} if self.stream is None else {"stream": self.stream.values}
         return {"commit": (self.commit.value,), "reset": (self.reset.value,), **switch}
 
 
 class VectorNavSection(CommandTimes):
-    """`[vectornav]`: commands in lines, $VN...*check.
+    """`[vectornav]`: commands as lines $VN...*check.
 
     start : lines that configure and start the stream, without $ and check, e.g. "VNWRG,75,1,4,05,0001,001C"
-    digits : significant digits of a written value
-    commit_timeout_s : a commit takes about half a second
+    digits : number of significant digits of a written value
+    commit_timeout_s : timeout of a commit, which takes about half a second
     """
 
     check: Literal["xor8", "crc16_xmodem"] = "xor8"
@@ -214,11 +214,11 @@ class VectorNavSection(CommandTimes):
 
 
 class CorrectedSection(StrictModel):
-    """`[corrected]`: how the unit is commanded to stream its output with the registers applied; left out if it cannot.
+    """`[corrected]`: how the unit is commanded to stream its output with the registers applied; omitted if it cannot.
 
-    stream : what switches that stream on: the byte after the framed link's op, or the value of the Modbus register
-    start : the lines that do so on a VectorNav, without $ and check
-    frame : its frame if it differs from the raw one, in the same units and at the same rate
+    stream : value that starts this stream: the byte after the op of the framed link, or that of the Modbus register
+    start : lines that start it on a VectorNav, without $ and check
+    frame : frame of this stream if it differs from the raw one; it has the same units and rate
     """
 
     stream: Word | None = None

@@ -26,16 +26,16 @@ from calstation.messages import Text
 from calstation.physics import AXES, GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
-#: Registers must hold a unit's parameters up to this many sigmas of their prior.
-_LEGAL = 3.0
+#: Number of standard deviations of its prior up to which a parameter must fit its register.
+_MAX_SIGMAS = 3.0
 
-#: Largest tolerance of a value that is read back, as a share of its range.
-_COARSEST = 0.01
+#: Largest tolerance of a value that is read back, as a fraction of its range.
+_MAX_TOLERANCE = 0.01
 
 _KNOWN = (*NAMES, *SLOTS, *GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")))
 _NEVER_IN_REGISTERS = "outer_lever"
 
-#: Elements that a matrix may have registers for: all nine, lower triangular, diagonal.
+#: Sets of matrix elements that may have registers: all nine, lower triangular, or diagonal.
 _ALL = {a + b for a in AXES for b in AXES}
 _MATRICES = (_ALL, {pair for pair in _ALL if pair[0] >= pair[1]}, {axis + axis for axis in AXES})
 
@@ -43,17 +43,17 @@ _MATRICES = (_ALL, {pair for pair in _ALL if pair[0] >= pair[1]}, {axis + axis f
 class RegisterEntry(StrictModel):
     """Consecutive calibration registers; SI value = number in the register × scale.
 
-    address : of the first; page : to be selected first, if the unit has pages
-    parameters : contents in order: parameters by contract name; slots of a matrix and an offset by the unit's own
-        formula, `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group, `gyro_bias` or
-        `gyro_matrix`, stands for all of its names
-    major : whether a group that is a matrix is listed row by row or column by column
-    type, byte_order, word_order : of each number; orders as the link's if absent
-    span : addresses of each number, 0 if all are at the same one; the link's own way if absent
-    scale : SI value of 1 in the register, negative if the unit has the opposite sign
-    range : lowest and highest SI value that fits
-    tolerance : largest difference of a value read back, SI, of a unit that does not return its registers exactly
-    convention : of matrix and offset
+    address : address of the first register; page : page to select before access, if the unit has pages
+    parameters : contents in order: parameters by contract name; slots of the matrix and offset in the unit's own
+        formula, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group, e.g.
+        `gyro_bias` or `gyro_matrix`, includes all names of the group
+    major : whether the group of a matrix is in row or column order
+    type, byte_order, word_order : type and orders of each number; the orders of the link if absent
+    span : number of addresses of each number, 0 if all have the same address; set by the protocol if absent
+    scale : SI value of 1 in the register; negative if the unit has the opposite sign
+    range : lowest and highest SI value that the register accepts
+    tolerance : largest difference of a value read back, SI, for a unit that does not return its registers exactly
+    convention : convention of matrix and offset
     """
 
     address: Address
@@ -72,7 +72,7 @@ class RegisterEntry(StrictModel):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Content of each register, groups replaced by their names."""
+        """Name of the content of each number; groups are replaced by the names of their members."""
         return tuple(name for listed in self.parameters for name in self._members(listed))
 
     def _members(self, listed: str) -> Sequence[str]:
@@ -97,13 +97,13 @@ class RegisterEntry(StrictModel):
 
     @property
     def step(self) -> float:
-        """Smallest difference of two SI values; 0 for floats, whose resolution follows the value."""
+        """Smallest difference between two SI values; 0 for floats, whose resolution depends on the value."""
         kind = number(self.type)
         return 0.0 if kind.kind == "f" else abs(self.scale) * 2.0**-kind.fraction
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """SI values that type and scale can hold."""
+        """Lowest and highest SI value that type and scale can represent."""
         low, high = sorted(bound * self.scale for bound in number(self.type).bounds)
         return low, high
 
@@ -117,7 +117,7 @@ class RegisterEntry(StrictModel):
         return self._row
 
     def at_row(self, row: int) -> "RegisterEntry":
-        """The same entry, marked with its index in the file."""
+        """Set the index of the entry in the file and return the entry."""
         self._row = row
         return self
 
@@ -132,7 +132,7 @@ class RegisterEntry(StrictModel):
 def check_registers(
     entries: Sequence[RegisterEntry], sigmas: Mapping[str, float], without: Sequence[str], *, pages: bool
 ) -> None:
-    """Check a register map as a whole; raises EntryError for the first wrong entry.
+    """Check a register map as a whole; raises EntryError for the first invalid entry.
 
     sigmas : standard deviations of the parameters' priors, SI
     without : parameters and groups that the profile declares to have no register
@@ -178,9 +178,9 @@ def _check_entry(register: RegisterEntry, sigmas: Mapping[str, float], pages: bo
         raise EntryError("profile.convention_without_matrix", "convention")
     if register.end - 1 > LAST_ADDRESS:
         raise EntryError("profile.past_last_address", "address", address=register.address, last=register.end - 1)
-    if register.tolerance > _COARSEST * (high - low):
+    if register.tolerance > _MAX_TOLERANCE * (high - low):
         raise EntryError("profile.tolerance_too_large", "tolerance", value=register.tolerance)
-    legal = {name: _LEGAL * sigma for name, sigma in sigmas.items()}
+    legal = {name: _MAX_SIGMAS * sigma for name, sigma in sigmas.items()}
     for i, name in enumerate(register.names):
         parameter = parameter_of(name)
         if parameter:
@@ -206,7 +206,7 @@ def _check_prior(register: RegisterEntry, parameter: str, sigmas: Mapping[str, f
 
 
 def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
-    """Check that a sensor's matrix can be inverted and that its registers agree on one convention."""
+    """Check that a sensor's matrix can be inverted and that all its registers have the same convention."""
     matrix = [slot for slot in matrix_slots(sensor) if slot in seen]
     offset = [slot for slot in offset_slots(sensor) if slot in seen]
     slots = matrix or offset
@@ -231,7 +231,7 @@ def _check_sensor(sensor: str, seen: Mapping[str, RegisterEntry]) -> None:
 
 
 def _check_agreement(matrix: RegisterEntry, offset: RegisterEntry) -> None:
-    """Check that neither entry contradicts the other in the part of the convention that is the other's."""
+    """Check that neither entry contradicts the part of the convention that the other entry defines."""
     for register, other, fields in (
         (offset, matrix, ("matrix", "identity", "negated")),
         (matrix, offset, ("offset", "added")),

@@ -1,4 +1,4 @@
-"""Settings of a serial port, in a profile as defaults and in a station file as the values of this station."""
+"""Settings of a serial port: defaults in a profile, or the values of a station in its file."""
 
 from typing import Literal
 
@@ -8,7 +8,7 @@ from calstation.schema import EntryError, StrictModel
 
 
 class SerialSettings(StrictModel):
-    """Settings of a serial port; in `write_timeout_s` of host time a command must leave."""
+    """Settings of a serial port; `write_timeout_s` is the timeout for sending a command, host time in s."""
 
     baud: int = Field(default=115200, ge=50, le=12_000_000)
     data_bits: Literal[5, 6, 7, 8] = 8
@@ -30,5 +30,5 @@ class SerialSettings(StrictModel):
 
     @property
     def bits_per_byte(self) -> float:
-        """Bits on the line for each byte, start, parity and stop bits included."""
+        """Bits on the line for each byte, including start, parity and stop bits."""
         return 1 + self.data_bits + (self.parity != "N") + self.stop_bits

@@ -1,4 +1,4 @@
-"""Table profiles (`data/tables`): axes, limits, accuracy and registers or lines, checked as a whole."""
+"""Table profiles (`data/tables`): axes, limits, accuracy, and registers or text lines, checked as a whole."""
 
 import math
 from pathlib import Path
@@ -15,19 +15,19 @@ from calstation.errors import ConfigurationError
 from calstation.physics import JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load_once
 
-#: Largest rounding of an angle in a line, in sigmas of the encoder.
-_COARSEST = 3.0
+#: Largest rounding of an angle in a text line, in standard deviations of the encoder.
+_MAX_ROUNDING = 3.0
 
 #: Relative tolerance of a rate or acceleration at its limit.
 _ROUNDING = 1e-9
 
 
 class ImuLinkSection(StrictModel):
-    """`[imu_link]`: axes commanded through the link of an inertial system that has them.
+    """`[imu_link]`: axes of an inertial system, commanded over its link.
 
     gap : unused registers that may be read along with used ones
-    word_order : of numbers of several registers that have none of their own
-    rest_rate_dps : below which an axis is at rest, if no bit of the status reports motion
+    word_order : order of numbers in several registers, unless a register defines its own
+    rest_rate_dps : rate below which an axis is at rest, °/s, if no status bit reports motion
     """
 
     gap: int = Field(default=0, ge=0, le=100)
@@ -36,10 +36,10 @@ class ImuLinkSection(StrictModel):
 
 
 class ModbusSection(ImuLinkSection):
-    """`[modbus]`: unit number, timeout and extent of a transfer.
+    """`[modbus]`: unit numbers, timeout, serial settings and extent of a transfer.
 
-    timeout_s : host time for an answer
-    inner_unit : number of the inner axis's own drive, if each axis has one; its registers are those named `inner_`
+    timeout_s : reply timeout, host time in s
+    inner_unit : unit number of the inner axis's drive, if each axis has one; its registers are those named `inner_...`
     """
 
     unit: int = Field(ge=0, le=255)
@@ -55,11 +55,11 @@ class ModbusSection(ImuLinkSection):
 
 
 class AccuracySection(StrictModel):
-    """`[accuracy]`: uncertainty of angles and rest, named as in a log's `[table]`, and age of the angles.
+    """`[accuracy]`: uncertainty of angles and rest, named as in the `[table]` section of a log, and age of the angles.
 
-    repeatability_deg : difference of the angles after two moves to the same angle (one sigma), which bounds a
-        comparison of repeated turns and rests; `encoder_sigma_deg` if absent
-    poll_latency_s, poll_jitter_s : age of an angle beyond the middle of request and answer, and its sigma
+    repeatability_deg : difference between the angles after two moves to the same angle (one sigma), which limits the
+        comparison of repeated rotations and rests; `encoder_sigma_deg` if absent
+    poll_latency_s, poll_jitter_s : age of an angle relative to the middle of request and reply, and its sigma, s
     """
 
     encoder_sigma_deg: float = Field(gt=0, le=90)
@@ -74,17 +74,17 @@ class AccuracySection(StrictModel):
 
 
 class TableProfile(StrictModel):
-    """One type of table: all that driver, plans and solvers must know of it.
+    """A type of table, with all data that its driver, the plans and the solvers need.
 
     model : text that the table's own model name must contain
-    protocol : "modbus", by the sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
-        registers over the link of the IMU that the axes belong to, with `[imu_link]`; or text by `[text]`: "atl"
-        with a prompt, "acl" in plain lines, "mn" in checked lines; or "hand", a manual rig, with neither
-    status_bits : bit numbers in the statusword, or other sources of a flag
-    commands : values of the command register, or what else each command writes
-    faults : meaning of the fault codes; settle_s : from the end of a move's profile until the table reports settled
-    link_loss_stop_s : time after the last received line in which a table without a watchdog stops its axes by
-        itself, s; left out if it does not: then only moves to angles are allowed, never an endless rate
+    protocol : "modbus", with sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
+        registers over the link of the IMU that the axes belong to, with `[imu_link]`; a text protocol with `[text]`:
+        "atl" with a prompt, "acl" with plain, "mn" with checked lines; or "hand", a manual rig (no section)
+    status_bits : bit numbers in the statusword, or other sources of the flags
+    commands : value of the command register, or all register values that each command writes
+    faults : meanings of the fault codes; settle_s : time from the end of a motion profile until the table has settled
+    link_loss_stop_s : time after the last received line within which a table without a watchdog stops its axes by
+        itself, s; omitted if it does not: then only moves to angles are allowed, not continuous rotation
     """
 
     name: str
@@ -156,12 +156,12 @@ class TableProfile(StrictModel):
             if self.protocol != protocol and getattr(text, key):
                 self._refuse("text", key)
         step, sigma = 10.0**-text.decimals, self.accuracy.encoder_sigma_deg
-        if step > _COARSEST * sigma:
+        if step > _MAX_ROUNDING * sigma:
             raise EntryError("profile.angle_too_coarse", "text", "decimals", step=step, sigma=sigma)
 
     @property
     def map(self) -> TableMap:
-        """Registers, bits and commands, each register with its word order on the link."""
+        """Registers, bits and commands; each register includes its word order on the link."""
         section = self.modbus or self.imu_link
         order = section.word_order if section is not None else "big"
         registers = {
@@ -175,19 +175,19 @@ class TableProfile(StrictModel):
 
     @property
     def by_hand(self) -> bool:
-        """Whether it is a manual rig: without link, its angles unknown."""
+        """Whether the table is a manual rig, which has no link and whose angles are unknown."""
         return self.protocol == "hand"
 
     @property
     def serial(self) -> SerialSettings:
-        """Settings of a serial port, unless the station has its own."""
+        """Serial port settings, unless the station has its own."""
         if self.text is not None:
             return self.text.serial
         return self.modbus.serial if self.modbus is not None else SerialSettings()
 
     @property
     def timeout_s(self) -> float:
-        """Host time for an answer, s."""
+        """Reply timeout, host time in s."""
         section = self.text or self.modbus
         return section.timeout_s if section is not None else 1.0
 
@@ -197,8 +197,8 @@ class TableProfile(StrictModel):
         return self.modbus.unit if self.modbus is not None else None
 
     def at_place(self, timeout_s: float | None, unit: int | None) -> "TableProfile":
-        """The profile with a station's own time for an answer and unit number; None keeps the profile's. Raises
-        ConfigurationError for the unit number of the inner axis's drive.
+        """Return the profile with a station's own reply timeout and unit number; None keeps the profile's. Raises
+        ConfigurationError if the unit number is that of the inner axis's drive.
         """
         if self.text is not None:
             changed = {"timeout_s": timeout_s} if timeout_s is not None else {}
@@ -212,11 +212,11 @@ class TableProfile(StrictModel):
         return self.model_copy(update={"modbus": modbus})
 
     def check_endless(self, watchdog: float, rates: tuple[float, float], acceleration: float) -> None:
-        """Check that the table may turn at these rates (outer, inner, rad/s) and acceleration until it is stopped.
+        """Check that the table may rotate at these rates (outer, inner, rad/s) and acceleration, rad/s², until stopped.
 
         watchdog : timeout of the table's watchdog, s; 0 if it is off, infinite if there is none
 
-        Raises ConfigurationError if the table would keep turning after a lost link, or cannot turn that fast.
+        Raises ConfigurationError if the table would keep rotating after a link loss, or cannot rotate that fast.
         """
         if not 0.0 < watchdog < math.inf and self.link_loss_stop_s is None:
             raise ConfigurationError("table.would_not_stop", profile=self.name)

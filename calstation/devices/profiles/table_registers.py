@@ -1,7 +1,7 @@
-"""A table's axes and registers in its profile, checked as a whole.
+"""Axes and registers in the profile of a table, checked as a whole.
 
-A table has one controller, or a drive for each axis. What belongs to a drive (`controlword`, `statusword`, ...) is
-named once, or once for each axis: `outer_controlword`, `inner_controlword`.
+A table has one controller, or a drive for each axis. Registers of a drive (`controlword`, `statusword`, ...) are
+defined once, or once for each axis: `outer_controlword`, `inner_controlword`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,26 +17,26 @@ from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 JOINTS = ("outer", "inner")
-#: Of the table, or of each axis's own drive.
+#: Registers of the table, or of each axis's own drive.
 DRIVE_REGISTERS = ("model", "controlword", "statusword", "fault")
 OPTIONAL_DRIVE_REGISTERS = ("serial", "interlock", "watchdog", "heartbeat", "command", "mode", "status2")
 JOINT_REGISTERS = ("position", "rate", "target", "target_rate", "acceleration")
-#: Travel as set in the table; the rate of endless turns, if it is not `target_rate`.
+#: Travel as set in the table; the rate of continuous rotation, if it is not `target_rate`.
 OPTIONAL_JOINT_REGISTERS = ("low", "high", "turn_rate")
 TEXTS = ("model", "serial")
-#: Registers without unit: whole numbers without a scale.
+#: Registers without a unit: integers without a scale.
 WORDS = ("controlword", "statusword", "fault", "interlock", "heartbeat", "command", "mode", "status2")
 STATUS_BITS = ("enabled", "fault", "settled", "homed")
-#: The last three: 0 during a quick stop, 0 under local control, 1 at a limit.
+#: The last three are 0 during a quick stop, 0 under local control, and 1 at a limit.
 OPTIONAL_BITS = ("moving", "interlock", "quick_stop", "remote", "limit")
 COMMANDS = ("move", "stop", "home")
-#: Optional command: turn endlessly at the target rates.
+#: Optional command: rotate continuously at the target rates.
 RATE_COMMAND = "rate"
 #: Registers that a command may write.
 WRITTEN = ("command", "controlword", "mode", "turn_rate", "target_rate")
 
-#: Largest step of an angle, in sigmas of the encoder: an encoder cannot be better than its step.
-_COARSEST = 3.0
+#: Largest angle step, in standard deviations of the encoder, whose error cannot be smaller than its step.
+_MAX_STEP = 3.0
 
 
 def _table_type(name: str) -> str:
@@ -46,10 +46,10 @@ def _table_type(name: str) -> str:
 
 
 class ModbusRegister(StrictModel):
-    """A holding register, 0-based; value = raw × scale in degrees, °/s, °/s² or s; text has `words`.
+    """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s; text has `words`.
 
     scale : negative if the table counts in the opposite sense
-    word_order : of its 16-bit words, the link's own if absent
+    word_order : order of its 16-bit words; that of the link if absent
     """
 
     address: Address
@@ -78,7 +78,7 @@ class ModbusRegister(StrictModel):
 
     @property
     def step(self) -> float:
-        """Smallest difference of two values; 0 for floats, whose resolution follows the value."""
+        """Smallest difference between two values; 0 for floats, whose resolution depends on the value."""
         kind = self.number
         return 0.0 if kind.kind == "f" else abs(self.scale) * 2.0**-kind.fraction
 
@@ -101,7 +101,7 @@ class ModbusRegister(StrictModel):
 
 
 class StatusBit(StrictModel):
-    """A flag of the status: a bit of a register, or a constant (`homed` of absolute encoders)."""
+    """A status flag: a bit of a register, or a constant (`homed` with absolute encoders)."""
 
     word: Literal["statusword", "status2"] = "statusword"
     bit: int | None = Field(default=None, ge=0, le=63)
@@ -130,10 +130,10 @@ def _as_writes(given: Any) -> Any:
     return given
 
 
-#: The number of a bit in the statusword, or the flag's other source.
+#: The number of a bit in the statusword, or another source of the flag.
 Bit = Annotated[StatusBit, BeforeValidator(_as_bit)]
 
-#: What a command writes, in order: the number for `command`, or values of several registers.
+#: Values that a command writes, in order: the one for the `command` register, or those for several registers.
 Writes = Annotated[list[dict[str, int]], BeforeValidator(_as_writes), Field(min_length=1)]
 
 
@@ -156,9 +156,9 @@ class JointSection(StrictModel):
 
 @dataclass(frozen=True)
 class TableMap:
-    """Registers, bits and commands of a table as its profile has them.
+    """Registers, bits and commands of a table as defined in its profile.
 
-    inner_apart : the registers of the inner axis (`inner_...`) are those of its own drive
+    inner_apart : whether the registers of the inner axis (`inner_...`) are those of its own drive
     """
 
     registers: Mapping[str, ModbusRegister]
@@ -167,17 +167,17 @@ class TableMap:
     inner_apart: bool
 
     def names(self, name: str) -> tuple[str, ...]:
-        """Registers of a name: one, one for each axis, or none."""
+        """Return the names of a register: one, one for each axis, or none."""
         if name in self.registers:
             return (name,)
         return tuple(own for own in _of_joints(name) if own in self.registers)
 
     def turning(self) -> tuple[str, ...]:
-        """Registers that take the rates of an endless turn, outer and inner."""
+        """Return the registers that set the rates of continuous rotation, outer and inner."""
         return self.names("turn_rate") or self.names("target_rate")
 
     def check(self, axes: Sequence[JointSection], encoder_sigma: float, faults: Mapping[str, str]) -> None:
-        """Check that a table can be driven by this map; raises EntryError for the first wrong entry."""
+        """Check that a table can be driven with this map; raises EntryError for the first invalid entry."""
         self._check_names()
         self._check_overlaps()
         self._check_types()
@@ -308,11 +308,11 @@ class TableMap:
                 raise EntryError("profile.narrower_than_acceleration", "registers", name, joint=joint, **held)
             for name in (f"{joint}_position", f"{joint}_target"):
                 step = self.registers[name].step
-                if step > _COARSEST * encoder_sigma:
+                if step > _MAX_STEP * encoder_sigma:
                     raise EntryError("profile.angle_too_coarse", "registers", name, step=step, sigma=encoder_sigma)
 
     def _narrower(self, name: str, low: float, high: float) -> dict[str, str | float]:
-        """Values of the message if a register does not hold `low` to `high`, else empty."""
+        """Return the values of the message if a register cannot represent `low` to `high`, else an empty dict."""
         register = self.registers.get(name)
         if register is None:
             return {}

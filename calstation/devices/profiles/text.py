@@ -1,4 +1,4 @@
-"""The lines of a table that is commanded in text (`[text]`): what to send and what the answers mean."""
+"""The section `[text]` of a table with text commands: the lines to send and the meaning of the replies."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -12,19 +12,19 @@ from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.messages import Text
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
-#: What the lines of each command may name in braces, in degrees, °/s and °/s², besides `axis`; also `outer_angle`,
-#: `inner_rate` and so on. They must name the first.
+#: Values that the lines of each command may contain in braces, besides `axis`, in degrees, °/s and °/s²; also as
+#: `outer_angle`, `inner_rate` and so on. The first value is required.
 _VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration")}
-#: Commands that may send the same lines.
+#: Pairs of commands that may send the same lines.
 _MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
 _NEVER_ALWAYS = ("fault", "moving", "settled")
 _FLAGS = ("enabled", "homed", "moving", "settled", "fault", "interlock", "remote")
 
 
 class CommandLines(StrictModel):
-    """`[text.commands]`: the lines of each command, in order; lines that name {axis} go to outer, then inner.
+    """`[text.commands]`: the lines of each command, in order; lines with {axis} are sent for outer, then inner.
 
-    rate : left out if the table must never turn endlessly; heartbeat : if it has a watchdog to feed
+    rate : omitted if the table must never rotate continuously; heartbeat : only for a table with a watchdog
     """
 
     enable: list[str] = Field(min_length=1)
@@ -61,7 +61,7 @@ def _check_both_axes(command: str, value: str, named: set[str]) -> None:
 
 
 def _check_line(line: str, values: Sequence[str]) -> set[str]:
-    """The names in braces of a line whose command has these values; raises EntryError if it cannot be filled in."""
+    """Return the names in braces of a line whose command has these values; raises EntryError for an invalid line."""
     if not line.isascii() or not line.isprintable():
         raise EntryError("profile.line_not_ascii", value=line)
     known = ("axis", *values, *(f"{joint}_{name}" for joint in ("outer", "inner") for name in values))
@@ -93,9 +93,9 @@ def _check_pattern(pattern: str) -> re.Pattern[str]:
 
 
 class Query(StrictModel):
-    """A question: the line to send, once for each axis if it names {axis}, and the form of its answer.
+    """A query: the line to send, once for each axis if it contains {axis}, and the pattern of its reply.
 
-    answer : a regular expression, searched in the reply; its named groups are the values
+    answer : regular expression that is searched for in the reply; its named groups are the values
     """
 
     send: str = Field(min_length=1)
@@ -120,9 +120,9 @@ class Query(StrictModel):
 
 
 class Flag(StrictModel):
-    """Source of a flag of the status: a bit or the words of a query's group, or a constant.
+    """Source of a status flag: a bit or the text of a group in a query's reply, or a constant.
 
-    base : of the number that has the bit
+    base : number base of the group that contains the bit
     """
 
     query: str | None = None
@@ -142,9 +142,9 @@ class Flag(StrictModel):
 
 
 class CheckedLines(StrictModel):
-    """`checked`: commands and replies are HEAD body MARK check, the check the 8-bit sum of what precedes MARK.
+    """`checked`: commands and replies are HEAD body MARK check; the check is the 8-bit sum of the bytes before MARK.
 
-    counts_head : the sum includes the head
+    counts_head : whether the sum includes the head
     """
 
     head: str = Field(min_length=1)
@@ -157,15 +157,15 @@ class TextSection(StrictModel):
     """`[text]`: the framing of lines, and the lines themselves.
 
     axes : names of the outer and the inner axis in the lines
-    timeout_s : host time for an answer; gap_s : host time between two lines
-    line_end : of sent lines; prompt : end of a reply (protocol "atl")
-    silent : a regular expression for lines without answer; flush : the query sent after such a line, whose answer
-        brings what the table still had to send
-    refused : a regular expression for replies that refuse a command
-    decimals : of numbers in commands
-    rest_rate_dps : below which an axis is at rest, if the table does not report motion
-    settled_deg, settled_polls : if the table does not report that it has settled: at rest, and angles no further
-        apart than this over so many polls
+    timeout_s : reply timeout, host time in s; gap_s : shortest interval between two lines, host time in s
+    line_end : end of each line sent; prompt : end of a reply (protocol "atl")
+    silent : regular expression for lines without a reply; flush : query that is sent after such a line and makes the
+        table send its pending output
+    refused : regular expression for replies that refuse a command
+    decimals : number of decimals in commands
+    rest_rate_dps : rate below which an axis is at rest, °/s, if the table does not report motion
+    settled_deg, settled_polls : if the table does not report settling, it is settled at rest once its angles have
+        changed by at most `settled_deg` from poll to poll for `settled_polls` polls
     """
 
     axes: list[str]
@@ -227,7 +227,7 @@ class TextSection(StrictModel):
             raise EntryError("profile.heartbeat_without_watchdog", "commands", "heartbeat")
 
     def _check_patterns(self) -> None:
-        """Check that questions are answered, and that not every answer refuses."""
+        """Check that `silent` matches no query and that `refused` does not match every reply."""
         for name, query in self.queries.items():
             if self.silent is not None and re.search(self.silent, query.send):
                 raise EntryError("profile.silent_matches_query", "silent", query=name, line=query.send)

@@ -1,6 +1,6 @@
-"""Drivers of tables: Modbus registers, text commands, an indexing unit, a manual rig.
+"""Table drivers: Modbus registers, text commands, an indexing unit, and a manual rig.
 
-They execute commands; limits are checked before them.
+The drivers execute commands; motion limits are checked before a command is given.
 """
 
 import lazy_loader as lazy

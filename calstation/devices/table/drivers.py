@@ -1,4 +1,4 @@
-"""The driver of a table by its profile's protocol, and the manual rig in place of a table."""
+"""Selects the driver of a table by its profile's protocol, and represents a manual rig as a table."""
 
 import math
 
@@ -12,8 +12,8 @@ from calstation.errors import ConfigurationError
 
 
 def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) -> ModbusTable | TextTable:
-    """The driver of a table on its open port; `serial` replaces the profile's settings. Raises DeviceFaultError,
-    ConfigurationError: the port cannot be opened.
+    """Open a table on its port and return its driver; `serial` replaces the profile's settings. Raises DeviceFaultError
+    or ConfigurationError if the port cannot be opened.
     """
     if profile.protocol == "imu_link":
         raise ConfigurationError("table.behind_imu", profile=profile.name)
@@ -25,7 +25,7 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
 
 
 class ManualTable(Table):
-    """A manual rig, turned by the operator: always at rest, its angles unknown, and it cannot be driven."""
+    """A manual rig, turned by the operator: it reports rest and unknown angles, and it cannot be driven."""
 
     def __init__(self, profile: TableProfile) -> None:
         self._profile = profile

@@ -7,7 +7,7 @@ from calstation.errors import DeviceFaultError
 
 
 class ModbusTable(RegisterTable):
-    """The table of a profile on a port, `tcp://host:port` or a serial port for RTU."""
+    """Driver of a table on a port, `tcp://host:port` or a serial port for RTU."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         modbus = profile.modbus
@@ -31,7 +31,7 @@ class ModbusTable(RegisterTable):
 
 
 class OtherUnit:
-    """Registers of a second unit on the line of a first, which owns the port; meets `register_table.RegisterLink`."""
+    """Registers of a second unit on a line whose port the first unit owns; implements `register_table.RegisterLink`."""
 
     received = b""
 

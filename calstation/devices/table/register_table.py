@@ -1,4 +1,4 @@
-"""A two-axis table with 16-bit registers as its profile lays them out (CiA 402 words), whatever carries them."""
+"""Driver of a two-axis table with 16-bit registers as defined in its profile (CiA 402 words), on any register link."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -14,11 +14,11 @@ from calstation.physics import JointLimits
 
 SHUTDOWN, SWITCH_ON, ENABLE, FAULT_RESET = 0x06, 0x07, 0x0F, 0x86
 _POLLED = ("statusword", "status2", "fault", "interlock", "watchdog", "position", "rate", "low", "high")
-_LARGEST_READ = 120  # registers in one transfer
+_LARGEST_READ = 120  # largest number of registers in one transfer
 
 
 class RegisterLink(Protocol):
-    """What carries the registers; calls are bounded in time, raise DeviceFaultError; `received` are the last bytes."""
+    """Link to the registers; calls are bounded in time and raise DeviceFaultError; `received` are the latest bytes."""
 
     @property
     def received(self) -> bytes: ...
@@ -33,7 +33,7 @@ class RegisterLink(Protocol):
 
 
 def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
-    """A value in the profile's unit as registers, in their order; raises ConfigurationError if it does not fit."""
+    """Encode a value in the profile's unit as register words; raises ConfigurationError if it does not fit."""
     try:
         return _words(register, value / register.scale)
     except ValueError:
@@ -42,7 +42,7 @@ def encode(register: ModbusRegister, value: float, name: str) -> list[int]:
 
 
 def decode(register: ModbusRegister, words: list[int]) -> float:
-    """Registers as a value in the profile's unit; may be NaN or infinite for floats."""
+    """Decode register words to a value in the profile's unit; may be NaN or infinite for floats."""
     wire = b"".join(word.to_bytes(2, "big") for word in words)
     return register.number.unpack(wire, "big", register.word_order) * register.scale
 
@@ -53,10 +53,10 @@ def _words(register: ModbusRegister, raw: float) -> list[int]:
 
 
 class RegisterTable(Table):
-    """The table of a profile on a link. Moves are absolute, so a repeated transfer never adds to a motion.
+    """Driver of a table as described by its profile. Moves are absolute, so a repeated transfer never adds to a motion.
 
     gap : unused registers that may be read along with used ones
-    inner : carries the registers of the inner axis's own drive, if it has one
+    inner : link to the inner axis's own drive, if it has one
     """
 
     def __init__(self, link: RegisterLink, profile: TableProfile, gap: int, inner: RegisterLink | None = None) -> None:
@@ -76,7 +76,7 @@ class RegisterTable(Table):
         self._limits = profile.geometry().limits
 
     def identify(self) -> TableIdentity:
-        """Model and serial number, of two drives both; raises OtherModelError if another model answers."""
+        """Return model and serial number of the table, or of both drives; raises OtherModelError for another model."""
         models = [self._text(name) for name in self._map.names("model")]
         serials = [self._text(name) for name in self._map.names("serial")]
         for model in models:
@@ -85,7 +85,7 @@ class RegisterTable(Table):
         return TableIdentity(" + ".join(dict.fromkeys(models)), " + ".join(serials))
 
     def status(self) -> TableStatus:
-        """Poll the table, in one transfer for each drive if the profile's layout allows."""
+        """Poll the table, with one transfer for each drive if the profile's layout allows it."""
         words = [(drive, start, drive.read(start, end - start)) for drive, start, end in self._spans]
         value = {name: self._pick(words, name) for name in self._polled}
         position, rate = (np.array([value[f"{joint}_{name}"] for joint in JOINTS]) for name in ("position", "rate"))
@@ -110,22 +110,22 @@ class RegisterTable(Table):
         )
 
     def enable(self) -> None:
-        """Switch both axes on, by the CiA 402 sequence."""
+        """Switch both axes on with the CiA 402 sequence."""
         for word in (SHUTDOWN, SWITCH_ON, ENABLE):
             self._put("controlword", word)
         self._powered = True
 
     def disable(self) -> None:
-        """Switch both axes off, or the remaining one if the other's drive is gone."""
+        """Switch both axes off, or the remaining one if the drive of the other is lost."""
         self._powered = False
         self._on_both([("controlword", SHUTDOWN)])
 
     def home(self) -> None:
-        """Start homing; a lost answer is a fault, never a second homing."""
+        """Start homing; a lost reply is a fault and never causes a second homing."""
         self._command("home", repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Start both joints towards absolute angles; rad, rad/s, rad/s²."""
+        """Start moving both joints to absolute angles; rad, rad/s, rad/s²."""
         values = [
             {f"{joint}_target": angle, f"{joint}_target_rate": rate, f"{joint}_acceleration": acceleration}
             for joint, angle in zip(JOINTS, (outer, inner), strict=True)
@@ -133,7 +133,7 @@ class RegisterTable(Table):
         self._command("move", values)
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
+        """Rotate both joints at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
         if RATE_COMMAND not in self._profile.commands:
             raise ConfigurationError("table.no_rate_command")
         self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
@@ -144,7 +144,7 @@ class RegisterTable(Table):
         self._command(RATE_COMMAND, values)
 
     def stop(self) -> None:
-        """Decelerate to rest, also the remaining axis if the other's drive is gone."""
+        """Decelerate both axes to rest, or the remaining one if the drive of the other is lost."""
         self._on_both(self._writes("stop"))
 
     def reset_fault(self) -> None:
@@ -164,11 +164,11 @@ class RegisterTable(Table):
         return self._link.received
 
     def _drive(self, name: str) -> RegisterLink:
-        """The link of a register: the inner axis may have its own drive."""
+        """Return the link of a register; the inner axis may have its own drive."""
         return self._inner if self._inner is not None and name.startswith("inner_") else self._link
 
     def _flags(self, name: str, value: Mapping[str, float]) -> list[bool]:
-        """A flag of each drive; empty if the profile has no source for it."""
+        """Return a flag for each drive; empty if the profile has no source for it."""
         bit = self._profile.status_bits.get(name)
         if bit is None:
             return []
@@ -177,14 +177,14 @@ class RegisterTable(Table):
         return [bool(int(value[word]) >> bit.bit & 1) for word in self._map.names(bit.word)]
 
     def _fault(self, value: Mapping[str, float]) -> str | None:
-        """The latched fault, or another reason why the table does not obey: bits 5, 9 and 11 of the statusword."""
+        """Return the latched fault, or why else the table accepts no commands: bits 5, 9 and 11 of the statusword."""
         codes = [int(value[name]) for name in self._map.names("fault")]
         if any(self._flags("fault", value)) or any(codes):
             code = next((code for code in codes if code), 0)
             return self._profile.faults.get(str(code), f"code {code}") if code else UNKNOWN_FAULT
         if not all(self._flags("remote", value)):
             return LOCAL_CONTROL
-        # A drive that is off may show anything in this bit (CiA 402-2, table 30).
+        # This bit may have any value while the drive is off (CiA 402-2, table 30).
         if self._powered and not all(self._flags("quick_stop", value)):
             return "quick stop"
         return "limit" if any(self._flags("limit", value)) else None
@@ -193,7 +193,7 @@ class RegisterTable(Table):
         return [write for writes in self._profile.commands[command] for write in writes.items()]
 
     def _on_both(self, writes: list[tuple[str, int]]) -> None:
-        """Write to every drive that answers; then raise the first DeviceFaultError, if any."""
+        """Write to every drive that replies, then raise the first DeviceFaultError, if any."""
         lost: dict[int, DeviceFaultError] = {}
         for name, raw in writes:
             for own in self._map.names(name):
@@ -222,7 +222,7 @@ class RegisterTable(Table):
             self._put(name, raw, repeat)
 
     def _ends(self, end: str, value: Mapping[str, float], otherwise: tuple[float, float]) -> tuple[float, float]:
-        """An end of both joints' travel set in the table, rad; the profile's if the table does not report it."""
+        """Return one travel limit of both joints, rad, as set in the table, or the profile's if it is not reported."""
         reported = [value.get(f"{joint}_{end}") for joint in JOINTS]
         outer, inner = (
             known if degrees is None else float(np.deg2rad(degrees))
@@ -231,13 +231,13 @@ class RegisterTable(Table):
         return outer, inner
 
     def _encoded(self, values: Mapping[str, float]) -> dict[str, list[int]]:
-        """Values (rad, rad/s, rad/s²) of registers of one axis, by rising address; raises as `encode`."""
+        """Encode values (rad, rad/s, rad/s²) for registers of one axis, in order of address; raises like `encode`."""
         registers = self._map.registers
         ordered = sorted(values, key=lambda name: registers[name].address)
         return {name: encode(registers[name], float(np.rad2deg(values[name])), name) for name in ordered}
 
     def _write_together(self, encoded: Mapping[str, list[int]]) -> None:
-        """Write neighbouring registers of one axis in one transfer, others in one each."""
+        """Write adjacent registers of one axis in one transfer, and others separately."""
         drive = self._drive(next(iter(encoded)))
         pending: list[int] = []
         start = end = -1
@@ -270,7 +270,7 @@ class RegisterTable(Table):
 
 
 def _spans(registers: list[ModbusRegister], gap: int) -> list[tuple[int, int]]:
-    """Address ranges [start, end) that cover the registers, joined over at most `gap` unused ones."""
+    """Return address ranges [start, end) that cover the registers, joined across at most `gap` unused ones."""
     spans: list[tuple[int, int]] = []
     for register in sorted(registers, key=lambda r: r.address):
         end = register.address + register.count

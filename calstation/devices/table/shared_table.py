@@ -1,4 +1,4 @@
-"""The axes of an inertial system with its own indexing unit, commanded over the link that carries its data.
+"""Driver of the axes of an inertial system with its own indexing unit, commanded over the link of its data stream.
 
 The IMU's driver owns the port; the table's registers are read and written by two of its commands.
 """
@@ -10,7 +10,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 
 
 class ImuWords:
-    """Registers of the axes, accessed by an IMU's commands; meets `register_table.RegisterLink`."""
+    """Registers of the axes, accessed by commands of the IMU; implements `register_table.RegisterLink`."""
 
     received = b""
 
@@ -37,7 +37,7 @@ class ImuWords:
 
 
 class SharedTable(RegisterTable):
-    """The axes of a profile on their IMU's link; raises ConfigurationError if its commands cannot carry registers."""
+    """Driver of the axes on their IMU's link; raises ConfigurationError if the IMU lacks the commands for them."""
 
     def __init__(self, imu: StreamedImu, profile: TableProfile, *, owned: bool = False) -> None:
         if not isinstance(imu, FramedImu):

@@ -1,4 +1,4 @@
-"""Driver of a two-axis table that is commanded in lines of text by its profile (ATL, ACL, $MN...*SS)."""
+"""Driver of a two-axis table with text commands as defined in its profile (ATL, ACL, $MN...*SS)."""
 
 import re
 from collections.abc import Mapping
@@ -13,12 +13,12 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
 from calstation.physics import FloatArray, JointLimits
 
-#: Groups of each query's answers: one answer for both axes, or one for each.
+#: Pattern groups of the replies to each query: one reply for both axes, or one for each axis.
 Answers = dict[str, list[dict[str, str]]]
 
 
 class TextTable(Table):
-    """The table of a profile on a port, serial or `tcp://host:port`; moves are absolute, homing is never sent twice."""
+    """Driver of a table on a serial port or `tcp://host:port`; moves are absolute, homing is not repeated."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
         assert profile.text is not None
@@ -30,7 +30,7 @@ class TextTable(Table):
         self._angles: FloatArray | None = None
 
     def identify(self) -> TableIdentity:
-        """Model and serial number; raises OtherModelError if another model answers."""
+        """Return the model and serial number; raises OtherModelError if another model replies."""
         (reply,) = self._ask("identity")
         groups = self._read("identity", reply)
         identity = TableIdentity(groups["model"], groups.get("serial") or "")
@@ -64,18 +64,18 @@ class TextTable(Table):
         self._send("disable")
 
     def home(self) -> None:
-        """Start homing; a lost answer is a fault, never a second homing."""
+        """Start homing; a lost reply is a fault and never causes a second homing."""
         if not self._text.commands.home:
             raise ConfigurationError("table.no_home_command")
         self._send("home", repeat=False)
 
     def move(self, outer: float, inner: float, rate: float, acceleration: float) -> None:
-        """Start both joints towards absolute angles; rad, rad/s, rad/s²."""
+        """Start moving both joints to absolute angles; rad, rad/s, rad/s²."""
         self._still = 0
         self._send("move", angle=(outer, inner), rate=(rate, rate), acceleration=(acceleration, acceleration))
 
     def rate(self, outer: float, inner: float, acceleration: float) -> None:
-        """Turn both joints endlessly at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
+        """Rotate both joints at these rates until stopped; rad/s, rad/s². See `interfaces.Table`."""
         if not self._text.commands.rate:
             raise ConfigurationError("table.no_rate_command")
         self._profile.check_endless(self.status().watchdog, (outer, inner), acceleration)
@@ -99,7 +99,7 @@ class TextTable(Table):
         return self._link.received
 
     def _send(self, command: str, repeat: bool = True, **values: tuple[float, float]) -> None:
-        """Send a command's lines, those with {axis} once for each axis; values in rad."""
+        """Send the lines of a command, those with {axis} once for each axis; values in rad, rad/s and rad/s²."""
         lines: list[str] = getattr(self._text.commands, command)
         numbers = {name: [self._number(float(np.rad2deg(v))) for v in both] for name, both in values.items()}
         named = {f"{j}_{name}": both[i] for name, both in numbers.items() for i, j in enumerate(JOINTS)}
@@ -113,7 +113,7 @@ class TextTable(Table):
         return text.removeprefix("-") if float(text) == 0.0 else text
 
     def _poll(self) -> Answers:
-        """Answers to all queries but the identity, equal lines sent once, angles in the middle: at the poll's time."""
+        """Send all queries except the identity, equal lines only once, with the angles at the middle of the poll."""
         queries = self._text.queries
         sends = list(dict.fromkeys(query.send for name, query in queries.items() if name != "identity"))
         angles = queries["position"].send
@@ -130,7 +130,7 @@ class TextTable(Table):
         return answers
 
     def _ask(self, name: str) -> list[str]:
-        """Replies to a query, one for each axis if its line names it; each matches the profile."""
+        """Return the replies to a query, one for each axis if its line has {axis}; each matches the profile."""
         query = self._text.queries[name]
         replies = []
         for axis in self._text.axes if "{axis}" in query.send else [""]:
@@ -146,7 +146,7 @@ class TextTable(Table):
         return {group: value for group, value in match.groupdict().items() if value is not None}
 
     def _fault(self, answers: Answers) -> str | None:
-        """The latched fault, or another reason why the table does not obey."""
+        """Return the latched fault, or another reason why the table does not accept commands."""
         if self._any("fault", answers):
             codes = [
                 groups["fault"]
@@ -185,7 +185,7 @@ class TextTable(Table):
         return any(self._flags(name, answers) or [otherwise])
 
     def _flags(self, name: str, answers: Answers) -> list[bool]:
-        """A flag of each axis; empty if the profile has no source for it."""
+        """Return a flag for each axis; empty if the profile has no source for it."""
         flag = self._text.flags.get(name)
         if flag is None:
             return []
@@ -205,7 +205,7 @@ def _is_set(flag: Flag, groups: Mapping[str, str]) -> bool:
 
 
 def _joints_of(answers: list[dict[str, str]]) -> FloatArray:
-    """A value of both joints, from one answer or two; degrees."""
+    """Return a value of both joints from one reply or two, degrees."""
     if len(answers) == 1:
         return np.array([_number(answers[0][joint]) for joint in JOINTS])
     return np.array([_number(groups["value"]) for groups in answers])

@@ -1,4 +1,4 @@
-"""What all solvers share: samples, rests, noise, alignment, least squares; no method of its own."""
+"""Code that all solvers share: samples, rests, noise, alignment and least squares."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""Start attitude of a segment: a prior from encoders and site, used once, and a linearisation point from the data."""
+"""Start attitude of a segment: a prior from the encoders and the site, and a linearisation point from the data."""
 
 from dataclasses import dataclass
 
@@ -20,32 +20,32 @@ from calstation.physics import (
 
 #: Standard deviation of an unknown azimuth, rad.
 FREE_AZIMUTH_SIGMA = np.pi / np.sqrt(3.0)
-#: Prior sigma of a level found from the accelerometers alone, rad: wide, so that the data decide.
+#: Prior sigma of a tilt found from the accelerometers alone, rad: wide, so that the data dominate.
 FREE_TILT_SIGMA = 0.2
-#: A gyrocompassed azimuth with a larger sigma, rad, is no linearisation point; several headings are tried.
+#: Above this sigma, rad, a gyrocompassed azimuth is not used as linearisation point; several headings are tried.
 AMBIGUOUS_AZIMUTH_SIGMA = 0.35
-#: Longest and shortest part of a rest used for alignment, s.
+#: Longest and shortest duration of a rest used for alignment, s.
 LONGEST_REST = 20.0
 SHORTEST_REST = 1.0
 
 
 @dataclass(frozen=True)
 class Start:
-    """Start of a segment and its attitude."""
+    """Start of a segment and the attitude there."""
 
-    begin: int  #: First sample, at rest.
-    end: int  #: The sample after the last.
-    prior: FloatArray  #: C_bn, shape (3, 3).
-    prior_sigma: FloatArray  #: Of its error φ in ENU, rad, shape (3,).
-    attitude: FloatArray  #: C_bn to linearise about, shape (3, 3).
-    azimuth_sigma: float | None  #: Of the gyrocompassed heading, rad; None if the azimuth is known.
+    begin: int  #: Index of the first sample, which is at rest.
+    end: int  #: Index after the last sample.
+    prior: FloatArray  #: Prior attitude C_bn, shape (3, 3).
+    prior_sigma: FloatArray  #: Sigma of the prior's attitude error φ in ENU, rad, shape (3,).
+    attitude: FloatArray  #: Attitude C_bn to linearise about, shape (3, 3).
+    azimuth_sigma: float | None  #: Sigma of the gyrocompassed heading, rad; None if the azimuth is known.
 
 
 def starts(data: StageData, context: SolveContext, belief: Belief) -> list[Start]:
-    """Align every segment that contains a rest of at least a second; the others are left out.
+    """Align every segment that contains a rest of at least 1 s; omit the other segments.
 
-    The rate at an observation is the mean of the samples before and after it. One sample is therefore left out on
-    either side of a gap, so that a turn beyond it does not count as motion at rest.
+    The rate at an observation is the mean of the samples before and after it. One sample is therefore omitted on
+    either side of a gap, so that a rotation beyond the gap does not count as motion at rest.
     """
     bias = group_indices("gyro_bias")
     found = []
@@ -81,7 +81,7 @@ def _align(data: StageData, a: int, b: int, end: int, context: SolveContext, bel
 
 
 def levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
-    """Turn `attitude` the shortest way so that the measured up direction is up, shape (3, 3)."""
+    """Rotate `attitude` by the smallest angle that makes the measured up direction vertical, shape (3, 3)."""
     up_n = attitude @ up_b / np.linalg.norm(up_b)
     axis = np.cross(up_n, UP)
     sine = float(np.linalg.norm(axis))
@@ -91,14 +91,14 @@ def levelled(attitude: FloatArray, up_b: FloatArray) -> FloatArray:
 
 
 def _heading_offset(rate_level: FloatArray) -> float:
-    """Turn about up (rad) that aligns the horizontal part of a levelled earth rate with north."""
+    """Return the rotation about up, rad, that aligns the horizontal part of a levelled earth rate with north."""
     return float(np.arctan2(rate_level[0], rate_level[1]))
 
 
 def gyrocompass(rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief) -> tuple[FloatArray, float]:
-    """C_bn, levelled by the mean specific force and turned north by the mean rate, and the azimuth's sigma, rad.
+    """Return C_bn from the mean specific force (level) and the mean rate (north), and the azimuth's sigma, rad.
 
-    That sigma is the one of the gyro bias over Ω cos φ (IEEE Std 1780).
+    The sigma is that of the gyro bias divided by Ω cos φ (IEEE Std 1780).
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level

@@ -1,4 +1,4 @@
-"""Site, IMU noise and table as a solver needs them beside the samples: frozen values in SI."""
+"""Models of site, IMU and table that a solver needs besides the samples: immutable values in SI units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,42 +16,42 @@ class Site:
     longitude: float  #: rad
     height: float  #: m
     azimuth: float | None = None  #: Heading of body +y at home, rad clockwise from true north; None if unknown.
-    gravity: float | None = None  #: Surveyed, m/s²; None for the site's normal gravity.
+    gravity: float | None = None  #: Surveyed gravity, m/s²; None for the normal gravity of the site.
 
     @property
     def local_gravity(self) -> float:
-        """Surveyed gravity, or the normal gravity of the site, m/s²."""
+        """Surveyed gravity, or else the normal gravity of the site, m/s²."""
         return self.gravity or normal_gravity(self.latitude, self.height)
 
 
 @dataclass(frozen=True)
 class ImuModel:
-    """Stream and noise of an IMU."""
+    """Output format and noise of an IMU."""
 
     serial: str
     sample_rate: float  #: Hz
     output: str  #: "increment" (rad, m/s per count) or "rate" (rad/s, m/s² per count, mean over the sample).
-    gyro_lsb: float  #: Size of a count.
-    accel_lsb: float  #: Size of a count.
-    gyro_arw: float  #: White noise, rad/√s.
-    accel_vrw: float  #: White noise, m/s/√s.
+    gyro_lsb: float  #: Size of a gyro count, unit as for `output`.
+    accel_lsb: float  #: Size of an accelerometer count, unit as for `output`.
+    gyro_arw: float  #: Angle random walk, rad/√s.
+    accel_vrw: float  #: Velocity random walk, m/s/√s.
     gyro_bias_instability: float = 0.0  #: rad/s
     accel_bias_instability: float = 0.0  #: m/s²
 
     @property
     def rate_factor(self) -> float:
-        """What turns an output value into a rate: the sample rate (Hz) for increments, else 1."""
+        """Factor from an output value to a mean rate: the sample rate (Hz) for increments, otherwise 1."""
         return self.sample_rate if self.output == "increment" else 1.0
 
     @property
     def count_size(self) -> FloatArray:
-        """Size of a count of each channel as a mean rate, rad/s and m/s², shape (6,)."""
+        """Size of one count of each channel as a mean rate or specific force, rad/s and m/s², shape (6,)."""
         return np.repeat([self.gyro_lsb, self.accel_lsb], 3) * self.rate_factor
 
 
 @dataclass(frozen=True)
 class TableModel:
-    """Table axes and the uncertainty of its angles and of its rest."""
+    """Axes of the table, and the uncertainty of its angles and of its motion at rest."""
 
     outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)  #: Unit vector in b at home.
     inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)  #: Unit vector in b at home.
@@ -60,12 +60,12 @@ class TableModel:
     mount_sigma: float = np.deg2rad(1.0)  #: rad
     azimuth_sigma: float = np.deg2rad(0.5)  #: rad
     base_tilt_sigma: float = np.deg2rad(0.2)  #: rad
-    velocity_sigma: float = 1e-3  #: Of one velocity observation in every `velocity_interval`, m/s.
+    velocity_sigma: float = 1e-3  #: Sigma of the velocity observation made every `velocity_interval`, m/s.
     velocity_interval: float = 0.1  #: s
 
     @property
     def geometry(self) -> TableGeometry:
-        """The axes, without limits."""
+        """Geometry of the two axes, without travel limits."""
         return TableGeometry(self.outer_axis, self.inner_axis)
 
     @property
@@ -78,15 +78,15 @@ class TableModel:
 class StoredPair:
     """The last cross-calibration of a secondary IMU against the primary."""
 
-    #: Pair parameters by contract name without number, SI; missing ones are neutral.
+    #: Pair parameters, SI, by contract name without the IMU's number; a missing one has its neutral value.
     values: Mapping[str, float] = field(default_factory=dict)
-    gyro_static: float | None = None  #: Deviation at rest right after it, rad/s.
-    accel_static: float | None = None  #: Deviation at rest right after it, m/s².
+    gyro_static: float | None = None  #: Deviation at rest right after the calibration, rad/s.
+    accel_static: float | None = None  #: Deviation at rest right after the calibration, m/s².
 
 
 @dataclass(frozen=True)
 class Secondary:
-    """A further IMU on the body: its number (2, 3, ...), stream and noise, and last cross-calibration."""
+    """A secondary IMU on the body: its number (2, 3, ...), model and last cross-calibration."""
 
     number: int
     imu: ImuModel
@@ -95,7 +95,7 @@ class Secondary:
 
 @dataclass(frozen=True)
 class SolveContext:
-    """Everything a stage's solver needs beside its prior and its samples."""
+    """Everything that a stage's solver needs besides its prior and its samples."""
 
     site: Site
     imu: ImuModel
@@ -105,7 +105,7 @@ class SolveContext:
 
 @dataclass(frozen=True)
 class Belief:
-    """Gaussian knowledge of the 30 parameters: mean, shape (30,), and covariance, shape (30, 30), SI."""
+    """Gaussian estimate of the 30 parameters in SI units: mean, shape (30,), and covariance, shape (30, 30)."""
 
     mean: FloatArray
     covariance: FloatArray

@@ -1,6 +1,6 @@
-"""Latitude from a unit at rest: the component of earth rate along the up direction of its accelerometers.
+"""Latitude from a unit at rest: the component of earth rate along the up direction that its accelerometers measure.
 
-Nothing else in a calibration reveals a wrong latitude, because gravity and earth rate are both taken from it.
+No other check of a calibration detects a wrong latitude, because both gravity and earth rate are computed from it.
 """
 
 import itertools
@@ -14,15 +14,15 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage import FORCE_STEP, runs
 from calstation.physics import RATE, FloatArray, IntArray, compensate, compensation, group_indices
 
-#: Deviation in standard deviations that counts as another latitude; noise exceeds it once in 10^9 cases.
+#: Deviation, in standard deviations, that indicates a different latitude; noise exceeds it once in 10^9 cases.
 SIGMAS = 6.0
-#: Allowance for the deflection of the vertical and for a rounded latitude, rad.
+#: Allowance for the deflection of the vertical and for rounding of the latitude, rad.
 DEFLECTION = np.deg2rad(0.02)
-#: Sigma of the vertical rate, in earth rates, that distinguishes latitudes 5° apart.
+#: Largest sigma of the vertical rate, in units of earth rate, that distinguishes latitudes 5° apart.
 _SUFFICIENT = np.sin(np.deg2rad(5.0)) / SIGMAS
 #: Averaging window, s.
 _WINDOW = 1.0
-#: Windows of a rest without its first and last, in which the table may still have moved.
+#: Fewest windows of a rest; its first and last, during which the table may have moved, are not counted.
 _SHORTEST = 3
 _MOVING = 3.0 * RATE
 _NEAR_POLE = 0.02
@@ -31,53 +31,53 @@ _COLUMNS = (*group_indices("gyro_scale"), *group_indices("gyro_misalign"))
 
 @dataclass(frozen=True)
 class LatitudeEstimate:
-    """Latitude, rad, north positive, and its standard deviation, rad."""
+    """Latitude, rad, positive north, and its standard deviation, rad."""
 
     value: float
     sigma: float
 
     @property
     def tolerance(self) -> float:
-        """Largest difference to a latitude that still agrees with it, rad."""
+        """Largest difference from a latitude that is still consistent with the estimate, rad."""
         return float(SIGMAS * self.sigma + DEFLECTION)
 
 
 def resolves_earth_rate(imu: ImuModel) -> bool:
-    """Whether six rests of 30 s with such gyros distinguish latitudes 5° apart."""
+    """Whether six rests of 30 s with gyros of this noise distinguish latitudes 5° apart."""
     rest = np.hypot(BIAS_DRIFT_PER_INSTABILITY * imu.gyro_bias_instability, _noise(imu) / np.sqrt(30.0))
     return bool(rest / np.sqrt(6.0) < _SUFFICIENT * RATE)
 
 
 class RestOutput:
-    """Mean output of every second, independent of how samples are cut into blocks."""
+    """Mean output over each second; it does not depend on how the samples are divided into blocks."""
 
     def __init__(self, imu: ImuModel) -> None:
         self._imu = imu
         self._width = max(round(_WINDOW * imu.sample_rate), 1)
-        self._begun: tuple[IntArray, FloatArray] = (np.empty(0, np.int64), np.empty((0, 6)))
+        self._pending: tuple[IntArray, FloatArray] = (np.empty(0, np.int64), np.empty((0, 6)))
         self._seconds: list[IntArray] = []
         self._means: list[FloatArray] = []
 
     def feed(self, block: SampleBlock) -> None:
-        """Take further samples; a second with a missing or spoilt sample is left out."""
-        seq = np.concatenate([self._begun[0], block.seq[block.valid]])
-        counts = np.concatenate([self._begun[1], block.counts[block.valid]])
+        """Add samples; a second with a missing or invalid sample is omitted."""
+        seq = np.concatenate([self._pending[0], block.seq[block.valid]])
+        counts = np.concatenate([self._pending[1], block.counts[block.valid]])
         second = seq // self._width
-        over = int(np.searchsorted(second, second[-1])) if len(second) else 0
+        complete = int(np.searchsorted(second, second[-1])) if len(second) else 0
         if len(second) and seq[-1] % self._width == self._width - 1:
-            over = len(seq)
-        self._begun = seq[over:], counts[over:]
-        known, first, count = np.unique(second[:over], return_index=True, return_counts=True)
+            complete = len(seq)
+        self._pending = seq[complete:], counts[complete:]
+        known, first, count = np.unique(second[:complete], return_index=True, return_counts=True)
         whole = count == self._width
         rows = first[whole, None] + np.arange(self._width)
         self._seconds.append(known[whole])
         self._means.append(counts[rows].mean(axis=1))
 
     def latitude(self, belief: Belief) -> LatitudeEstimate | None:
-        """Latitude from all rests so far; None if they do not distinguish latitudes 5° apart.
+        """Estimate the latitude from all rests so far; return None if they do not distinguish latitudes 5° apart.
 
-        The gyros' constant biases are unknowns; turning the unit over separates them from earth rate. `belief` holds
-        the parameters found so far, whose gyro matrix counts with its sigmas.
+        The constant gyro biases are unknowns; rests with the unit upright and inverted separate them from earth rate.
+        `belief` contains the parameters found so far; the sigmas of its gyro matrix enter the result's sigma.
         """
         if not self._means:
             return None
@@ -112,7 +112,7 @@ class RestOutput:
 
 
 def _noise(imu: ImuModel) -> float:
-    """Noise of a mean rate over one window, rad/s."""
+    """Return the noise of a mean rate over one window, rad/s."""
     rounded = imu.gyro_lsb / _WINDOW
     if imu.output == "rate":
         rounded = imu.gyro_lsb / np.sqrt(12.0 * imu.sample_rate * _WINDOW)
@@ -120,11 +120,11 @@ def _noise(imu: ImuModel) -> float:
 
 
 def _rests(second: IntArray, still: np.ndarray, force: FloatArray) -> list[tuple[int, int]]:
-    """Windows (start, stop) of every rest, without its first and last window."""
-    parted = np.zeros(len(second), np.bool_)
-    parted[1:] = (np.diff(second) != 1) | (np.abs(np.diff(force, axis=0)).max(axis=1) > FORCE_STEP)
+    """Return the windows (start, stop) of every rest, without its first and last window."""
+    split = np.zeros(len(second), np.bool_)
+    split[1:] = (np.diff(second) != 1) | (np.abs(np.diff(force, axis=0)).max(axis=1) > FORCE_STEP)
     found = []
     for a, b in runs(still):
-        cuts = [a, *(a + 1 + np.flatnonzero(parted[a + 1 : b])), b]
+        cuts = [a, *(a + 1 + np.flatnonzero(split[a + 1 : b])), b]
         found += [(int(c) + 1, int(d) - 1) for c, d in itertools.pairwise(cuts)]
     return [(a, b) for a, b in found if b - a >= _SHORTEST]

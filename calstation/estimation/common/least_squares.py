@@ -1,4 +1,4 @@
-"""Maximum a posteriori by Gauss-Newton for a few rests or turns, consider parameters, and consistency tests."""
+"""Maximum a posteriori (MAP) estimation by Gauss-Newton, consider parameters, and consistency tests."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,25 +12,25 @@ from calstation.estimation.common.context import Belief
 from calstation.physics import COUNT, BoolArray, FloatArray
 
 MOST_ITERATIONS = 20
-#: Largest last step, in sigmas, that counts as converged.
+#: The iteration has converged when its step is below this, in sigmas.
 CONVERGED = 1e-3
 
 
 @dataclass(frozen=True)
 class MapResult:
-    """Joint posterior of parameters and nuisances, and the test of the fit."""
+    """Joint posterior of parameters and nuisance parameters, and the quality of the fit."""
 
-    belief: Belief  #: Of the 30 parameters.
-    nuisance: FloatArray  #: Posterior mean, shape (k,).
+    belief: Belief  #: Posterior of the 30 parameters.
+    nuisance: FloatArray  #: Posterior mean of the nuisance parameters, shape (k,).
     chi2: float  #: Squared innovations y' (H P H' + R)⁻¹ y at the solution.
-    residual: FloatArray  #: Observations less model at the solution, shape (m,).
-    normalised: FloatArray  #: Innovations decorrelated and in units of sigma, whose squares sum to chi2, shape (m,).
+    residual: FloatArray  #: Observations minus model at the solution, shape (m,).
+    normalised: FloatArray  #: Decorrelated innovations in units of sigma; their squares sum to chi2; shape (m,).
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_settled`` if the iteration did not converge.
 
 
 @dataclass(frozen=True)
 class Consistency:
-    """Normalised innovation squared (NIS) of a stage: mean over its observations and 99.9 % band of that mean."""
+    """Normalised innovation squared (NIS) of a stage: mean over the observations and 99.9 % band of the mean."""
 
     nis_mean: float
     nis_low: float
@@ -39,12 +39,12 @@ class Consistency:
 
     @property
     def passed(self) -> bool:
-        """False if the innovations are larger than the model explains."""
+        """Whether the innovations are no larger than the model explains."""
         return self.nis_mean <= self.nis_high
 
     @property
     def warning(self) -> bool:
-        """True if they are smaller: the model is too cautious."""
+        """Whether the innovations are smaller than predicted, which means that the model is too conservative."""
         return self.nis_mean < self.nis_low
 
 
@@ -60,15 +60,15 @@ def gauss_newton(
 ) -> MapResult:
     """Maximise p(parameters, nuisances | observed), relinearising until `estimated` and nuisances converge.
 
-    Covariance form (Bell and Cathey, *The iterated Kalman filter update as a Gauss-Newton method*, IEEE TAC
-    38(2), 1993), so a prior sigma of zero is allowed; Jacobian by central differences.
+    The covariance form (Bell and Cathey, *The iterated Kalman filter update as a Gauss-Newton method*, IEEE TAC
+    38(2), 1993) allows a prior sigma of zero. The Jacobian is computed by central differences.
 
     Parameters
     ----------
     model : (parameters, shape (30,); nuisances, shape (k,)) -> predicted observations, shape (m,)
-    observed, noise : values and variances, shape (m,)
-    nuisance, nuisance_sigma : prior mean and sigma, shape (k,)
-    estimated : parameters that are relinearised; the others only enter the gain, shape (30,)
+    observed, noise : observed values and their variances, shape (m,)
+    nuisance, nuisance_sigma : prior mean and sigma of the nuisance parameters, shape (k,)
+    estimated : True for parameters that are relinearised; the others only enter the gain; shape (30,)
     """
     mean = np.concatenate([prior.mean, nuisance])
     P = np.zeros((len(mean), len(mean)))
@@ -117,10 +117,10 @@ def _jacobian(
 
 
 def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief:
-    """The posterior of a consider (Schmidt) estimator: only `estimated` parameters change.
+    """Return the posterior of a consider (Schmidt) estimator, in which only the `estimated` parameters change.
 
-    The others keep mean and covariance; cross-covariances follow. For data processed in one batch the estimated part
-    equals the full estimator's (S. F. Schmidt, *Application of State-Space Methods*, 1966).
+    The others keep their mean and covariance; the cross-covariances are updated. For data processed in one batch the
+    estimated part equals that of the full estimator (S. F. Schmidt, *Application of State-Space Methods*, 1966).
     """
     mean = np.where(estimated, posterior.mean, prior.mean)
     considered = np.ix_(~estimated, ~estimated)
@@ -130,11 +130,11 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
 
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
-    """Mean of `count` values of NIS that sum to `total`, and its 99.9 % band (Bar-Shalom et al. 2001, 5.4)."""
+    """Return the mean of `count` NIS values that sum to `total`, and its 99.9 % band (Bar-Shalom et al. 2001, 5.4)."""
     low, high = (chi_square_quantile(p, count * dimension) / max(count, 1) for p in (0.0005, 0.9995))
     return Consistency(total / max(count, 1), float(low), float(high), count)
 
 
 def chi_square_quantile(share: float, freedom: float) -> float:
-    """Quantile of a χ² distribution; scipy.stats has it too but takes a third of a second to import."""
+    """Return a quantile of the χ² distribution, without scipy.stats, which takes a third of a second to import."""
     return float(2.0 * gammaincinv(0.5 * freedom, share))

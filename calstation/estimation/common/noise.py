@@ -1,4 +1,4 @@
-"""Noise of IMU and table for the filters: spectral densities from the profile's Allan variance data."""
+"""Noise of IMU and table for the filters: spectral densities from the Allan variance data of the profile."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from calstation.physics import FloatArray
 
 #: Correlation time of the Gauss-Markov process that models bias instability, s.
 BIAS_DRIFT_TIME = 200.0
-#: Its sigma in units of B: its Allan deviation at 100 s, half its correlation time, is then the floor 0.664 B.
+#: Sigma of that process in units of B, so that its Allan deviation at 100 s, half the correlation time, is 0.664 B.
 BIAS_DRIFT_PER_INSTABILITY = 1.375
 
 
@@ -17,22 +17,22 @@ BIAS_DRIFT_PER_INSTABILITY = 1.375
 class FilterNoise:
     """Process and observation noise."""
 
-    rate: float  #: Angle random walk, rad²/s.
-    force: float  #: Velocity random walk, (m/s)²/s.
+    rate: float  #: Spectral density of the angle random walk, rad²/s.
+    force: float  #: Spectral density of the velocity random walk, (m/s)²/s.
     velocity: float  #: Variance of a velocity observation, (m/s)².
-    interval: float  #: Between observations, s.
+    interval: float  #: Time between observations, s.
     end_rate: float  #: Variance of the angular rate at an observation, (rad/s)².
-    #: Stationary sigma of each bias about its constant, gyro x y z, accel x y z, rad/s and m/s², shape (6,).
+    #: Stationary sigma of each bias about its constant value, gyro x y z, accel x y z, rad/s and m/s², shape (6,).
     bias_drift: FloatArray
 
 
 def filter_noise(context: SolveContext) -> FilterNoise:
-    """Noise densities for a filter.
+    """Return the noise densities for a filter.
 
-    Quantisation has variance lsb²/12. A rate output rounds every sample independently: white at the sample rate. An
-    increment output carries its remainder over: one count per observation interval is left. Bias instability B has an
-    Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It enters as a first-order Gauss-Markov process about the
-    constant bias, so that knowledge of the constant is never lost.
+    Quantisation has variance lsb²/12. A rate output rounds every sample independently, which is white noise at the
+    sample rate. An increment output carries its remainder over, so one count per observation interval remains. Bias
+    instability B has an Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It is modelled as a first-order
+    Gauss-Markov process about the constant bias, so that the estimate of the constant never degrades.
     """
     imu, table = context.imu, context.table
     interval = table.velocity_interval
@@ -48,10 +48,10 @@ def filter_noise(context: SolveContext) -> FilterNoise:
 
 
 def rest_mean_variance(context: SolveContext, duration: float) -> float:
-    """Variance, (m/s²)², of the specific force of a rest of `duration` s, averaged with `slope_weights`.
+    """Return the variance, (m/s²)², of the specific force of a rest of `duration` s averaged with `slope_weights`.
 
-    Slope through m + 1 velocities τ apart: 12 σ_v²/(τ² m (m+1) (m+2)); the white force noise's q/τ Σw², which is
-    6/5 q/T; and the bias drift.
+    It is the sum of three terms: the slope through m + 1 velocities τ apart, 12 σ_v²/(τ² m (m+1) (m+2)); the white
+    force noise, q/τ Σw², which approaches 6/5 q/T; and the bias drift.
     """
     noise = filter_noise(context)
     m = max(int(duration / noise.interval + 1e-9), 1)

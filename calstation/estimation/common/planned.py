@@ -1,4 +1,4 @@
-"""Noise-free samples of a plan, from which covariance analysis previews the sigmas of a run."""
+"""Noise-free samples of a plan, from which a covariance analysis predicts the sigmas of a run."""
 
 from collections.abc import Iterator
 
@@ -20,14 +20,14 @@ from calstation.physics import (
     skew,
 )
 
-#: Samples generated at a time.
+#: Largest number of samples per generated block.
 LONGEST_BLOCK = 20_000
 
 
 class PlannedSamples:
-    """Drives an ideal table and unit through steps; time, joints, counter and step number continue.
+    """Simulates an ideal table and unit through steps; time, joints, counter and step number carry over.
 
-    An unknown azimuth is taken as north. `mount` is the rotation vector of the unit on the inner axis' platform, rad.
+    An unknown azimuth is taken as north. `mount` is the rotation vector of the unit on the inner platform, rad.
     """
 
     def __init__(
@@ -55,16 +55,16 @@ class PlannedSamples:
 
     @property
     def time(self) -> float:
-        """End of the last sample, s."""
+        """Time at the end of the last sample, s."""
         return self._produced * self._dt
 
     @property
     def joints(self) -> tuple[float, float]:
-        """Joint angles outer, inner, rad."""
+        """Outer and inner joint angle, rad."""
         return self._joints
 
     def run(self, step: Step, seconds: float, stage: str) -> Iterator[SampleBlock]:
-        """Generate the samples of a step that takes `seconds`; only moves and dwells have any."""
+        """Generate the samples of a step that lasts `seconds`; only moves and dwells have samples."""
         last = round((self.time + seconds) / self._dt)
         begin, start, target = self.time, self._joints, self._joints
         if isinstance(step, Move):
@@ -84,7 +84,7 @@ class PlannedSamples:
         self._joints = target
 
     def _block(self, stage: str, first: int, joints: FloatArray) -> SampleBlock:
-        """A block from the joint angles at the samples' ends and middles, rad, shape (2 n + 1, 2)."""
+        """Return a block for the joint angles at the ends and midpoints of its samples, rad, shape (2 n + 1, 2)."""
         rate, turning = self._rates(joints)
         level = self._level(joints[1::2])
         omega = rate + level.transpose(0, 2, 1) @ self._earth
@@ -107,9 +107,9 @@ class PlannedSamples:
         )
 
     def _rates(self, joints: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean ω_nb over each sample, rad/s, and the change of ω_nb over it, rad/s², each shape (n, 3).
+        """Return the mean of ω_nb over each sample, rad/s, and its rate of change, rad/s², each shape (n, 3).
 
-        The outer axis turns with the inner joint; its mean over a sample is Simpson's.
+        In b the outer axis rotates with the inner joint; its mean over a sample is computed by Simpson's rule.
         """
         axes = self._outer_axis(joints[:, 1])
         mean_axis = (axes[:-2:2] + 4.0 * axes[1::2] + axes[2::2]) / 6.0
@@ -122,20 +122,20 @@ class PlannedSamples:
         return rate @ self._mount, turning @ self._mount
 
     def _outer_axis(self, inner: FloatArray) -> FloatArray:
-        """The outer axis in b at inner angles, rad, shape (n,); shape (n, 3)."""
+        """Return the outer axis in b, shape (n, 3), at inner joint angles, rad, shape (n,)."""
         k, v = np.array(self._geometry.inner_axis), np.array(self._geometry.outer_axis)
         c, s = np.cos(inner)[:, None], np.sin(inner)[:, None]
         return np.asarray(v * c - np.cross(k, v) * s + k * ((k @ v) * (1.0 - c)))
 
     def _level(self, joints: FloatArray) -> FloatArray:
-        """C_bn at joint angles, rad, shape (n, 2); shape (n, 3, 3)."""
+        """Return C_bn, shape (n, 3, 3), at joint angles, rad, shape (n, 2)."""
         heading = axis_rotation((0.0, 0.0, 1.0), -self._azimuth)
         outer = _turns(self._geometry.outer_axis, joints[:, 0])
         inner = _turns(self._geometry.inner_axis, joints[:, 1])
         return np.asarray(heading @ outer @ inner @ self._mount)
 
     def _lever_force(self, rate: FloatArray, turning: FloatArray) -> FloatArray:
-        """Specific force of the lever arms, α × r + ω × (ω × r), sensed axis by axis, shape (n, 3)."""
+        """Return the specific force due to the lever arms, α × r + ω × (ω × r), of each axis, m/s², shape (n, 3)."""
         outer, inner = self._levers
         square = rate**2
         along = inner * (square - square.sum(axis=1, keepdims=True))
@@ -143,7 +143,7 @@ class PlannedSamples:
 
 
 def profile(time: FloatArray, start: float, end: float, rate: float, acceleration: float) -> FloatArray:
-    """Joint angle, rad, at times since the start of a move, s, with a trapezoidal or triangular rate profile."""
+    """Return the joint angle, rad, at times since the start of a move, s, for a trapezoidal or triangular profile."""
     distance = abs(end - start)
     ramp = min(rate / acceleration, float(np.sqrt(distance / acceleration)))
     cruise = max(distance - acceleration * ramp**2, 0.0) / rate
@@ -156,7 +156,7 @@ def profile(time: FloatArray, start: float, end: float, rate: float, acceleratio
 
 
 def _turns(axis: tuple[float, float, float], angles: FloatArray) -> FloatArray:
-    """Rotation matrices about a unit vector by angles, rad, shape (n,); shape (n, 3, 3). Rodrigues' formula."""
+    """Return the rotation matrices, shape (n, 3, 3), about a unit vector by angles, rad, shape (n,) (Rodrigues)."""
     K = skew(np.array(axis))
     s, c = np.sin(angles)[:, None, None], np.cos(angles)[:, None, None]
     return np.asarray(np.eye(3) + s * K + (1.0 - c) * (K @ K))

@@ -1,7 +1,7 @@
-"""A result applied to data: output compensated before and after, and residuals at every rest.
+"""Output compensated with the parameters before and after calibration, and the residuals at every rest.
 
-At rest the specific force is as long as gravity, the rate along it is the earth's vertical and that across it the
-earth's horizontal rate.
+At rest the magnitude of the specific force equals gravity; the rate components along it and perpendicular to it are
+the vertical and horizontal earth rate.
 """
 
 from dataclasses import dataclass
@@ -14,32 +14,32 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage import StageData, find_rests, mean_angles, slope_weights
 from calstation.physics import FloatArray, IntArray, compensate, compensation, group_indices, rotation_rate
 
-#: A shorter rest, s, is a pause in a turn and not a position.
+#: A rest shorter than this, s, is a pause during a rotation and not a position.
 SHORTEST_REST = 1.0
-#: Left out at the start of a rest, s: the last microradians of a settling table distort a mean rate.
+#: Time omitted at the start of a rest, s, because the last microradians of table settling bias the mean rate.
 CREEP = 0.5
 
 
 @dataclass(frozen=True)
 class RestResiduals:
-    """Residuals of k rests, measured less expected."""
+    """Residuals of k rests, measured minus expected."""
 
-    first_seq: IntArray  #: Of each rest, shape (k,).
-    last_seq: IntArray  #: Of each rest, shape (k,).
+    first_seq: IntArray  #: First sequence number of each rest, shape (k,).
+    last_seq: IntArray  #: Last sequence number of each rest, shape (k,).
     up: FloatArray  #: Measured direction of up in b, unit vectors, shape (k, 3).
-    angles: FloatArray  #: Mean encoder angles outer, inner, rad, NaN without polls, shape (k, 2).
-    force: FloatArray  #: Length of the specific force less gravity, m/s², shape (k,).
-    vertical_rate: FloatArray  #: Rate along up, rad/s, shape (k,).
-    horizontal_rate: FloatArray  #: Rate across up, rad/s, shape (k,).
-    force_sigma: FloatArray  #: Expected from the noise of the rest, m/s², shape (k,).
-    rate_sigma: FloatArray  #: Expected from the noise of the rest, rad/s, shape (k,).
+    angles: FloatArray  #: Mean outer and inner encoder angle, rad, NaN if not polled, shape (k, 2).
+    force: FloatArray  #: Magnitude of the specific force minus gravity, m/s², shape (k,).
+    vertical_rate: FloatArray  #: Residual of the rate along up, rad/s, shape (k,).
+    horizontal_rate: FloatArray  #: Residual of the rate perpendicular to up, rad/s, shape (k,).
+    force_sigma: FloatArray  #: Sigma of the force expected from the noise, m/s², shape (k,).
+    rate_sigma: FloatArray  #: Sigma of the rate expected from the noise, rad/s, shape (k,).
 
     def __len__(self) -> int:
         return len(self.first_seq)
 
 
 def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> RestResiduals:
-    """Residuals of every rest of a stage, compensated with the parameters `found`."""
+    """Compute the residuals of every rest of a stage, compensated with the parameters `found`."""
     constants = compensation(found.mean)
     bias = group_indices("gyro_bias")
     earth = rotation_rate(context.site.latitude)
@@ -83,21 +83,21 @@ def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> Res
 
 @dataclass(frozen=True)
 class BeforeAfter:
-    """The same n samples compensated with the parameters before and with those found."""
+    """The same n samples compensated with the parameters before calibration and with those found."""
 
     time: FloatArray  #: s, shape (n,)
     rate_before: FloatArray  #: rad/s, shape (n, 3)
     rate_after: FloatArray  #: rad/s, shape (n, 3)
     force_before: FloatArray  #: m/s², shape (n, 3)
     force_after: FloatArray  #: m/s², shape (n, 3)
-    length_before: FloatArray  #: Length of the force less gravity, m/s², shape (n,); at rest only the error is left.
-    length_after: FloatArray  #: The same with the parameters found.
+    length_before: FloatArray  #: Magnitude of the force minus gravity, m/s², shape (n,); at rest this is the error.
+    length_after: FloatArray  #: The same with the parameters found, m/s², shape (n,).
 
 
 def before_after(
     block: SampleBlock, imu: ImuModel, before: FloatArray, found: FloatArray, gravity: float, stride: int = 1
 ) -> BeforeAfter:
-    """Compensate a block with two sets of parameters, SI, shape (30,), after averaging `stride` samples at a time."""
+    """Compensate a block with two parameter vectors, SI, shape (30,), after averaging groups of `stride` samples."""
     count = len(block) // stride
     raw = (block.counts[: count * stride] * imu.count_size).reshape(count, stride, 6).mean(axis=1)
     rates, forces, lengths = [], [], []

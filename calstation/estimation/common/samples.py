@@ -1,4 +1,4 @@
-"""`SampleBlock`, the form in which samples travel from driver to log and solver, and `Spool`, which keeps them."""
+"""`SampleBlock`, which transfers samples from the driver to log and solver, and `Spool`, which stores them."""
 
 import tempfile
 import weakref
@@ -9,9 +9,9 @@ import numpy as np
 
 from calstation.physics import BoolArray, FloatArray, IntArray
 
-#: Grid of encoder angles, rad (2e-7″), coarse enough for degrees written in a file to read back the same.
+#: Grid of encoder angles, rad (2e-7″), coarse enough for angles in a file in degrees to be read back exactly.
 ANGLE_STEP = 2.0**-40
-#: Spool columns of every block; optional ones follow.
+#: Spool columns of every block; optional columns follow them.
 _ROW = [
     ("seq", np.int64),
     ("time", np.float64),
@@ -21,7 +21,7 @@ _ROW = [
     ("valid", np.bool_),
     ("temperature", np.float64),
 ]
-#: Spool rows read back at a time.
+#: Number of spool rows read back at a time.
 _CHUNK = 65_536
 
 
@@ -33,18 +33,18 @@ class SampleBlock:
     seq: IntArray  #: Unwrapped sample counter, shape (n,).
     time: FloatArray  #: IMU clock at the end of each sample, s, shape (n,).
     counts: FloatArray  #: Raw output, gyro x y z then accel x y z, counts, shape (n, 6).
-    #: Encoder angles outer, inner at the end of the sample, rad, cumulative, NaN between polls, shape (n, 2).
+    #: Outer and inner encoder angle at the end of each sample, rad, cumulative, NaN between polls, shape (n, 2).
     angles: FloatArray
-    step: IntArray  #: Number of the move the sample belongs to, shape (n,).
-    valid: BoolArray  #: False marks a spoilt sample, shape (n,).
-    temperature: FloatArray  #: °C, NaN if unknown, shape (n,).
-    #: Raw output of further IMUs on the same body, as `counts`, NaN where missing, shape (n, k, 6).
+    step: IntArray  #: Number of the move that each sample belongs to, shape (n,).
+    valid: BoolArray  #: False for an invalid sample, shape (n,).
+    temperature: FloatArray  #: Temperature, °C, NaN if unknown, shape (n,).
+    #: Raw output of the k secondary IMUs on the same body, as `counts`, NaN where missing, shape (n, k, 6).
     others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
     #: Angles x, y, z of a gimbal's joints, rad, NaN between polls, shape (n, 3); (n, 0) without a gimbal.
     joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
-        """Give absent optional columns as many rows as the block has."""
+        """Give absent optional columns the number of rows of the block."""
         if self.others.shape[1] == 0:
             object.__setattr__(self, "others", np.empty((len(self.seq), 0, 6)))
         if self.joints.shape[1] == 0:
@@ -54,7 +54,7 @@ class SampleBlock:
         return len(self.seq)
 
     def part(self, start: int, stop: int) -> "SampleBlock":
-        """Samples `start` to `stop` as a block (views)."""
+        """Return samples `start` to `stop` as a block of array views."""
         return SampleBlock(self.stage, *(getattr(self, name)[start:stop] for name in _COLUMNS))
 
 
@@ -62,12 +62,12 @@ _COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
 
 
 def joined(blocks: list[SampleBlock]) -> SampleBlock:
-    """Join consecutive blocks into one, of the first one's stage."""
+    """Join consecutive blocks into one with the stage of the first."""
     return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in _COLUMNS))
 
 
 def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
-    """The blocks from sequence number `seq` on, the first one cut to it."""
+    """Return the blocks from sequence number `seq` on; the first one starts at `seq`."""
     kept = [b for b in blocks if len(b) and b.seq[-1] >= seq]
     if kept:
         kept[0] = kept[0].part(int(kept[0].seq.searchsorted(seq)), len(kept[0]))
@@ -75,25 +75,25 @@ def since(blocks: list[SampleBlock], seq: int) -> list[SampleBlock]:
 
 
 def snap_angles(angles: FloatArray) -> FloatArray:
-    """Round angles in rad, any shape, to `ANGLE_STEP`; NaN stays.
+    """Round angles in rad, of any shape, to `ANGLE_STEP`; NaN is preserved.
 
-    Drivers, logs and file readers all use this grid, so a solution does not depend on whether its angles went through
-    a file in degrees.
+    Drivers, logs and file readers all use this grid, so a solution does not depend on whether its angles were stored
+    in a file in degrees.
     """
     return np.round(np.asarray(angles) / ANGLE_STEP) * ANGLE_STEP
 
 
 class Spool:
-    """Samples of one stage, in order, in a temporary file that goes with the object."""
+    """Samples of one stage, in order, in a temporary file that is deleted with the object."""
 
     def __init__(self) -> None:
-        self._file = tempfile.TemporaryFile(prefix="calstation-")  # noqa: SIM115 - lives as long as the spool
+        self._file = tempfile.TemporaryFile(prefix="calstation-")  # noqa: SIM115 - open for the spool's life
         weakref.finalize(self, self._file.close)
         self._stage = ""
         self._row: np.dtype | None = None
 
     def append(self, block: SampleBlock) -> None:
-        """Store further samples, all with the same columns. Raises OSError if the disk is full."""
+        """Append samples; all blocks need the same columns. Raises OSError if the disk is full."""
         if self._row is None:
             self._row = _row_type(block)
         rows = np.empty(len(block), self._row)
@@ -103,7 +103,7 @@ class Spool:
         self._file.write(rows.tobytes())
 
     def blocks(self) -> Iterator[SampleBlock]:
-        """All samples stored so far."""
+        """Yield all samples stored so far."""
         row = self._row or np.dtype(_ROW)
         self._file.seek(0)
         while data := self._file.read(_CHUNK * row.itemsize):

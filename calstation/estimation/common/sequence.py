@@ -1,4 +1,4 @@
-"""Sample counters made continuous: wraps, resets and gaps distinguished (CONTRACT.md, "CSV import")."""
+"""Continuous sample counters: wraps, resets and gaps are distinguished (CONTRACT.md, "CSV import")."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ _RESTART_SECONDS = 1.0
 
 
 class SequenceError(InputError):
-    """A row that repeats or is out of order."""
+    """A row whose counter repeats or is out of order."""
 
     @property
     def place(self) -> int:
@@ -21,11 +21,11 @@ class SequenceError(InputError):
 
 
 class SequenceUnwrapper:
-    """Turns a logged counter into one that always rises, chunk after chunk.
+    """Converts a logged counter to a strictly increasing one, chunk by chunk.
 
-    A drop to near 0 from 2^8, 2^16 or 2^32 with continuous time is a wrap; with a jump in time it is a reset, after
-    which the count continues with the number of samples of the jump (at least one lost). If the unit's clock restarted
-    with its counter, time continues likewise. Anything else that does not rise is an error.
+    A drop from near 2^8, 2^16 or 2^32 to near 0 with continuous time is a wrap. A drop with a jump in time is a reset,
+    after which the count advances by the number of samples in the jump (at least one lost). If the unit's clock
+    restarted together with its counter, time is continued in the same way. Any other decrease is an error.
     """
 
     def __init__(self, sample_period: float) -> None:
@@ -37,10 +37,10 @@ class SequenceUnwrapper:
         self._time_offset = 0.0
 
     def feed(self, seq: IntArray, time: FloatArray) -> tuple[IntArray, FloatArray, list[int]]:
-        """Unwrap the next chunk of counter and clock, s: rising counter and clock, shape (n,), and indices of restarts.
+        """Unwrap the next chunk of counter and clock (s).
 
-        At a restart, counter and clock of the unit began anew together. Raises SequenceError with the index of the
-        first row that repeats, is out of order or runs back in time.
+        Return the increasing counter and clock, shape (n,), and the indices of restarts, where counter and clock of
+        the unit were reset together. Raises SequenceError for the first row out of order or with decreasing time.
         """
         if len(seq) == 0:
             return seq.astype(np.int64), time.astype(np.float64), []
@@ -67,7 +67,7 @@ class SequenceUnwrapper:
         return seq + offsets, time + shifts, restarts
 
     def _step(self, place: int, last: int, now: int, last_time: float, now_time: float) -> tuple[int, float]:
-        """Increments of counter and clock from a row on that does not rise."""
+        """Return the offsets to add to counter and clock (s) from a row on at which either does not increase."""
         elapsed = (now_time - last_time) / self._period
         if now == last:
             raise SequenceError("recording.seq_repeated", place=place, seq=now)
@@ -87,10 +87,10 @@ class SequenceUnwrapper:
 
 
 def unwrap_counter(raw: Sequence[int] | IntArray, last: int | None, bits: int, last_raw: int | None = None) -> IntArray:
-    """Continue a live counter of `bits` bits after the continuous count `last`, received as `last_raw`.
+    """Continue a live counter of `bits` bits after the continuous count `last`, which was received as `last_raw`.
 
-    Forward steps are taken modulo 2^bits. A fall to the first eighth of the range that would mean more than half of it
-    lost is a reset, counted as one lost sample. The same value twice is a whole cycle of the counter.
+    Forward steps are taken modulo 2^bits. A drop to the first eighth of the range that would mean a loss of more than
+    half the range is a reset, counted as one lost sample. A repeated value is a full cycle of the counter.
     """
     received = np.asarray(raw, dtype=np.int64)
     if len(received) == 0:

@@ -1,4 +1,4 @@
-"""A stage's samples as contiguous arrays: raw rates, encoder angles, segments between gaps, rests."""
+"""Samples of a stage as contiguous arrays (raw rates, encoder angles, segments between gaps), and its rests."""
 
 import itertools
 from dataclasses import dataclass, field
@@ -11,13 +11,13 @@ from calstation.physics import BoolArray, FloatArray, IntArray
 
 #: Width of the averaging window of rest detection, s.
 REST_WINDOW = 0.5
-#: Rest requires a rate, less the bias, below this many sigmas of the bias ...
+#: At rest the rate minus the bias is below this many sigmas of the bias ...
 BIAS_SIGMAS = 3.0
 #: ... plus this rate, rad/s.
 SLOWEST = np.deg2rad(0.1)
-#: Cut from both ends of a rest found in the data, s, because a table creeps before it settles.
+#: Time removed from both ends of a rest found in the data, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
-#: A larger change of mean specific force from one window to the next, m/s², is another position.
+#: A larger change of mean specific force from one window to the next, m/s², indicates a new position.
 FORCE_STEP = 0.5
 
 
@@ -32,8 +32,8 @@ class StageData:
     accel: FloatArray  #: Raw mean specific force, m/s², shape (n, 3).
     angles: FloatArray  #: Encoder angles, rad, NaN between polls, shape (n, 2).
     step: IntArray  #: As in `SampleBlock`, shape (n,).
-    segments: tuple[tuple[int, int], ...]  #: (start, stop) of each stretch without a gap, reset or spoilt sample.
-    gaps: int  #: Number of gaps and resets inside the stage.
+    segments: tuple[tuple[int, int], ...]  #: (start, stop) of each interval without gap, reset or invalid sample.
+    gaps: int  #: Number of gaps and resets within the stage.
     others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))  #: As in `SampleBlock`.
     joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))  #: As in `SampleBlock`.
 
@@ -41,12 +41,12 @@ class StageData:
         return len(self.seq)
 
     def seq_range(self, start: int, stop: int) -> dict[str, int]:
-        """First and last sequence number of samples `start` to `stop`, JSON-ready."""
+        """Return the first and last sequence number of samples `start` to `stop` as JSON values."""
         return {"first_seq": int(self.seq[start]), "last_seq": int(self.seq[stop - 1])}
 
 
 def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
-    """Join a stage's blocks; spoilt samples are left out and count as gaps, like missing ones."""
+    """Join the blocks of a stage; invalid samples are omitted and count as gaps, like missing ones."""
     dt = 1.0 / imu.sample_rate
     valid = _joined([b.valid for b in blocks], np.bool_)
     seq = _joined([b.seq for b in blocks], np.int64)[valid]
@@ -76,7 +76,7 @@ def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarra
 
 
 def window_mean(values: FloatArray, width: int) -> FloatArray:
-    """Mean over `width` samples ending at each index from width − 1 on, shape (n − width + 1, columns)."""
+    """Return the mean of the `width` samples ending at each index from width − 1, shape (n − width + 1, columns)."""
     total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
     return np.asarray((total[width:] - total[:-width]) / width)
 
@@ -87,9 +87,9 @@ def find_rests(
     """Find the rests (start, stop) of a segment from its data.
 
     Rates are averaged over `REST_WINDOW`. The median of the windows in which they are small (`BIAS_SIGMAS`, 5 sigma of
-    noise, `SLOWEST`) and constant is the rate at rest, bias and earth rate together. A rest is a stretch in which no
-    window differs from it by more than noise and 0.03 °/s (earth rate is 0.004 °/s), so that a creeping table does not
-    count. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
+    noise, `SLOWEST`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
+    no window differs from that rate by more than noise plus 0.03 °/s (earth rate is 0.004 °/s), which excludes table
+    creep. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
     """
     start, stop = segment
     width = max(round(REST_WINDOW / data.dt), 2)
@@ -129,16 +129,16 @@ def _steady(force: FloatArray, width: int) -> BoolArray:
 
 
 def runs(flags: BoolArray) -> list[tuple[int, int]]:
-    """Stretches (first, last + 1) in which `flags` is true."""
+    """Return the intervals (first, last + 1) in which `flags` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def slope_weights(count: int, stride: int) -> FloatArray:
-    """Weights, shape (n,), sum 1, whose mean of specific force is the slope of a straight line through velocity.
+    """Return weights, shape (count,), sum 1, whose mean of specific force is the slope of a line fitted to velocity.
 
-    Velocity is sampled every `stride` samples, as often as its noise is independent; the remainder of a rest is left
-    out. With white velocity noise this is the best linear unbiased mean.
+    Velocity is sampled every `stride` samples, the interval at which its noise is independent; the remainder of a rest
+    is not used. For white velocity noise this is the best linear unbiased estimate of the mean.
     """
     blocks = max(count // stride, 1)
     used = min(blocks * stride, count)
@@ -150,7 +150,7 @@ def slope_weights(count: int, stride: int) -> FloatArray:
 
 
 def mean_angles(data: StageData, start: int, stop: int) -> FloatArray | None:
-    """Mean encoder angles of a rest, rad, shape (2,); None if the encoders were not polled in it."""
+    """Return the mean encoder angles of a rest, rad, shape (2,); None if the encoders were not polled during it."""
     polled = data.angles[start:stop]
     polled = polled[~np.isnan(polled).any(axis=1)]
     return polled.mean(axis=0) if len(polled) else None

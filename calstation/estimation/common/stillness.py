@@ -1,7 +1,7 @@
 """Rests of a recording and the motions between them, found from the data alone.
 
-Noise and rate at rest are those of the quietest windows. If the force jumps between two quiet stretches without a turn,
-samples were cut out, and no motion connects the rests on either side.
+Noise and rate at rest are those of the quietest windows. If the force jumps between two quiet intervals without a
+rotation, samples were cut out, and no motion connects the rests on either side.
 """
 
 import itertools
@@ -13,13 +13,13 @@ from calstation.estimation.common.context import ImuModel
 from calstation.estimation.common.stage import REST_WINDOW, StageData, find_rests, runs, window_mean
 from calstation.physics import FloatArray
 
-#: Share of all windows whose noise defines the noise at rest.
+#: Fraction of all windows, the quietest ones, whose noise defines the noise at rest.
 QUIETEST = 0.1
-#: A window up to this factor noisier counts as quiet too.
+#: A window whose noise is larger by up to this factor also counts as quiet.
 ALIKE = 1.5
-#: A window with more gyro noise than this, rad/s rms, is a motion.
+#: A window with more gyro noise than this, rad/s rms, is in motion.
 LOUDEST = np.deg2rad(1.0)
-#: Stretch that must be quiet on both sides of a cut, s.
+#: Duration that must be quiet on each side of a cut, s.
 CUT_WINDOW = 0.15
 #: Smallest jump of the force across a cut, m/s².
 CUT_STEP = 2.0
@@ -29,12 +29,12 @@ RESTING_RATE_SIGMA = np.deg2rad(0.2)
 
 @dataclass(frozen=True)
 class Link:
-    """An unbroken motion between two neighbouring rests."""
+    """An uninterrupted motion between two successive rests."""
 
-    first: int  #: Index of the rest before.
-    second: int  #: Index of the rest after.
-    start: int  #: First sample of the motion.
-    stop: int  #: The sample after its last.
+    first: int  #: Index of the rest before the motion.
+    second: int  #: Index of the rest after the motion.
+    start: int  #: Index of the first sample of the motion.
+    stop: int  #: Index after the last sample of the motion.
 
 
 @dataclass(frozen=True)
@@ -42,15 +42,15 @@ class Stillness:
     """Rests of a recording and the motions between them."""
 
     rests: tuple[tuple[int, int], ...]  #: (start, stop) of each rest.
-    links: tuple[Link, ...]  #: The motions between neighbouring rests.
+    links: tuple[Link, ...]  #: The motions between successive rests.
     gyro_noise: float  #: White noise at rest, rad/√s.
     accel_noise: float  #: White noise at rest, m/s/√s.
     rate: FloatArray  #: Mean raw rate at rest, rad/s, shape (3,).
-    cuts: tuple[int, ...] = ()  #: Samples before which others were cut out without a gap of the counter.
+    cuts: tuple[int, ...] = ()  #: Samples before which samples were cut out without a gap in the counter.
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:
-    """Find rests of at least `shortest` s and motions in all segments; the noise of `imu` is a lower bound."""
+    """Find the rests of at least `shortest` s and the motions of all segments; the noise of `imu` is a lower bound."""
     windows = _windows(data)
     gyro_std, accel_std, rate = windows[:, 0], windows[:, 1], windows[:, 2:]
     limit = min(ALIKE * float(np.quantile(gyro_std, QUIETEST)), LOUDEST) if len(windows) else 0.0
@@ -77,7 +77,7 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
 
 
 def _find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray) -> tuple[int, ...]:
-    """Samples at which the force jumps between two stretches of rest without a turn."""
+    """Return the samples at which the force jumps between two intervals of rest without a rotation."""
     width = max(round(CUT_WINDOW / data.dt), 4)
     slow = np.deg2rad(2.0) + 5.0 * gyro_noise / np.sqrt(width * data.dt)
     loud = 0.1 + 3.0 * accel_noise / np.sqrt(data.dt)
@@ -106,7 +106,7 @@ def _cut(segments: tuple[tuple[int, int], ...], cuts: tuple[int, ...]) -> list[t
 
 
 def _windows(data: StageData) -> FloatArray:
-    """Per window: gyro and accelerometer noise (rms of an axis, rad/s and m/s²) and mean rate, shape (k, 5)."""
+    """Return gyro and accelerometer noise (rms per axis, rad/s and m/s²) and mean rate of each window, shape (k, 5)."""
     width = max(round(REST_WINDOW / data.dt), 8)
     rows = []
     for start, stop in data.segments:

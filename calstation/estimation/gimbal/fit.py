@@ -1,6 +1,6 @@
-"""Least squares over a gimbal's recording: every motion's rotation by the gyros against that of the joints.
+"""Least-squares fit of a gimbal recording: the rotation of every motion from the gyros against that from the joints.
 
-Exp(−Ω T) C_before B(gyro parameters) = C_after,  C from the joints, B the body's rotation by the compensated gyros
+Exp(−Ω T) C_before B(gyro parameters) = C_after,  C from the joints, B the body rotation from the compensated gyros
 """
 
 from dataclasses import dataclass
@@ -27,22 +27,22 @@ CONVERGED = 1e-3
 
 @dataclass(frozen=True)
 class GimbalFit:
-    """Solution of the least squares."""
+    """Solution of the least-squares fit."""
 
     belief: Belief  #: Posterior of the parameters.
     chi2: float  #: Sum of the squared residuals in units of sigma.
-    freedom: float  #: Their degrees of freedom.
-    residual: FloatArray  #: Of every motion, rad, shape (n, 3).
+    freedom: float  #: Degrees of freedom of the residuals.
+    residual: FloatArray  #: Residual of every motion, rad, shape (n, 3).
 
 
 def fit_gimbal(
     data: StageData, motions: list[Motion], order: str, context: SolveContext, prior: Belief, joint_sigma: float
 ) -> GimbalFit:
-    """Fit all motions; `joint_sigma` is that of an attitude from the joints at a rest, per axis, rad."""
+    """Fit all motions; `joint_sigma` is the sigma of an attitude from the joints at a rest, per axis, rad."""
     noise = filter_noise(context)
     sigma = np.sqrt(np.repeat([noise.rate * m.duration for m in motions], 3))
     root = square_root(prior.covariance)
-    # a motion's noise is the gyros'; it shares the joints' errors with the motions before and after
+    # the noise of a motion is gyro noise; joint errors are shared with the preceding and the following motion
     rests = 1 + max(max(m.between) for m in motions)
     scale = np.concatenate([[RATE] * 3, np.full(3 * rests, joint_sigma)])
     point, more = prior.mean.copy(), np.zeros(len(scale))
@@ -70,9 +70,9 @@ def fit_gimbal(
 def _rows(
     data: StageData, motions: list[Motion], order: str, point: FloatArray, more: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Derivatives, shape (3 n, 33 + 3 rests), and residuals, rad, shape (3 n,).
+    """Return the derivatives, shape (3 n, 33 + 3 rests), and the residuals, rad, shape (3 n,).
 
-    more : earth rate in the base's frame, rad/s, and the joints' error at every rest as a rotation there, rad
+    `more` contains, in the base frame, the earth rate, rad/s, and the joint errors at rests as rotation vectors, rad.
     """
     c, earth, wrong = compensation(point), more[:3], more[3:].reshape(-1, 3)
     H, residuals = np.zeros((3 * len(motions), COUNT + len(more))), []

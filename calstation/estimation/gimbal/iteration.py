@@ -1,15 +1,15 @@
-"""Iteration for gyro misalignment from the joints of a stabilised gimbal, one turn after another.
+"""Iteration for gyro misalignment from the joints of a stabilised gimbal, updated after every turn.
 
-The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). Commanded to turn about one body axis alone it
-turns about N e, N = (I + M)⁻¹ (I + K). The other joints drift by D = −J(A) (m − k) for a turn by A, where m and k are
-that axis' columns of M and K without its own row. After every turn, with the joints back at zero,
+The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). Commanded to rotate about one body axis e only,
+it rotates about N e, where N = (I + M)⁻¹ (I + K). In a turn by A the other joints drift by D = −J(A) (m − k), where m
+and k are the columns of M and K for that axis without its own row. After every turn, with the joints back at zero,
 
     K_i = K_(i−1) + s α D_i,    s = −1 for a positive turn, +1 for a negative one
 
-so that the error is multiplied by I − s α J. J is no multiple of the identity, because a tilted body axis turns with
-the body. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A), sin A]] with the
-eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and fastest at half of that, where each
-turn leaves sin(A/2) of the error. From A = 180° on it is unstable for every gain.
+so that the error is multiplied by I − s α J. J is not a multiple of the identity, because a tilted body axis rotates
+with the body. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A), sin A]] with the
+eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and converges fastest at half of that,
+where each turn reduces the error to sin(A/2) of its value. For A ≥ 180° it is unstable for every gain.
 """
 
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ _DERIVATIVE_STEP = 1e-5
 
 
 def gimbal_attitude(order: str, joints: FloatArray) -> FloatArray:
-    """C_body^base, shape (3, 3), of joints x, y, z (rad, shape (3,)); the first of `order` is next to the base."""
+    """Return C_body^base, shape (3, 3), at joints x, y, z, rad, shape (3,); `order` begins at the base."""
     C = np.eye(3)
     for name in order:
         axis = AXES.index(name)
@@ -32,7 +32,7 @@ def gimbal_attitude(order: str, joints: FloatArray) -> FloatArray:
 
 
 def gimbal_joints(order: str, C: FloatArray) -> FloatArray:
-    """Joints x, y, z (rad, shape (3,)) of an attitude, the middle one within ±90°; Tait-Bryan angles of any order."""
+    """Return the joints x, y, z, rad, shape (3,), of an attitude (Tait-Bryan angles); the middle one is within ±90°."""
     a, b, c = (AXES.index(name) for name in order)
     sign = 1.0 if (b - a) % 3 == 1 else -1.0
     joints = np.empty(3)
@@ -43,12 +43,12 @@ def gimbal_joints(order: str, C: FloatArray) -> FloatArray:
 
 
 def others(axis: int) -> list[int]:
-    """The two axes that are not turned."""
+    """Return the other two axes."""
     return [k for k in range(3) if k != axis]
 
 
 def drift_matrix(order: str, axis: int, angle: float) -> FloatArray:
-    """J: drift of the other joints per rad of tilt of the axis of a turn by `angle`, shape (2, 2)."""
+    """Return J, the drift of the other joints per rad of tilt of the axis in a turn by `angle`, rad, shape (2, 2)."""
     rest = others(axis)
     J = np.empty((2, 2))
     for column, lean in enumerate(rest):
@@ -61,12 +61,12 @@ def drift_matrix(order: str, axis: int, angle: float) -> FloatArray:
 
 
 def sign_of(angle: float) -> float:
-    """s of a turn: −1 for a positive one, +1 for a negative one."""
+    """Return the sign s of a turn: −1 for a positive turn, +1 for a negative one."""
     return -1.0 if angle > 0.0 else 1.0
 
 
 def largest_gain(order: str, axis: int, angle: float) -> float:
-    """The gain below which turns by ± `angle` converge: 2 Re λ/|λ|² of J's worst eigenvalue; 0 if none does."""
+    """Return the gain below which turns by ± `angle` converge: the smallest 2 Re λ/|λ|² of J; 0 if they never do."""
     limits = []
     for way in (angle, -angle):
         for value in np.linalg.eigvals(-sign_of(way) * drift_matrix(order, axis, way)):
@@ -75,7 +75,7 @@ def largest_gain(order: str, axis: int, angle: float) -> float:
 
 
 def contraction(order: str, axis: int, angle: float, gain: float) -> float:
-    """Factor per turn by which a turn by `angle` and one back reduce an error."""
+    """Return the factor per turn by which a turn by `angle` and a turn back reduce an error."""
     both = np.eye(2)
     for way in (angle, -angle):
         both = (np.eye(2) + sign_of(way) * gain * drift_matrix(order, axis, way)) @ both
@@ -84,7 +84,7 @@ def contraction(order: str, axis: int, angle: float, gain: float) -> float:
 
 @dataclass(frozen=True)
 class TurnCommand:
-    """The next turn: about `axis` by `angle` (rad), stabilised with the correction K, shape (3, 3)."""
+    """A turn about `axis` by `angle`, rad, stabilised with the correction K, shape (3, 3)."""
 
     axis: int
     angle: float
@@ -93,7 +93,7 @@ class TurnCommand:
 
 @dataclass
 class AxisTurns:
-    """Turns of one axis: angles and drifts D of the other joints (rad), and K after each, shape (2,)."""
+    """Turns about one axis: angles, rad; drifts D of the other joints, rad, shape (2,); K after each, shape (2,)."""
 
     axis: int
     angles: list[float] = field(default_factory=list)
@@ -103,23 +103,23 @@ class AxisTurns:
 
 @dataclass
 class GimbalIteration:
-    """State of the method: the next turn to command, and the correction from each drift."""
+    """State of the iteration: provides the next turn and updates the correction from each drift."""
 
-    gain: float  #: α, rad/rad.
-    angle: float  #: Of every turn, rad.
+    gain: float  #: Gain α, rad/rad.
+    angle: float  #: Angle of every turn, rad.
     count: int  #: Largest number of turns per axis.
-    threshold: float  #: |D| below which an axis is done, rad.
-    alternate: bool = True  #: Whether every second turn goes the other way.
+    threshold: float  #: |D| below which an axis is complete, rad.
+    alternate: bool = True  #: Whether every second turn is in the opposite direction.
     correction: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), init=False)  #: K, shape (3, 3).
-    courses: list[AxisTurns] = field(default_factory=lambda: [AxisTurns(0)], init=False)  #: Of the axes so far.
+    courses: list[AxisTurns] = field(default_factory=lambda: [AxisTurns(0)], init=False)  #: Axes so far.
 
     @property
     def done(self) -> bool:
-        """Whether the last axis is done."""
+        """Whether the last axis is complete."""
         return len(self.courses) == 3 and self._done(self.courses[-1])
 
     def next_turn(self) -> TurnCommand | None:
-        """The next turn, from joints at zero; None at the end."""
+        """Return the next turn, which starts with the joints at zero; None at the end."""
         if self.done:
             return None
         if self._done(self.courses[-1]):
@@ -129,7 +129,7 @@ class GimbalIteration:
         return TurnCommand(course.axis, -self.angle if back else self.angle, self.correction.copy())
 
     def add_drift(self, angle: float, drift: FloatArray) -> None:
-        """Correct K by the drift of the other joints (rad, shape (2,)) in a turn by `angle` (rad)."""
+        """Correct K by the drift of the other joints, rad, shape (2,), in a turn by `angle`, rad."""
         course = self.courses[-1]
         rows = others(course.axis)
         self.correction[rows, course.axis] += sign_of(angle) * self.gain * drift

@@ -1,4 +1,4 @@
-"""Closed loop of the method and a stabilised gimbal: command a turn, read the joints, correct, return to zero."""
+"""Closed loop of method and stabilised gimbal: command a turn, read the joints, correct K, return to zero."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -11,19 +11,19 @@ from calstation.physics import FloatArray
 
 
 class Gimbal(Protocol):
-    """A gimbal that stabilises on the unit's corrected rates; every call returns the samples recorded meanwhile."""
+    """A gimbal that stabilises on the corrected rates of the unit; every call returns the samples recorded."""
 
     def lock(self, seconds: float) -> SampleBlock:
-        """Hold the joints; the gyros' output then is taken as their bias."""
+        """Lock the joints; the gyro output during this time is taken as the gyro bias."""
 
     def hold(self, seconds: float, correction: FloatArray) -> SampleBlock:
         """Stabilise at rest with the correction K, shape (3, 3)."""
 
     def turn(self, axis: int, angle: float, rate: float, correction: FloatArray) -> SampleBlock:
-        """Turn about one body axis by `angle`, rad, at `rate`, rad/s, the others stabilised."""
+        """Turn about one body axis by `angle`, rad, at `rate`, rad/s, with the other axes stabilised."""
 
     def home(self, rate: float) -> SampleBlock:
-        """Bring all joints to zero."""
+        """Return all joints to zero."""
 
 
 def run_loop(
@@ -35,10 +35,10 @@ def run_loop(
     rate: float,
     keep: Callable[[SampleBlock], None],
 ) -> None:
-    """Run the iteration to its end; `keep` receives every block. A log of the blocks replays to the same corrections.
+    """Run the iteration to its end; `keep` is called with every block, so that a log of them reproduces the run.
 
-    `dwell` is the stabilised rest, s, `rate` that of the turns, rad/s. Raises InputError if a turn does not show in the
-    joints.
+    `dwell` is the duration of a stabilised rest, s, `rate` the rate of the turns, rad/s. Raises InputError if a turn is
+    not found in the joint angles.
     """
     blocks: list[SampleBlock] = []
 
@@ -52,12 +52,12 @@ def run_loop(
         take(gimbal.turn(turn.axis, turn.angle, rate, turn.correction))
         take(gimbal.hold(dwell, turn.correction))
         turns = [m for m in find_motions(stage_data(blocks, imu), imu) if m.axis is not None]
-        iteration.add_drift(turn.angle, _newest(turns, iteration, turn.axis).joint_drift(order))
+        iteration.add_drift(turn.angle, _newest_turn(turns, iteration, turn.axis).joint_drift(order))
         take(gimbal.home(rate))
     take(gimbal.hold(dwell, iteration.correction))
 
 
-def _newest(turns: list[Motion], iteration: GimbalIteration, axis: int) -> Motion:
+def _newest_turn(turns: list[Motion], iteration: GimbalIteration, axis: int) -> Motion:
     answered = sum(len(course.drifts) for course in iteration.courses)
     if len(turns) != answered + 1 or turns[-1].axis != axis:
         raise InputError("recording.joint_turn_not_seen", turn=answered + 1, axis=AXES[axis])

@@ -1,4 +1,4 @@
-"""Motions of a gimbal's recording: turns of one joint from zero and returns to zero, with the drift at rest."""
+"""Motions of a gimbal recording: turns of one joint from zero and returns to zero, with the drift at rest."""
 
 from dataclasses import dataclass
 
@@ -9,27 +9,27 @@ from calstation.estimation.common import ImuModel, StageData, find_stillness
 from calstation.estimation.gimbal.iteration import drift_matrix, others
 from calstation.physics import FloatArray
 
-#: Joints within this angle count as at zero, rad.
+#: Joints within this angle of zero count as at zero, rad.
 AT_ZERO = np.deg2rad(2.0)
-#: A joint that moved further was turned; one that moved less has drifted, rad.
+#: A joint that moved by more than this was turned; one that moved by less has drifted, rad.
 TURNED = np.deg2rad(5.0)
 SHORTEST_REST = 1.0
-#: Part of a rest next to the motion from which the joints' rates are taken, s.
+#: Duration, next to the motion, of the part of a rest from which the joint rates are determined, s.
 RATE_FIT = 3.0
-#: Part of a rest from which the joints' angles are taken, s.
+#: Duration of the part of a rest from which the joint angles are determined, s.
 ANGLE_FIT = 0.3
 
 
 @dataclass(frozen=True)
 class Motion:
-    """One motion between two rests."""
+    """A motion between two rests."""
 
-    start: int  #: First sample.
-    stop: int  #: The sample after the last.
-    before: FloatArray  #: Joints x, y, z at its start, rad, shape (3,).
-    after: FloatArray  #: Joints x, y, z at its end, rad, shape (3,).
-    drift: FloatArray  #: Rates of the joints at the rest before, rad/s, shape (3,).
-    rest: float  #: Length of the fit of these rates, s.
+    start: int  #: Index of the first sample.
+    stop: int  #: Index after the last sample.
+    before: FloatArray  #: Joints x, y, z at the start of the motion, rad, shape (3,).
+    after: FloatArray  #: Joints x, y, z at the end of the motion, rad, shape (3,).
+    drift: FloatArray  #: Joint rates at the rest before, rad/s, shape (3,).
+    rest: float  #: Duration over which these rates were fitted, s.
     duration: float  #: s
     between: tuple[int, int]  #: Indices of the rests before and after.
 
@@ -48,7 +48,7 @@ class Motion:
         return float(moved[int(np.argmax(np.abs(moved)))])
 
     def joint_drift(self, order: str) -> FloatArray:
-        """D: change of the joints that were not turned, less their drift at rest, rad, shape (2,)."""
+        """Return D, the change of the joints that were not turned minus their drift at rest, rad, shape (2,)."""
         assert self.axis is not None, "a return to zero turns no axis"
         rest = others(self.axis)
         at_rest = drift_matrix(order, self.axis, self.angle) @ self.drift[rest] * (self.duration / self.angle)
@@ -56,7 +56,7 @@ class Motion:
 
 
 def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
-    """The motions of a recording in order. Raises InputError or InsufficientDataError if it is unusable."""
+    """Return the motions of a recording in order. Raises InputError or InsufficientDataError if it is unusable."""
     if data.joints.shape[1] != 3:
         raise InputError("recording.no_joint_angles")
     still = find_stillness(data, imu, SHORTEST_REST)
@@ -75,9 +75,9 @@ def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
 
 
 def _joint_line(data: StageData, rest: tuple[int, int], end: bool) -> tuple[FloatArray, FloatArray] | None:
-    """The joints at a rest's `end` or start (rad, shape (3,)), and their rates there (rad/s, shape (3,)).
+    """Return joint angles, rad, shape (3,), and rates, rad/s, shape (3,), at the end (`end`) or start of a rest.
 
-    Rates need a long fit. Angles need a short one, because a gimbal that stabilises on noisy rates drifts with them.
+    The rates need a long fit. The angles need a short one, because the noise of the gyros makes the gimbal drift.
     """
     a, b = rest
     long, short = (

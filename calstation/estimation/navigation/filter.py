@@ -1,9 +1,9 @@
 """The 39-state filter: one pass over a stage, linear in the parameters, closed loop in attitude and velocity.
 
-States: φ, δv, δp and the errors of the 30 parameters; if the profile states bias instability, also the drift of the six
-biases about their constants. Observed: the velocity of the table's centre of rotation, `v − C (ω_nb × outer_lever)`,
-which is zero except for vibration of the base (Groves, *Principles of GNSS, Inertial and Multisensor Integrated
-Navigation Systems*, 2nd ed., ch. 3, 14; closed-loop resets: Savage, *Strapdown Analytics*, 2nd ed., ch. 15).
+The states are φ, δv, δp, the errors of the 30 parameters and, if the profile specifies bias instability, the drift of
+the six biases about their constants. The observation is the velocity of the table's centre of rotation,
+`v − C (ω_nb × outer_lever)`, which is zero except for vibration of the base (Groves, *Principles of GNSS, Inertial and
+Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14; resets: Savage, *Strapdown Analytics*, 2nd ed., ch. 15).
 """
 
 from collections.abc import Callable
@@ -43,16 +43,16 @@ from calstation.physics import (
 POSITION_SIGMA = 1e-3
 #: Initial sigma of δv before the first observation, m/s.
 START_VELOCITY_SIGMA = 1.0
-#: Observations within this time, s, are processed together.
+#: Duration of a group of observations that are processed together, s.
 GROUP_TIME = 0.5
 
 
 @dataclass(frozen=True)
 class History:
-    """m observations of a pass: for consistency, observability, residuals and plots."""
+    """The m observations of a pass, used for consistency tests, observability analysis, residuals and plots."""
 
-    index: IntArray  #: Samples before each observation, shape (m,).
-    attitude: FloatArray  #: C_bn of the linearisation, shape (m, 3, 3).
+    index: IntArray  #: Number of samples before each observation, shape (m,).
+    attitude: FloatArray  #: Attitude C_bn of the linearisation, shape (m, 3, 3).
     rate: FloatArray  #: Angular rate, rad/s, shape (m, 3).
     innovation: FloatArray  #: Decorrelated innovations in units of their sigmas, shape (m, 3).
 
@@ -62,20 +62,20 @@ class History:
         return np.asarray(np.sum(self.innovation**2, axis=1))
 
 
-#: Empty reference: close the loop instead.
+#: Empty reference, with which the loop is closed.
 _FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
 
 
 class NavigationFilter:
-    """One pass over a stage: takes groups of observations in order; gives `belief`, `history` and `attitude`.
+    """One pass over a stage: processes groups of observations in order; provides `belief`, `history` and `attitude`.
 
-    `point` holds the parameters of the linearisation, SI, shape (30,).
+    `point` contains the parameters of the linearisation, SI, shape (30,).
 
-    The first pass and the live display close the loop: corrections of attitude and velocity are fed back at once. A
-    later pass follows a smoothed `Reference` instead. Transitions along a reference that jumps with every observation
-    disagree, by the size of the jumps, about the unobservable direction, so that a bias and a tilt of which only the
-    sum is observable would seem to be known separately (Huang, Mourikis, Roumeliotis, *Observability-based rules for
-    designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
+    The first pass and the live display close the loop: corrections of attitude and velocity are fed back immediately.
+    A later pass follows a smoothed `Reference` instead. The transitions along a reference that jumps at every
+    observation have unobservable directions that differ by the size of the jumps, so a bias and a tilt of which only
+    the sum is observable would appear to be observable separately (Huang, Mourikis, Roumeliotis, *Observability-based
+    rules for designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
     """
 
     def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
@@ -91,7 +91,7 @@ class NavigationFilter:
         self._history: list[tuple[FloatArray | IntArray, ...]] = [
             (np.empty(0, np.int64), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)))
         ]
-        #: Observations in a group.
+        #: Number of observations in a group.
         self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
         self._groups: dict[int, VelocityGroup] = {}
         self._arm_velocity = np.zeros(3)
@@ -116,7 +116,7 @@ class NavigationFilter:
 
     @property
     def belief(self) -> Belief:
-        """Posterior of the parameters so far."""
+        """Current posterior of the parameters."""
         s = slice(PARAMETER_START, STATES)
         return Belief(self.point + self.kf.x[s], self.kf.P[s, s].copy())
 
@@ -126,10 +126,10 @@ class NavigationFilter:
         return History(*(np.concatenate(columns) for columns in zip(*self._history, strict=True)))
 
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
-        """Start (again) at rest: reset the navigation states, keep the parameters.
+        """Start or restart at rest: reset the navigation states and keep the parameters.
 
-        `attitude` is the C_bn of the linearisation. The velocity starts unknown and is observed at once. Assuming it
-        zero would ignore that the rate, and so the lever's velocity, is only known as well as the gyro bias.
+        `attitude` is the C_bn of the linearisation. The velocity is initially unknown and is observed immediately.
+        Assuming zero would ignore the effect of the gyro bias uncertainty on the velocity of the lever arm.
         """
         kf = self.kf
         kf.x[:PARAMETER_START] = 0.0
@@ -154,10 +154,10 @@ class NavigationFilter:
     def observe(
         self, data: StageData, start: int, count: int, follow: tuple[FloatArray, FloatArray] | None = None
     ) -> None:
-        """Process a group of `count` observations: strapdown, predict, update, feed back.
+        """Process a group of `count` observations: strapdown, prediction, update and feedback.
 
-        `follow` holds attitudes and velocities (m/s) of the reference, shapes (count, 3, 3) and (count, 3); None closes
-        the loop.
+        `follow` contains the attitudes, shape (count, 3, 3), and velocities, m/s, shape (count, 3), of the reference;
+        None closes the loop.
         """
         kf, work = self.kf, self.work
         group = self._group(count)
@@ -179,7 +179,7 @@ class NavigationFilter:
             self._feed_back()
 
     def _group(self, count: int) -> VelocityGroup:
-        """Arrays for a group of `count` observations, with the decay of bias drift over it."""
+        """Return the arrays for a group of `count` observations, including the decay of bias drift over the group."""
         if count not in self._groups:
             group = velocity_group(count, len(self.kf.x))
             if self._has_drift:
@@ -191,11 +191,11 @@ class NavigationFilter:
         return self._groups[count]
 
     def _feed_back(self) -> None:
-        """Close the loop on the observations, not on the prior's mean.
+        """Close the loop on the observations, not on the mean of the prior.
 
-        x = offset + correction: the offset is the mean of the filter if every observation agreed with the
-        linearisation point. It stays in x and decays as data come in. Only the correction turns the reference, which
-        so stays near the levelled start from the first sample on.
+        x = offset + correction: the offset is the filter mean that would result if every observation agreed with the
+        linearisation point. It remains in x and decays with each observation. Only the correction is applied to the
+        reference, which therefore stays near the levelled start from the first sample on.
         """
         kf, work = self.kf, self.work
         predicted = kf.F @ self._offset
@@ -218,10 +218,10 @@ class NavigationFilter:
         smooth: bool,
         watch: Callable[["NavigationFilter"], None] | None = None,
     ) -> None:
-        """Process a whole segment in intervals of the stride; a remainder shorter than one is left out.
+        """Process a whole segment in intervals of the stride; a remainder shorter than an interval is omitted.
 
-        `attitude` is the C_bn of the linearisation at the start. `smooth` follows a smoothed reference without closing
-        the loop; `watch` is called after the start and every group.
+        `attitude` is the C_bn of the linearisation at the start. With `smooth` the pass follows a smoothed reference
+        and does not close the loop. `watch` is called after the start and after every group.
         """
         span = (start.begin, start.end, self.stride)
         reference = None

@@ -1,10 +1,10 @@
-"""Piece-wise constant observability of a navigation stage: stripped observability matrix and its SVD.
+"""Piece-wise constant observability analysis of a navigation stage: stripped observability matrix and its SVD.
 
 Each piece with constant F contributes H, H F T, H (F T)²/2, ... (D. Goshen-Meskin and I. Y. Bar-Itzhack,
-*Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992), states scaled by their prior
-sigma and observations by their noise. Rotations are cut into pieces of 5° or less; a rest is one piece. The strength
-of a state comes from the total matrix, whose rows are carried back to the stage's start: unlike the stripped one it
-contains the information in the length of a turn.
+*Observability analysis of piece-wise constant systems*, IEEE Trans. AES 28(4), 1992), with states scaled by their prior
+sigma and observations by their noise. Rotations are divided into pieces of 5° or less; a rest is one piece. The
+strength of a state is computed from the total matrix, whose rows refer to the state at the start of the stage: unlike
+the stripped matrix it contains the information in the angle of a rotation.
 """
 
 from collections.abc import Iterator
@@ -22,14 +22,14 @@ STATE_NAMES = (
 )
 #: Largest rotation of a piece, rad.
 LARGEST_TURN = np.deg2rad(5.0)
-#: Powers of F kept: φ → δv → δp and the biases need four; each further one adds earth rate times T.
+#: Number of powers of F used: φ → δv → δp and the biases need four; each additional power adds earth rate times T.
 POWERS = 6
-#: A state is observable once its sigma is below this fraction of its prior sigma.
+#: A state is observable when its sigma is below this fraction of its prior sigma.
 OBSERVABLE = 0.9
 
 
 def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
-    """Observations (first, last + 1) of each piece, cut at steps, at 5° of turn and between motion and rest."""
+    """Yield the observations (first, last + 1) of each piece, split at steps, every 5° and between motion and rest."""
     index = history.index
     step = data.step[index - 1]
     rate = np.linalg.norm(history.rate, axis=1)
@@ -49,12 +49,13 @@ def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
 def observability_analysis(
     data: StageData, history: History, context: SolveContext, prior: Belief, point: FloatArray
 ) -> dict[str, Any]:
-    """Observability of the states, step by step; `point` holds the parameters of the linearisation, SI, shape (30,).
+    """Analyse the observability of the states after each step.
 
-    Returns a JSON-ready dict. ``segments``: per step its number, first and last sequence number, number of pieces, and
-    rank (singular values above 1) and singular values of the stripped matrix so far. ``states``: per state the step in
-    which it became observable (None if never), ``strength`` = prior sigma over the sigma that the total matrix leaves
-    (without process noise), and ``by_step``, that strength after each step.
+    `point` contains the parameters of the linearisation, SI, shape (30,). Returns JSON values. ``segments`` lists for
+    each step its number, first and last sequence number, number of pieces, and the rank (singular values above 1) and
+    singular values of the stripped matrix so far. ``states`` gives for each state the step in which it became
+    observable (or None), its ``strength`` (prior sigma divided by the sigma from the total matrix, without process
+    noise) and ``by_step``, the strength after each step.
     """
     noise = filter_noise(context)
     tilt = context.table.mount_sigma
@@ -107,14 +108,14 @@ def observability_analysis(
 
 
 def _stacked(R: FloatArray, rows: FloatArray) -> FloatArray:
-    """The triangular factor of all rows so far, shape (39, 39)."""
+    """Append `rows` to the triangular factor R, shape (39, 39), and return the updated factor."""
     return np.asarray(np.linalg.qr(np.vstack([R, rows]), mode="r"))
 
 
 def _piece(
     context: SolveContext, point: FloatArray, C: FloatArray, omega: FloatArray, T: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Rows H (F T)^k / k! of one piece, shape (3 POWERS, 39), and its transition exp(F T), shape (39, 39)."""
+    """Return the rows H (F T)^k / k! of a piece, shape (3 POWERS, 39), and its transition exp(F T), shape (39, 39)."""
     c = compensation(point)
     earth = rotation_rate(context.site.latitude)
     w = omega - C.T @ earth

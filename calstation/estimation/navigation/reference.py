@@ -1,8 +1,8 @@
-"""Smoothed trajectory of attitude and velocity with fixed parameters, about which a later pass linearises.
+"""Smoothed trajectory of attitude and velocity with fixed parameters, about which a later pass is linearised.
 
-A six-state filter (φ, δv) and a Rauch-Tung-Striebel pass follow the effect of gyro noise without a filter's jumps, so
-that the passes are Gauss-Newton steps (Bell, *The iterated Kalman smoother as a Gauss-Newton method*, SIAM J. Optim.
-4(3), 1994).
+A six-state filter (φ, δv) and a Rauch-Tung-Striebel pass track the effect of gyro noise without the jumps of a filter,
+so that the passes are Gauss-Newton steps (Bell, *The iterated Kalman smoother as a Gauss-Newton method*, SIAM J.
+Optim. 4(3), 1994).
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ import numpy as np
 from calstation.estimation.common import FilterNoise, StageData
 from calstation.physics import Compensation, FloatArray, IntervalWork, interval_work, propagate, rotation_matrix
 
-#: Prior sigma of the start heading, rad: small, because the parameters may be too poor for gyrocompassing.
+#: Prior sigma of the start heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
 HEADING_SIGMA = 1e-4
 
 
@@ -34,10 +34,10 @@ def smoothed_reference(
     attitude: FloatArray,
     tilt_sigma: float,
 ) -> Reference:
-    """Smoothed trajectory of a segment with fixed parameters.
+    """Compute the smoothed trajectory of a segment with fixed parameters.
 
-    `span` is the first sample, the one after the last, and the samples per interval. `attitude` is the start C_bn,
-    whose heading is kept, and `tilt_sigma` the prior sigma of its tilt, rad.
+    `span` is the index of the first sample, the index after the last, and the number of samples per interval.
+    `attitude` is the start C_bn, whose heading is retained, and `tilt_sigma` the prior sigma of its tilt, rad.
     """
     begin, end, stride = span
     count = (end - begin) // stride
@@ -70,7 +70,7 @@ def _filter(
     observation: float,
     work: IntervalWork,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Closed-loop filter and RTS pass: filtered attitudes, velocities and the smoother's corrections to them."""
+    """Run the closed-loop filter and the RTS pass; return filtered attitudes, velocities and smoother corrections."""
     T = stride * dt
     attitude, velocity = np.empty((count + 1, 3, 3)), np.empty((count + 1, 3))
     gains = np.empty((count, 6, 6))

@@ -1,7 +1,7 @@
-"""Maximum a posteriori by relinearisation: passes of the navigation filter over a stored stage until they converge.
+"""Maximum a posteriori estimation by relinearisation: the navigation filter is run over a stage until it converges.
 
-Every pass has the same prior; only the linearisation point moves. An unknown azimuth is linear only near its solution:
-the likeliest of several headings is refined with a narrow prior before it is estimated freely.
+Every pass has the same prior; only the linearisation point changes. The problem is linear in an unknown azimuth only
+near the solution, so the likeliest of several headings is refined with a narrow prior before it is estimated freely.
 """
 
 from dataclasses import dataclass, field, replace
@@ -32,13 +32,13 @@ from calstation.physics import (
 )
 
 MOST_PASSES = 20
-#: Passes that a solution usually takes, for the progress report.
+#: Number of passes that a solution usually needs, for the progress report.
 USUAL_PASSES = 2
-#: A pass is the last when its step, or the next one at the rate at which steps shrink, is below this many sigmas.
+#: A pass is the last if its step, or the next step predicted from the last two, is below this many sigmas.
 CONVERGED = 0.01
-#: Headings tried all round when the azimuth is ambiguous.
+#: Number of equally spaced headings tried when the azimuth is ambiguous.
 AZIMUTHS_TRIED = 12
-#: Prior sigma of an azimuth found from the data while it is refined, rad.
+#: Prior sigma, rad, of an azimuth found from the data while it is being refined.
 NARROW_AZIMUTH_SIGMA = 0.3
 
 
@@ -48,11 +48,11 @@ class NavigationResult:
 
     belief: Belief
     history: History
-    starts: tuple[Start, ...]  #: The segments solved.
+    starts: tuple[Start, ...]  #: Starts of the segments that were solved.
     attitudes: tuple[FloatArray, ...]  #: Start attitudes of the linearisation, C_bn, shape (3, 3).
     point: FloatArray  #: Parameters of the linearisation, SI, shape (30,).
     passes: int
-    converged: bool  #: Whether the last pass changed nothing significant.
+    converged: bool  #: Whether the last pass made no significant change.
     azimuth_free: bool  #: Whether the azimuth was found from the data alone.
 
 
@@ -66,7 +66,7 @@ def solve_navigation(
 ) -> NavigationResult:
     """Iterate passes until they converge, relinearising the `estimated` parameters.
 
-    Raises InsufficientDataError if no segment contains a rest to align on.
+    Raises InsufficientDataError if no segment contains a rest for alignment.
     """
     found = starts(data, context, prior)
     if not found:
@@ -88,7 +88,7 @@ def solve_navigation(
 
 @dataclass
 class _Meter:
-    """Progress over the passes: `expected` of them make up 0.9, each further one half of the remainder."""
+    """Progress over the passes: the `expected` passes account for 0.9, each additional pass for half the remainder."""
 
     report: Progress | None
     expected: int
@@ -97,7 +97,7 @@ class _Meter:
     seen: int = field(default=0, init=False)
 
     def begin(self, groups: int) -> None:
-        """Begin a pass of so many groups of observations."""
+        """Begin a pass of `groups` groups of observations."""
         self.groups, self.seen = groups, 0
 
     def watch(self, _: NavigationFilter) -> None:
@@ -111,7 +111,7 @@ class _Meter:
 
 @dataclass
 class _Relinearisation:
-    """Passes over one stage; `passes` counts those of its iterations."""
+    """Passes over one stage; `passes` counts the passes made by `iterate`."""
 
     data: StageData
     context: SolveContext
@@ -121,7 +121,7 @@ class _Relinearisation:
     passes: int = field(default=0, init=False)
 
     def first_point(self, start: Start) -> FloatArray:
-        """First linearisation point: the prior's mean, with the gyro bias of the first rest where that is better."""
+        """Return the first linearisation point: the prior mean, or the first rest's gyro bias where more accurate."""
         context, prior, dt = self.context, self.prior, self.data.dt
         point = prior.mean.copy()
         earth = rotation_rate(context.site.latitude)
@@ -135,7 +135,7 @@ class _Relinearisation:
         return point
 
     def best_azimuth(self, point: FloatArray, found: list[Start]) -> list[Start]:
-        """Among headings all round, the one whose first pass fits the data best."""
+        """Return the starts for the heading, out of `AZIMUTHS_TRIED`, whose first pass fits the data best."""
         candidates = []
         for k in range(AZIMUTHS_TRIED):
             turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
@@ -145,7 +145,7 @@ class _Relinearisation:
         return min(candidates, key=lambda c: c[:2])[2]
 
     def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
-        """Passes until one changes nothing significant; only the very first one closes the loop."""
+        """Run passes until one makes no significant change; only the very first pass closes the loop."""
         moved = 1.0  # before the first pass the rate at which steps shrink is unknown
         for _ in range(MOST_PASSES):
             self.passes += 1
@@ -154,7 +154,7 @@ class _Relinearisation:
             target = np.where(self.estimated, belief.mean, self.prior.mean)
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
             before, moved = moved, float(np.max(np.abs(target - point) / sigma))
-            # steps shrink at least as the last two did, so the size of the next one is known
+            # steps shrink at least as fast as between the last two, which bounds the next one
             converged = self.passes > 1 and (moved < CONVERGED or moved * moved < CONVERGED * before)
             if converged:
                 break
@@ -179,7 +179,7 @@ class _Relinearisation:
     def _carry_back(
         self, run: NavigationFilter, point: FloatArray, found: list[Start], ends: list[FloatArray]
     ) -> list[FloatArray]:
-        """Start attitudes from end attitudes: C_end = Exp(−Ω T) C_start B, B from the gyros with `point`."""
+        """Compute start from end attitudes: C_end = Exp(−Ω T) C_start B, with B from the gyros and `point`."""
         constants, dt = compensation(point), self.data.dt
         carried = []
         for start, end in zip(found, ends, strict=True):

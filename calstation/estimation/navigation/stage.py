@@ -1,4 +1,4 @@
-"""Solver of excitation and azimuth flips: collects a stage, gives sigmas live, solves it by MAP at its end."""
+"""Solver of excitation and azimuth flips: stores the stage, updates sigmas live and solves by MAP at the end."""
 
 from dataclasses import replace
 from typing import Any
@@ -26,12 +26,12 @@ from calstation.estimation.navigation.observability import observability_analysi
 from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, FloatArray
 
-#: Data that the live filter needs after a start to align on, s.
+#: Duration of data after a start that the live filter needs for alignment, s.
 LIVE_ALIGNMENT = 5.0
 
 
 class LiveFilter:
-    """One filter pass that follows the stream, for the display of convergence and the stop rule."""
+    """A filter pass over the sample stream, used for the convergence display and the stop rule."""
 
     def __init__(self, context: SolveContext, prior: Belief) -> None:
         self._context, self._prior = context, prior
@@ -44,7 +44,7 @@ class LiveFilter:
         self._pending.append(block)
 
     def sigma(self) -> FloatArray:
-        """Process the stored blocks; standard deviations of the 30 parameters, SI, shape (30,)."""
+        """Process the stored blocks and return the standard deviations of the 30 parameters, SI, shape (30,)."""
         run = self._filter
         data = stage_data(self._pending, self._context.imu)
         consumed = 0
@@ -74,16 +74,16 @@ class NavigationStage:
         self._live = LiveFilter(context, prior)
 
     def feed(self, block: SampleBlock) -> None:
-        """Take further samples of the stage."""
+        """Add samples of the stage."""
         self._spool.append(block)
         self._live.feed(block)
 
     def sigma(self) -> FloatArray:
-        """Standard deviations of the 30 parameters so far, SI, shape (30,)."""
+        """Return the current standard deviations of the 30 parameters, SI, shape (30,)."""
         return self._live.sigma()
 
     def finish(self, progress: Progress | None = None) -> Solution:
-        """Solve the stored stage. Raises InsufficientDataError without a rest to align on."""
+        """Solve the stored stage. Raises InsufficientDataError if it has no rest for alignment."""
         data = stage_data(list(self._spool.blocks()), self.context.imu)
         mask = np.array([name in self.estimated for name in NAMES])
         result = solve_navigation(self.stage, data, self.context, self.prior, mask, progress)
@@ -107,7 +107,7 @@ class NavigationStage:
 
 
 def warm_up() -> None:
-    """Compile every kernel, or load it from numba's cache, by solving a few seconds of simulated rest."""
+    """Compile every kernel, or load it from the numba cache, by solving a few seconds of simulated rest."""
     imu = ImuModel("warm-up", 100.0, "rate", 1e-6, 1e-6, 1e-5, 1e-4)
     context = SolveContext(Site(0.6, 1.9, 0.0, azimuth=0.0), imu, TableModel())
     prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))

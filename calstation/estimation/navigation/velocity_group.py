@@ -1,12 +1,12 @@
-"""Transition, noise and Jacobian of a group of velocity observations, compiled.
+"""Compiled computation of transition, noise and Jacobian of a group of velocity observations.
 
-The algebra of 39 states costs the same for three rows as for fifteen, so observations are processed in groups. With
-x_k = Φ_k x_(k−1) + w_k inside the group, every observation z_k = H_k x_k + v_k is written in terms of the state at the
-group's end:
+The matrix algebra of 39 states takes as long for three rows as for fifteen, so observations are processed in groups.
+With x_k = Φ_k x_(k−1) + w_k within the group, every observation z_k = H_k x_k + v_k is expressed in terms of the state
+at the end of the group:
 
     z_k = G_k x_n + v_k − G_k w_(k→n),      G_k = H_k Φ(n←k)⁻¹,
 
-which is equivalent to processing them one by one. The noise is then correlated from row to row (R) and with the process
+which is equivalent to processing them one by one. The noise is then correlated between rows (R) and with the process
 noise of the group (M); the update uses both (Y. Bar-Shalom, X. R. Li, T. Kirubarajan, *Estimation with Applications to
 Tracking and Navigation*, 2001, section 8.3).
 """
@@ -30,9 +30,9 @@ from calstation.physics import (
 )
 
 NAVIGATION = PARAMETER_START
-#: Indices of the biases in the state; with bias instability, as many drift states follow the 39.
+#: Indices of the six biases in the state; with bias instability, six drift states follow the 39 states.
 BIAS = np.array([NAVIGATION + i for i in (*group_indices("gyro_bias"), *group_indices("accel_bias"))])
-#: Navigation states an observation depends on: φ and δv, which never depend on δp.
+#: Number of navigation states that an observation depends on: φ and δv, which never depend on δp.
 OBSERVED = 6
 
 
@@ -43,27 +43,27 @@ class Setting(NamedTuple):
     gravity: float  #: m/s²
     dt: float  #: Sample period, s.
     stride: int  #: Samples per observation.
-    rate_noise: float  #: Spectral density, rad²/s.
-    force_noise: float  #: Spectral density, (m/s)²/s.
-    variance: float  #: Of an observation, (m/s)².
+    rate_noise: float  #: Spectral density of the rate noise, rad²/s.
+    force_noise: float  #: Spectral density of the force noise, (m/s)²/s.
+    variance: float  #: Variance of an observation, (m/s)².
 
 
 class VelocityGroup(NamedTuple):
-    """Output of `observe` for n observations of a filter of m states: the 39, and six more with bias drift."""
+    """Output of `observe` for n observations of a filter with m states: 39, or 45 with bias drift."""
 
-    transition: FloatArray  #: Of the whole group, shape (m, m); the caller fills in the elements of the drift states.
-    noise: FloatArray  #: Likewise.
-    shift: FloatArray  #: Change of the errors φ, δv, δp by switching to a reference, shape (9,).
-    z: FloatArray  #: Observations of the state at the group's end, shape (3 n,).
-    H: FloatArray  #: Their Jacobian, shape (3 n, m).
-    R: FloatArray  #: Their covariance, shape (3 n, 3 n).
+    transition: FloatArray  #: Transition over the group, shape (m, m); the caller fills in the drift states.
+    noise: FloatArray  #: Process noise over the group, shape (m, m); the caller fills in the drift states.
+    shift: FloatArray  #: Change of the errors φ, δv, δp due to following a reference, shape (9,).
+    z: FloatArray  #: Observations of the state at the end of the group, shape (3 n,).
+    H: FloatArray  #: Jacobian of the observations, shape (3 n, m).
+    R: FloatArray  #: Covariance of the observations, shape (3 n, 3 n).
     M: FloatArray  #: Covariance of process and observation noise, shape (m, 3 n).
     attitude: FloatArray  #: C_bn at each observation, shape (n, 3, 3).
     rate: FloatArray  #: ω_ib at each observation, rad/s, shape (n, 3).
 
 
 def velocity_group(count: int, size: int) -> VelocityGroup:
-    """New arrays for `count` observations of `size` states."""
+    """Allocate the arrays for `count` observations of `size` states."""
     rows = 3 * count
     return VelocityGroup(
         np.eye(size),
@@ -80,7 +80,7 @@ def velocity_group(count: int, size: int) -> VelocityGroup:
 
 @nb.njit(cache=True)
 def _inverse(S: FloatArray) -> FloatArray:
-    """Inverse of a 3×3 matrix by its adjugate."""
+    """Return the inverse of a 3×3 matrix, computed from its adjugate."""
     A = np.empty((3, 3))
     for i in range(3):
         for j in range(3):
@@ -92,7 +92,7 @@ def _inverse(S: FloatArray) -> FloatArray:
 
 @nb.njit(cache=True)
 def _cholesky(S: FloatArray) -> FloatArray:
-    """Lower factor of a positive definite matrix, shape (n, n)."""
+    """Return the lower Cholesky factor of a positive definite matrix, shape (n, n)."""
     n = S.shape[0]
     L = np.zeros((n, n))
     for i in range(n):
@@ -106,7 +106,7 @@ def _cholesky(S: FloatArray) -> FloatArray:
 
 @nb.njit(cache=True)
 def inverse_of_positive(S: FloatArray) -> FloatArray:
-    """Inverse of a positive definite matrix by its Cholesky factor, shape (n, n)."""
+    """Return the inverse of a positive definite matrix, shape (n, n), computed from its Cholesky factor."""
     n = S.shape[0]
     L = _cholesky(S)
     U = np.zeros((n, n))  # L⁻¹
@@ -130,7 +130,7 @@ def inverse_of_positive(S: FloatArray) -> FloatArray:
 
 @nb.njit(cache=True)
 def whitened(S: FloatArray, y: FloatArray) -> FloatArray:
-    """L⁻¹ y with S = L Lᵀ: innovations of unit variance, as if processed one by one, shape (n,)."""
+    """Return L⁻¹ y, where S = L Lᵀ: innovations of unit variance, as if processed one by one, shape (n,)."""
     L = _cholesky(S)
     n = len(y)
     white = np.empty(n)
@@ -144,7 +144,7 @@ def whitened(S: FloatArray, y: FloatArray) -> FloatArray:
 
 @nb.njit(cache=True)
 def make_symmetric(P: FloatArray) -> None:
-    """Replace `P` by the mean of itself and its transpose."""
+    """Replace `P` in place by the mean of `P` and its transpose."""
     for i in range(P.shape[0]):
         for j in range(i):
             P[i, j] = 0.5 * (P[i, j] + P[j, i])
@@ -153,7 +153,7 @@ def make_symmetric(P: FloatArray) -> None:
 
 @nb.njit(cache=True)
 def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
-    """Write the covariance of white rate and force noise in n over T s (Groves 14.80) into Q, shape (9, 9)."""
+    """Write into Q, shape (9, 9), the covariance in n of white rate and force noise over T s (Groves 14.80)."""
     fx, fy, fz = force[0], force[1], force[2]
     A = np.zeros((3, 3))
     A[0, 1], A[0, 2], A[1, 2] = fz, -fy, fx
@@ -177,7 +177,7 @@ def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q
 def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: FloatArray, H: FloatArray) -> FloatArray:
     """Write the velocity observation z = u − v and its Jacobian, and return the arm velocity u = C(ω_nb × r), m/s.
 
-    H of φ: [u×], δv: I, gyro parameters: C [r×] ∂ω, outer lever: −C [ω_nb×].
+    The blocks of H are [u×] for φ, I for δv, C [r×] ∂ω for the gyro parameters and −C [ω_nb×] for the outer lever.
     """
     C, r = work.attitude, c.outer_lever
     w = np.empty(3)
@@ -207,8 +207,8 @@ def observation(work: IntervalWork, earth: FloatArray, c: Compensation, z: Float
 
 
 @nb.njit(cache=True)
-def _carried_noise(N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray) -> None:
-    """W += N Q Nᵀ: the noise of one interval at the group's end."""
+def _add_interval_noise(N: FloatArray, force: FloatArray, s: Setting, T: float, Q: FloatArray, W: FloatArray) -> None:
+    """Add the noise of one interval, referred to the end of the group, to W: W += N Q Nᵀ."""
     _process_noise(force, s.rate_noise, s.force_noise, T, Q)
     row = np.empty(NAVIGATION)
     for i in range(NAVIGATION):
@@ -224,8 +224,8 @@ def _carried_noise(N: FloatArray, force: FloatArray, s: Setting, T: float, Q: Fl
 
 
 @nb.njit(cache=True)
-def _back_from_end(N: FloatArray) -> FloatArray:
-    """Inverse of the φ, δv block of a transition, shape (6, 6): [[a, 0], [s, e]]."""
+def _inverse_transition(N: FloatArray) -> FloatArray:
+    """Return the inverse of the φ, δv block of a transition, shape (6, 6), which has the form [[a, 0], [s, e]]."""
     a, e = _inverse(N[:3, :3]), _inverse(N[3:6, 3:6])
     back = np.zeros((OBSERVED, OBSERVED))
     for i in range(3):
@@ -253,20 +253,20 @@ def observe(
     work: IntervalWork,
     group: VelocityGroup,
 ) -> None:
-    """Strapdown over the observation intervals of a group.
+    """Integrate the strapdown equations over the observation intervals of a group and write the result to `group`.
 
-    The effect of φ on velocity is written with the force that reference and lever arm demand (gravity and the change
-    of the arm's velocity), not with the measured one. The measured force carries the base's vibration, and a regressor
-    as noisy as the observation would seem to determine the azimuth to 1/√(2N) rad.
+    The effect of φ on velocity is computed with the force implied by reference and lever arm (gravity and the change
+    of the arm's velocity), not with the measured force. The measured force contains the vibration of the base, and a
+    regressor as noisy as the observation would appear to determine the azimuth to 1/√(2N) rad.
 
     Parameters
     ----------
     c, s : constants of the assumed parameters and of the pass
     gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
-    start : first sample
-    follow_attitude, follow_velocity : the reference at the intervals' ends, m/s; empty to run free
-    arm_velocity : C(ω_nb × r) at the last observation, m/s, shape (3,), read and advanced
-    work : state, read and advanced
+    start : index of the first sample
+    follow_attitude, follow_velocity : the reference (C_bn; m/s) at the ends of the intervals; empty for closed loop
+    arm_velocity : C(ω_nb × r) at the last observation, m/s, shape (3,); updated in place
+    work : navigation state; updated in place
     group : output
     """
     count = group.attitude.shape[0]
@@ -298,20 +298,20 @@ def observe(
             shifts[k + 1, i] = t
         group.attitude[k] = work.attitude
         group.rate[k] = work.rate
-    _at_the_end(s, T, steps, forces, shifts, group)
+    _refer_to_end(s, T, steps, forces, shifts, group)
 
 
 @nb.njit(cache=True)
-def _at_the_end(
+def _refer_to_end(
     s: Setting, T: float, steps: FloatArray, forces: FloatArray, shifts: FloatArray, group: VelocityGroup
 ) -> None:
-    """Express the observations of a group in terms of the state at its end, going backwards."""
+    """Express the observations of a group in terms of the state at its end, from the last interval to the first."""
     count = len(steps)
     N, B = np.eye(NAVIGATION), np.zeros((NAVIGATION, COUNT))
     W, Q = np.zeros((NAVIGATION, NAVIGATION)), np.zeros((NAVIGATION, NAVIGATION))
     end = shifts[count]
     for k in range(count - 1, -1, -1):
-        back = _back_from_end(N)
+        back = _inverse_transition(N)
         G = group.H[3 * k : 3 * k + 3]
         for i in range(3):
             row = np.zeros(OBSERVED)
@@ -326,7 +326,7 @@ def _at_the_end(
                 G[i, j] = row[j]
                 for p in range(COUNT):
                     G[i, NAVIGATION + p] -= row[j] * B[j, p]
-        # of the noise from here on to the end, W, this row holds −G W; a later row l shares with it what came after l
+        # the noise W from here to the end enters this row as −G W; it shares with a later row l only the noise after l
         for i in range(3):
             this = 3 * k + i
             for m in range(NAVIGATION):
@@ -342,7 +342,7 @@ def _at_the_end(
                     t -= G[i, j] * group.M[j, r]
                 group.R[this, r] = t
                 group.R[r, this] = t
-        _carried_noise(N, forces[k], s, T, Q, W)
+        _add_interval_noise(N, forces[k], s, T, Q, W)
         B_new, N_new = np.zeros((NAVIGATION, COUNT)), np.zeros((NAVIGATION, NAVIGATION))
         for i in range(NAVIGATION):
             for m in range(NAVIGATION):
@@ -361,7 +361,7 @@ def _at_the_end(
             group.transition[i, j] = N[i, j]
         for p in range(COUNT):
             group.transition[i, NAVIGATION + p] = B[i, p]
-    for w in range(group.H.shape[1] - STATES):  # drift acts on everything as its bias does
+    for w in range(group.H.shape[1] - STATES):  # drift has the same effect as the bias
         for i in range(NAVIGATION):
             group.transition[i, STATES + w] = group.transition[i, BIAS[w]]
         for r in range(3 * count):

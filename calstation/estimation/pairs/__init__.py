@@ -1,4 +1,4 @@
-"""Cross-calibration of IMUs on one body: checks, fit and live watch."""
+"""Cross-calibration of IMUs on one body: checks, fit and live monitoring."""
 
 import lazy_loader as lazy
 

@@ -1,8 +1,8 @@
-"""One secondary against its primary: static check at a rest, and calibration from synchronous motion.
+"""A secondary IMU against its primary: static check at a rest, and calibration from synchronous motion.
 
-At rest the specific force is as long as gravity and the rate is earth rate. A secondary is compensated with its stored
-error relative to the primary first and then with the primary's own errors, because the stored error refers to the
-primary's raw output.
+At rest the magnitude of the specific force equals gravity and the rate is earth rate. A secondary is compensated first
+with its stored error relative to the primary and then with the primary's own errors, because the stored error refers
+to the raw output of the primary.
 """
 
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ SENSORS = ("gyro", "accel")
 
 @dataclass(frozen=True)
 class RestDeviation:
-    """Deviation of one sensor at rest and its threshold, rad/s or m/s²."""
+    """Deviation of a sensor at rest and its threshold, rad/s or m/s²."""
 
     value: float
     limit: float
@@ -42,29 +42,29 @@ class RestDeviation:
 
 @dataclass(frozen=True)
 class StaticCheck:
-    """Primary and secondary at one rest, by sensor: ``gyro`` and ``accel``."""
+    """Deviations of primary and secondary at one rest, by sensor: ``gyro`` and ``accel``."""
 
     primary: dict[str, RestDeviation]
     secondary: dict[str, RestDeviation]
 
     @property
     def out_of_tolerance(self) -> tuple[str, ...]:
-        """Sensors of the secondary that are out of tolerance while the primary's is within."""
+        """Sensors that are out of tolerance in the secondary but within tolerance in the primary."""
         return tuple(s for s in SENSORS if not self.secondary[s].within and self.primary[s].within)
 
     @property
     def primary_out_of_tolerance(self) -> tuple[str, ...]:
-        """Sensors of the primary that are out of tolerance, so that they are no reference."""
+        """Sensors of the primary that are out of tolerance and therefore cannot serve as reference."""
         return tuple(s for s in SENSORS if not self.primary[s].within)
 
 
 def pair_vector(stored: StoredPair) -> FloatArray:
-    """Stored values as the vector of all pair parameters, shape (28,); missing ones are neutral."""
+    """Return the stored values as a vector of all pair parameters, shape (28,); missing ones have neutral values."""
     return np.array([stored.values.get(p.name, p.neutral) for p in PAIR_PARAMETERS])
 
 
 def _as_primary(pair: FloatArray, gyro2: FloatArray, accel2: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Raw rates that the primary would measure in the secondary's place, each shape (n, 3)."""
+    """Return the raw rate and specific force that the primary would measure at the secondary, each shape (n, 3)."""
     C, A = pair[3:12].reshape(3, 3), pair[15:24].reshape(3, 3)
     omega, force = np.linalg.solve(C, (gyro2 - pair[0:3]).T), np.linalg.solve(A, (accel2 - pair[12:15]).T)
     return np.asarray(omega.T, dtype=np.float64), np.asarray(force.T, dtype=np.float64)
@@ -73,25 +73,25 @@ def _as_primary(pair: FloatArray, gyro2: FloatArray, accel2: FloatArray) -> tupl
 def compensate_secondary(
     pair: FloatArray, c: Compensation, gyro2: FloatArray, accel2: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Rate, rad/s, and specific force, m/s², of a secondary: its stored error removed first, then the primary's own."""
+    """Return a secondary's rate, rad/s, and specific force, m/s², without its stored and the primary's errors."""
     return compensate(c, *_as_primary(pair, gyro2, accel2))
 
 
 def static_figures(omega: FloatArray, force: FloatArray, gravity: float) -> dict[str, float]:
-    """Deviation of gyro (rad/s) and accelerometer (m/s²) at rest, from means of shape (3,) and gravity in m/s²."""
+    """Return the deviations of gyro, rad/s, and accelerometer, m/s², from mean output, shape (3,), and `gravity`."""
     return {"gyro": float(np.linalg.norm(omega)), "accel": abs(float(np.linalg.norm(force)) - gravity)}
 
 
 @dataclass(frozen=True)
 class PairResult:
-    """A fit and the values to store."""
+    """A fit and the values to be stored."""
 
     fit: PairFit
     stored: StoredPair
 
 
 class PairCalibration:
-    """Static checks and fits of secondaries against one primary."""
+    """Static checks and fits of secondary IMUs against one primary."""
 
     def __init__(self, context: SolveContext, prior: Belief, schedule: PairSchedule) -> None:
         self._primary, self.schedule = context.imu, schedule
@@ -99,14 +99,14 @@ class PairCalibration:
         self._gravity = context.site.local_gravity
 
     def last_rest(self, data: StageData) -> tuple[int, int] | None:
-        """The last rest long enough to check at; None if there is none."""
+        """Return the last rest that is long enough for a check, or None."""
         rests = find_stillness(data, self._primary, self.schedule.static_s).rests
         return rests[-1] if rests else None
 
     def check(
         self, data: StageData, rest: tuple[int, int], place: int, secondary: Secondary, stored: StoredPair
     ) -> StaticCheck | None:
-        """Check both units at a rest; None if the secondary, number `place` in the samples, has none there."""
+        """Check both IMUs at a rest; return None if the secondary (index `place` in the samples) has no data in it."""
         a, b = rest
         pair = pair_data(data, place, secondary.imu)
         gyro2, accel2 = _mean(pair.gyro2[a:b]), _mean(pair.accel2[a:b])
@@ -122,7 +122,7 @@ class PairCalibration:
         )
 
     def chosen(self, check: StaticCheck) -> PairChoice:
-        """What is fitted after a check; never a sensor whose primary is out of tolerance."""
+        """Choose what is fitted after a check; a sensor that is out of tolerance in the primary is never fitted."""
         fitted = [s for s in SENSORS if s not in check.primary_out_of_tolerance]
         if self.schedule.sensors == "triggering":
             fitted = list(check.out_of_tolerance)
@@ -134,7 +134,7 @@ class PairCalibration:
     def calibrate(
         self, data: StageData, place: int, secondary: Secondary, choice: PairChoice, stored: StoredPair
     ) -> PairResult:
-        """Fit from all of the data; stored values of terms that are not chosen stay. Raises InputError."""
+        """Fit to all data; stored values of terms that are not chosen are kept. Raises InputError."""
         pair = pair_data(data, place, secondary.imu)
         require_pairs(pair, secondary.number, choice)
         try:
@@ -143,7 +143,7 @@ class PairCalibration:
             raise InputError("solve.pair_undetermined", number=secondary.number) from exc
         require_sense(fit, secondary.number, choice)
         values = dict(zip((p.name for p in PAIR_PARAMETERS), fit.value.tolist(), strict=True))
-        found = StoredPair({n: v for n, v in values.items() if fit.fitted[_PLACE[n]] or n in stored.values})
+        found = StoredPair({n: v for n, v in values.items() if fit.fitted[_INDEX[n]] or n in stored.values})
         rest = self.last_rest(data)
         check = None if rest is None else self.check(data, rest, place, secondary, found)
         if check is not None:
@@ -152,10 +152,10 @@ class PairCalibration:
         return PairResult(fit, found)
 
 
-_PLACE = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}
+_INDEX = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}
 
 
 def _mean(values: FloatArray) -> FloatArray | None:
-    """Mean of the rows without NaN, shape (1, 3); None if there are none."""
-    there = values[~np.isnan(values).any(axis=1)]
-    return there.mean(axis=0, keepdims=True) if len(there) else None
+    """Return the mean of the rows without NaN, shape (1, 3), or None if there are no such rows."""
+    finite = values[~np.isnan(values).any(axis=1)]
+    return finite.mean(axis=0, keepdims=True) if len(finite) else None

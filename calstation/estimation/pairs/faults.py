@@ -1,4 +1,4 @@
-"""Checks of a recording of two IMUs: nothing paired, frozen channels, no motion, wrong units, wrong axes."""
+"""Checks of a recording of two IMUs: no paired samples, frozen channels, no motion, wrong units, wrong axes."""
 
 import numpy as np
 
@@ -8,20 +8,20 @@ from calstation.estimation.pairs.fit import ACCEL_MATRIX, GYRO_MATRIX, PairChoic
 from calstation.estimation.positions import frozen_columns
 from calstation.physics import AXES, FloatArray, rotation_vector
 
-#: Shortest paired time, s.
+#: Shortest total time with samples of both IMUs, s.
 LEAST_PAIRS = 5.0
-#: Smallest rms rate about the axis turned least for which a matrix is determined, rad/s.
+#: Smallest rms rate, rad/s, about the axis of least rotation with which a matrix can be determined.
 LEAST_RATE = np.deg2rad(3.0)
-#: Smallest rms change of specific force along the axis on which it changes least, m/s².
+#: Smallest rms change of specific force, m/s², along the axis of least change with which a matrix can be determined.
 LEAST_FORCE = 0.5
-#: Largest singular value of a matrix that is a scale factor and not another unit.
+#: Largest singular value of a matrix that is plausible as a scale factor; a larger one indicates a wrong unit.
 UNIT = 1.5
-#: Largest angle between gyro and accelerometer of one unit, rad.
+#: Largest angle between the axes of gyro and accelerometer of one IMU, rad.
 TOGETHER = np.deg2rad(10.0)
 
 
 def require_pairs(data: PairData, number: int, choice: PairChoice) -> None:
-    """Check that the samples can determine what is to be fitted. Raises InputError or InsufficientDataError."""
+    """Check that the samples determine the chosen terms. Raises InputError or InsufficientDataError."""
     paired = sum(stop - start for start, stop in data.segments) * data.dt
     if paired < LEAST_PAIRS:
         raise InsufficientDataError("recording.too_few_pairs", number=number, seconds=paired, least=LEAST_PAIRS)
@@ -61,7 +61,7 @@ def _require_spread(values: FloatArray, least: float, every_axis: bool, tilting:
 
 
 def require_sense(fit: PairFit, number: int, choice: PairChoice) -> None:
-    """Check that the matrices are errors of a unit and not mistakes of its columns. Raises InputError."""
+    """Check that the matrices are plausible as sensor errors, not due to mistaken columns. Raises InputError."""
     turns = []
     for sensor, model, place in (("gyro", choice.gyro, GYRO_MATRIX), ("accel", choice.accel, ACCEL_MATRIX)):
         if model not in ("scale", "full"):

@@ -1,4 +1,4 @@
-"""Synchronous samples of two IMUs, low-pass filtered, the primary's shifted by any fraction of a sample."""
+"""Synchronous, low-pass filtered samples of two IMUs; the primary is shifted by any fraction of a sample."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -14,24 +14,24 @@ class PairData:
     """Samples of two IMUs on one body."""
 
     dt: float  #: Sample period, s.
-    time: FloatArray  #: By the primary's clock, s, shape (n,).
+    time: FloatArray  #: Time of the primary's clock, s, shape (n,).
     gyro: FloatArray  #: Raw mean rate of the primary, rad/s, shape (n, 3).
     accel: FloatArray  #: Raw mean specific force of the primary, m/s², shape (n, 3).
-    gyro2: FloatArray  #: Of the secondary, rad/s, shape (n, 3).
-    accel2: FloatArray  #: Of the secondary, m/s², shape (n, 3).
-    segments: tuple[tuple[int, int], ...]  #: (start, stop) of each stretch in which no sample of either is missing.
+    gyro2: FloatArray  #: Raw mean rate of the secondary, rad/s, shape (n, 3).
+    accel2: FloatArray  #: Raw mean specific force of the secondary, m/s², shape (n, 3).
+    segments: tuple[tuple[int, int], ...]  #: (start, stop) of each interval with no missing sample of either IMU.
 
     def __len__(self) -> int:
         return len(self.time)
 
 
 def pair_data(data: StageData, place: int, imu: ImuModel) -> PairData:
-    """Samples of the primary and of the further IMU at index `place`, whose stream is `imu`."""
+    """Return the samples of the primary and of the secondary at index `place`, whose model is `imu`."""
     counts = data.others[:, place]
-    there: BoolArray = np.asarray(~np.isnan(counts).any(axis=1))
+    present: BoolArray = np.asarray(~np.isnan(counts).any(axis=1))
     segments: list[tuple[int, int]] = []
     for start, stop in data.segments:
-        segments += [(start + a, start + b) for a, b in runs(there[start:stop])]
+        segments += [(start + a, start + b) for a, b in runs(present[start:stop])]
     return PairData(
         dt=data.dt,
         time=data.time,
@@ -43,40 +43,40 @@ def pair_data(data: StageData, place: int, imu: ImuModel) -> PairData:
     )
 
 
-#: Samples on each side that an interpolation uses.
+#: Number of samples on each side that an interpolation uses.
 READING = 10
-#: Samples on each side that the low pass uses.
+#: Number of samples on each side that the low-pass filter uses.
 HALF_WIDTH = 16
-#: Cut-off of the low pass, in units of the sample rate: motion is below, most noise above.
+#: Cut-off of the low-pass filter in units of the sample rate: motion is below it, most noise above it.
 PASS_BAND = 0.2
 
 
 @cache
 def low_pass() -> FloatArray:
-    """The kernel of the low pass, shape (2 HALF_WIDTH + 1,)."""
-    from scipy.signal import firwin  # takes long to import, and few runs need it
+    """Return the kernel of the low-pass filter, shape (2 HALF_WIDTH + 1,)."""
+    from scipy.signal import firwin  # slow to import and rarely needed
 
     return np.asarray(firwin(2 * HALF_WIDTH + 1, 2.0 * PASS_BAND))
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Low-pass filtered samples of a fit, n rows."""
+    """Low-pass filtered samples used in a fit, n rows."""
 
     row: IntArray  #: Indices of the rows in the data, shape (n,).
     gyro: FloatArray  #: Primary at t + τ, rad/s, shape (n, 3).
     accel: FloatArray  #: Primary at t + τ, m/s², shape (n, 3).
-    gyro_slope: FloatArray  #: Its time derivative.
-    accel_slope: FloatArray  #: Its time derivative.
-    lever: FloatArray  #: G of the lever arm's contribution G r to the primary's output, 1/s², shape (n, 3, 3).
+    gyro_slope: FloatArray  #: Time derivative of `gyro`, rad/s², shape (n, 3).
+    accel_slope: FloatArray  #: Time derivative of `accel`, m/s³, shape (n, 3).
+    lever: FloatArray  #: Matrix G of the lever-arm contribution G r to the primary's output, 1/s², shape (n, 3, 3).
     gyro2: FloatArray  #: Secondary at t, rad/s, shape (n, 3).
     accel2: FloatArray  #: Secondary at t, m/s², shape (n, 3).
-    white: float  #: Gain of the variance of white noise in a value.
-    slope: float  #: Gain of the variance of white noise in a derivative, 1/s².
+    white: float  #: Factor from the variance of white noise to that of a filtered value.
+    slope: float  #: Factor from the variance of white noise to that of a derivative, 1/s².
 
 
 def signals(data: PairData, offset: float, c: Compensation) -> Signals:
-    """Filter all long segments; the primary is read `offset` s later, `c` are its constants for the lever term."""
+    """Filter all sufficiently long segments; the primary is taken `offset` s later, `c` compensates the lever term."""
     shift = round(offset / data.dt)
     reading, slope = _kernels(offset / data.dt - shift)
     slope, matrix = slope / data.dt, np.linalg.inv(c.accel_inverse)
@@ -122,17 +122,17 @@ def signals(data: PairData, offset: float, c: Compensation) -> Signals:
 
 
 def _filtered(columns: FloatArray, kernel: FloatArray) -> FloatArray:
-    """Correlation of every column with a kernel of odd length, centred."""
+    """Correlate every column with a centred kernel of odd length."""
     from scipy.signal import fftconvolve
 
     return np.asarray(fftconvolve(columns, kernel[::-1, None], mode="same", axes=0))
 
 
 def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
-    """Kernels that interpolate a band-limited signal and its derivative (per sample) `part` of a sample later.
+    """Return kernels that interpolate a band-limited signal and its derivative (per sample) `part` of a sample later.
 
-    Lagrange's polynomial of order 20 (T. I. Laakso et al., *Splitting the unit delay*, IEEE Signal Processing Magazine
-    13(1), 1996): exact for slow motion and an all-pass in the band, so that noise is the same at every offset.
+    Lagrange polynomials of order 20 (T. I. Laakso et al., *Splitting the unit delay*, IEEE Signal Processing Magazine
+    13(1), 1996) are exact for slow motion and all-pass in the band, so that noise is the same at every offset.
     """
     k = np.arange(-READING, READING + 1)
 
@@ -146,9 +146,9 @@ def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _lever(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
-    """Mean of [α×] + [ω×]² over a sample of mean rate ω, shape (n, 3, 3).
+    """Return the mean of [α×] + [ω×]² over a sample of mean rate ω, shape (n, 3, 3).
 
-    For a rate that changes linearly, the mean of a product is that of the means plus α α' dt²/12.
+    For a rate that changes linearly, the mean of a product is the product of the means plus α α' dt²/12.
     """
     square = omega[:, :, None] * omega[:, None, :] + alpha[:, :, None] * alpha[:, None, :] * (dt * dt / 12.0)
     G = square - np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
@@ -160,7 +160,7 @@ def _lever(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
 
 
 def coarse_offset(data: PairData, largest: float) -> float:
-    """Offset, s, in whole samples within ± `largest` s, at which the magnitudes of both rates agree best."""
+    """Return the offset, s, a whole number of samples within ± `largest` s, at which the rate magnitudes agree best."""
     length, length2 = (np.linalg.norm(np.where(np.isnan(g), 0.0, g), axis=1) for g in (data.gyro, data.gyro2))
     used = np.zeros(len(data))
     for start, stop in data.segments:

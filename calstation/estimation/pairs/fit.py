@@ -1,17 +1,17 @@
-"""Least squares of a secondary IMU against a primary one on the same body, over synchronous samples.
+"""Least-squares fit of a secondary IMU to a primary IMU on the same body, from synchronous samples.
 
     gyro    secondary(t) = C_g ω(t + τ) + b_g
     accel   secondary(t) = C_a (f + M (α × r + ω × (ω × r)))(t + τ) + b_a
 
-ω, f : raw output of the primary; in the lever term ω, α are compensated with the primary's own errors and M is its
-accelerometer matrix, so that the bracket is what the primary would measure in the secondary's place; r : from the
-primary's reference point to the secondary's; τ, the clock offset, is added to the secondary's time to get the
-primary's. Both streams pass the same low pass, so its effect on the motion cancels.
+ω, f are the raw output of the primary. In the lever term, ω and α are compensated with the primary's own errors and M
+is its accelerometer matrix, so that the bracket is the primary's output if it were at the secondary. r points from the
+primary's reference point to the secondary's. The clock offset τ is added to the secondary's time to obtain the
+primary's. Both streams pass through the same low-pass filter, so its effect on the motion cancels.
 
 The primary's noise biases the normal matrix, which is corrected for it (W. A. Fuller, *Measurement Error Models*, 1987,
-2.2). Outliers (a saturated stretch, a shock) have lower weights (P. J. Huber, *Robust Statistics*, 1981). The
-covariance is the jackknife over blocks of time (K.-Y. Liang and S. L. Zeger, Biometrika 73(1), 1986), which is valid
-for residuals of any colour and size within a block; bias drift beyond a block is added from the profiles.
+2.2). Outliers (saturation, a shock) have lower weights (P. J. Huber, *Robust Statistics*, 1981). The covariance is the
+jackknife estimate over blocks of time (K.-Y. Liang and S. L. Zeger, Biometrika 73(1), 1986), which is valid for
+residuals of any spectrum and magnitude within a block; bias drift over longer times is added from the profiles.
 """
 
 from collections.abc import Callable
@@ -25,11 +25,11 @@ from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offs
 from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, FloatArray
 
 Model = Literal["bias", "scale", "full"]
-#: Length of a block of the jackknife, s: residuals further apart are independent.
+#: Duration of a jackknife block, s; residuals further apart are independent.
 BLOCK = 0.5
 #: Largest clock offset, s.
 LARGEST_OFFSET = 1.0
-#: Residuals beyond this multiple of the common size have proportionally lower weights.
+#: Residuals above this multiple of the typical size have proportionally lower weights.
 FAR = 4.0
 MOST_ITERATIONS = 20
 CONVERGED = 1e-3
@@ -41,16 +41,16 @@ COUNT = len(PAIR_PARAMETERS)
 
 @dataclass(frozen=True)
 class PairChoice:
-    """What is fitted."""
+    """Choice of the terms to fit."""
 
-    gyro: Model | None = "full"  #: The bias alone, the scale factors too, or the full matrix; None for nothing.
-    accel: Model | None = "full"  #: As `gyro`.
-    lever: bool = True
-    offset: bool = True  #: Clock offset.
+    gyro: Model | None = "full"  #: Bias only, bias and scale factors, or bias and full matrix; None for no gyro term.
+    accel: Model | None = "full"  #: The same for the accelerometers.
+    lever: bool = True  #: Whether the lever arm is fitted.
+    offset: bool = True  #: Whether the clock offset is fitted.
 
     @property
     def fitted(self) -> BoolArray:
-        """Which pair parameters are fitted, shape (28,)."""
+        """Mask of the fitted pair parameters, shape (28,)."""
         chosen = np.zeros(COUNT, np.bool_)
         for model, bias, matrix in ((self.gyro, GYRO_BIAS, GYRO_MATRIX), (self.accel, ACCEL_BIAS, ACCEL_MATRIX)):
             if model is not None:
@@ -65,16 +65,16 @@ class PairChoice:
 class PairFit:
     """Values and covariance of the pair parameters, in the order of `PAIR_PARAMETERS`."""
 
-    value: FloatArray  #: SI, shape (28,)
-    covariance: FloatArray  #: Shape (28, 28), 0 for parameters not fitted.
-    fitted: BoolArray  #: Shape (28,).
-    rms: tuple[float, float]  #: Residuals of gyro (rad/s) and accelerometer (m/s²) in the band.
-    expected: tuple[float, float]  #: The same from noise alone.
-    blocks: int  #: Number of blocks of the jackknife.
-    #: Mean squared difference of the solutions of both halves of the blocks, in units of their variances; 1 if
-    #: the covariance is consistent.
+    value: FloatArray  #: Values, SI, shape (28,).
+    covariance: FloatArray  #: Covariance, SI, shape (28, 28), 0 for parameters that are not fitted.
+    fitted: BoolArray  #: Mask of the fitted parameters, shape (28,).
+    rms: tuple[float, float]  #: Residuals of gyro (rad/s) and accelerometer (m/s²) in the pass band.
+    expected: tuple[float, float]  #: Residuals expected from noise alone, units as for `rms`.
+    blocks: int  #: Number of jackknife blocks.
+    #: Mean squared difference between the solutions of the odd and the even blocks, in units of its variance; 1
+    #: if the covariance is consistent.
     halves: float
-    converged: bool  #: Whether the last iteration changed nothing significant.
+    converged: bool  #: Whether the last iteration made no significant change.
 
 
 def fit_pair(
@@ -82,8 +82,8 @@ def fit_pair(
 ) -> PairFit:
     """Fit the chosen pair parameters.
 
-    `start` holds first values, which the other parameters keep, SI, shape (28,). Raises numpy.linalg.LinAlgError if
-    the motion does not determine the parameters.
+    `start` contains the initial values, SI, shape (28,); parameters that are not fitted keep them. Raises
+    numpy.linalg.LinAlgError if the motion does not determine the parameters.
     """
     value, fitted = start.copy(), choice.fitted
     if choice.offset:
@@ -110,7 +110,7 @@ def fit_pair(
 
 
 class _System:
-    """Normal equations of k fitted parameters at one point, block by block."""
+    """Normal equations of the k fitted parameters at a linearisation point, for each block."""
 
     def __init__(self, rows: Signals, value: FloatArray, noise: FloatArray, data: PairData, fitted: BoolArray) -> None:
         self._fitted = fitted
@@ -144,7 +144,7 @@ class _System:
     def _attenuation(
         self, rows: Signals, value: FloatArray, noise: FloatArray, scale: FloatArray
     ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
-        """Function of a block's weights that gives the effect of the primary's noise on normal matrix and gradient."""
+        """Return a function of a block's weights: the effect of the primary's noise on normal matrix and gradient."""
         gyro, accel = rows.white * noise[0, 0] ** 2, rows.white * noise[0, 1] ** 2
         turning = rows.slope * noise[0, 0] ** 2
         A = value[ACCEL_MATRIX].reshape(3, 3)
@@ -164,11 +164,11 @@ class _System:
         return of
 
     def covariance(self) -> FloatArray:
-        """Jackknife over the blocks, shape (k, k)."""
+        """Return the jackknife covariance over the blocks, shape (k, k)."""
         return _jackknife(self._normals, self.gradient)
 
     def halves(self) -> float:
-        """Difference of the solutions of odd and even blocks, see `PairFit`."""
+        """Return the difference between the solutions of odd and even blocks, see `PairFit.halves`."""
         solutions, covariances = [], []
         for half in (slice(0, None, 2), slice(1, None, 2)):
             normals, gradient = self._normals[half], self.gradient[half]
@@ -179,10 +179,10 @@ class _System:
 
 
 def _jackknife(normals: FloatArray, gradient: FloatArray) -> FloatArray:
-    """Covariance of the solution from its changes when a block is left out, shape (k, k).
+    """Return the covariance of the solution from its changes when each block is omitted, shape (k, k).
 
-    The sandwich estimator corrected for every block's leverage (R. M. Bell and D. F. McCaffrey, Survey Methodology
-    28(2), 2002): a block of strong motion that the fit follows would look too good.
+    This is the sandwich estimator corrected for the leverage of every block (R. M. Bell and D. F. McCaffrey, Survey
+    Methodology 28(2), 2002); without it, the residuals of a block with strong motion would be too small.
     """
     normal, total = normals.sum(axis=0), gradient.sum(axis=0)
     solution = np.linalg.solve(normal, total)
@@ -191,7 +191,7 @@ def _jackknife(normals: FloatArray, gradient: FloatArray) -> FloatArray:
 
 
 def _columns(rows: Signals, part: slice, base: FloatArray, C: FloatArray, A: FloatArray) -> FloatArray:
-    """Derivatives of the six outputs by the 28 parameters, shape (n, 6, 28)."""
+    """Return the derivatives of the six outputs with respect to the 28 parameters, shape (n, 6, 28)."""
     X = np.zeros((part.stop - part.start, 6, COUNT))
     lever = rows.lever[part]
     for i in range(3):
@@ -206,27 +206,27 @@ def _columns(rows: Signals, part: slice, base: FloatArray, C: FloatArray, A: Flo
 
 
 def _size(left: FloatArray) -> float:
-    """Robust size of residuals: 1.4826 times the median of their magnitudes."""
+    """Return the robust size of residuals: 1.4826 times the median of their magnitudes."""
     return float(1.4826 * np.median(np.abs(left - np.median(left, axis=0)))) if len(left) else 1.0
 
 
 def _weights(left: FloatArray) -> FloatArray:
-    """Huber's weights by the length of the residual in units of its size, for three axes, shape (n, 3)."""
+    """Return Huber weights from the magnitude of the residual in units of its size, for three axes, shape (n, 3)."""
     length = np.linalg.norm(left, axis=1) / np.sqrt(3.0)
     return np.repeat(np.minimum(1.0, FAR / np.maximum(length, 1e-12))[:, None], 3, axis=1)
 
 
 def _white(imu: ImuModel) -> FloatArray:
-    """White noise of a sample's rate and force, quantisation included, rad/s and m/s², shape (2,)."""
+    """Return the white noise of rate and force of a sample, including quantisation, rad/s and m/s², shape (2,)."""
     gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.gyro_lsb * imu.rate_factor) ** 2 / 12.0
     accel = imu.accel_vrw**2 * imu.sample_rate + (imu.accel_lsb * imu.rate_factor) ** 2 / 12.0
     return np.sqrt([gyro, accel])
 
 
 def _bias_drift_sigmas(data: PairData, primary: ImuModel, secondary: ImuModel) -> list[tuple[int, float]]:
-    """Standard deviation of the mean of both biases over the recording about their constants: index and sigma.
+    """Return index and sigma of the mean bias drift of both IMUs over the recording, for each bias.
 
-    Variance of the mean of a Gauss-Markov process over T: 2 σ² τ/T (1 − τ/T (1 − e^(−T/τ))).
+    The variance of the mean of a Gauss-Markov process over T is 2 σ² τ/T (1 − τ/T (1 − e^(−T/τ))).
     """
     T = max(float(data.time[-1] - data.time[0]), data.dt) / BIAS_DRIFT_TIME
     share = np.sqrt(2.0 / T * (1.0 - (1.0 - np.exp(-T)) / T)) * BIAS_DRIFT_PER_INSTABILITY

@@ -1,4 +1,4 @@
-"""Schedule of a cross-calibration: what is fitted, when, and the tolerances."""
+"""Schedule of a cross-calibration: the fitted terms, the trigger and the tolerances."""
 
 from typing import Literal
 
@@ -10,13 +10,13 @@ from calstation.schema import EntryError
 
 
 class Threshold(BaseModel):
-    """Largest deviation of one sensor at rest, SI."""
+    """Largest permitted deviation of a sensor at rest, SI."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-    fixed: float = Field(gt=0.0)  #: From the factory's error; also used while nothing is stored.
+    fixed: float = Field(gt=0.0)  #: From the factory tolerance; also used if no deviation is stored.
     #: The threshold is the deviation right after the last calibration plus this ...
     offset: float | None = Field(None, gt=0.0)
-    ratio: float | None = Field(None, gt=1.0)  #: ... or times this; at most one of both.
+    ratio: float | None = Field(None, gt=1.0)  #: ... or times this; at most one of the two may be set.
 
     @model_validator(mode="after")
     def _one(self) -> "Threshold":
@@ -25,7 +25,7 @@ class Threshold(BaseModel):
         return self
 
     def limit(self, last: float | None) -> float:
-        """The threshold; `last` is the deviation right after the last calibration."""
+        """Return the threshold; `last` is the deviation right after the last calibration."""
         if last is not None and self.offset is not None:
             return last + self.offset
         if last is not None and self.ratio is not None:
@@ -34,36 +34,36 @@ class Threshold(BaseModel):
 
 
 class PairSchedule(BaseModel):
-    """What is fitted, when, and the tolerances."""
+    """Fitted terms, trigger and tolerances of a cross-calibration."""
 
     model_config = ConfigDict(extra="forbid")
-    model: Model = "full"  #: Bias, scale (scale factors too) or full (3×3).
-    lever: bool = True  #: Fitted as well, with the full model only.
-    clock_offset: bool = True  #: Fitted as well.
-    sensors: Literal["all", "triggering"] = "all"  #: All, or only those that triggered.
-    #: Everything recorded is fitted, or what follows a check at start-up, and then every `period_s`.
+    model: Model = "full"  #: "bias", "scale" (bias and scale factors) or "full" (bias and 3×3 matrix).
+    lever: bool = True  #: Whether the lever arm is fitted; only with the full model.
+    clock_offset: bool = True  #: Whether the clock offset is fitted.
+    sensors: Literal["all", "triggering"] = "all"  #: All sensors, or only those out of tolerance.
+    #: "command" fits the whole recording, "start_up" the data after a check at start-up, "period" also repeats this.
     trigger: Literal["command", "start_up", "period"] = "command"
-    period_s: float = Field(3600.0, gt=0.0)  #: Of IMU time.
-    static_s: float = Field(2.0, ge=1.0, le=600.0)  #: Shortest rest to check at.
-    motion_s: float = Field(20.0, ge=1.0, le=3600.0)  #: Motion to collect.
-    longest_s: float = Field(600.0, ge=10.0)  #: Longest time to collect it.
-    moving_dps: float = Field(10.0, gt=0.0)  #: Smallest rate, less that at rest, that counts as motion.
-    primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: Largest deviation at rest, rad/s.
+    period_s: float = Field(3600.0, gt=0.0)  #: Period of the checks in IMU time.
+    static_s: float = Field(2.0, ge=1.0, le=600.0)  #: Shortest rest for a check.
+    motion_s: float = Field(20.0, ge=1.0, le=3600.0)  #: Duration of motion required for a fit.
+    longest_s: float = Field(600.0, ge=10.0)  #: Longest time to wait for that motion.
+    moving_dps: float = Field(10.0, gt=0.0)  #: Smallest rate above that at rest that counts as motion.
+    primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: Permitted deviation at rest, rad/s.
     primary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: The same, m/s².
     secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)
     secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)
 
     @property
     def choice(self) -> PairChoice:
-        """What is fitted."""
+        """Terms to fit."""
         return PairChoice(self.model, self.model, self.lever and self.model == "full", self.clock_offset)
 
     @property
     def moving(self) -> float:
-        """Smallest rate, less that at rest, that counts as motion, rad/s."""
+        """Smallest rate above that at rest that counts as motion, rad/s."""
         return float(np.deg2rad(self.moving_dps))
 
     def threshold(self, unit: Literal["primary", "secondary"], sensor: str) -> Threshold:
-        """Largest deviation of a sensor at rest."""
+        """Return the largest permitted deviation of a sensor at rest."""
         found: Threshold = getattr(self, f"{unit}_{sensor}")
         return found

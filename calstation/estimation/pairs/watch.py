@@ -1,8 +1,8 @@
-"""Live watch of secondaries against their primary; calibrates those that are out of tolerance.
+"""Live monitoring of secondary IMUs against their primary; calibrates those that are out of tolerance.
 
-It waits for a trigger (start-up, period, command), checks every secondary at the first rest, and fits those out of
-tolerance once there is enough motion. A primary that is out of tolerance calibrates nothing, because the pair alone
-does not tell which of the two is wrong.
+After a trigger (start-up, period, command) every secondary is checked at the first rest, and those out of tolerance
+are fitted when enough motion has been recorded. If the primary is out of tolerance, no secondary is calibrated,
+because the pair alone does not show which of the two is wrong.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,22 +17,22 @@ from calstation.estimation.pairs.calibration import PairCalibration, PairResult,
 
 #: Time between evaluations while checking or calibrating, s.
 EVALUATION_INTERVAL = 1.0
-#: Samples kept from before the motion, in shortest rests, because they show the biases.
+#: Duration of samples kept from before the motion, in units of the shortest rest; they determine the biases.
 RESTS_KEPT = 10.0
 
 
 @dataclass(frozen=True)
 class WatchEvent:
-    """An event of the watch."""
+    """An event of the live monitoring."""
 
     kind: str  #: ``triggered``, ``checked``, ``primary_off``, ``calibrating``, ``calibrated`` or ``given_up``.
-    time: float  #: Of the IMU, s.
-    number: int = 0  #: Of the secondary; 0 for all.
-    values: Mapping[str, Any] = field(default_factory=dict)  #: Further values, JSON-ready.
+    time: float  #: IMU time, s.
+    number: int = 0  #: Number of the secondary; 0 for all.
+    values: Mapping[str, Any] = field(default_factory=dict)  #: Other values, JSON types.
 
 
 class PairWatch:
-    """Follows a stream of blocks; `keep` receives number and new values of a calibrated secondary, to store them."""
+    """Monitors a stream of blocks; `keep` is called with number and new values of a calibrated secondary."""
 
     def __init__(
         self,
@@ -47,7 +47,7 @@ class PairWatch:
         self.stored = {s.number: s.stored for s in secondaries}
         self.checks: dict[int, StaticCheck] = {}
         self.calibrated: dict[int, PairResult] = {}
-        self._off: dict[int, StaticCheck] = {}
+        self._out_of_tolerance: dict[int, StaticCheck] = {}
         self._waiting: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []
         self._due = calibration.schedule.trigger != "command"
@@ -56,25 +56,25 @@ class PairWatch:
         self._motion = 0.0
 
     def command(self) -> None:
-        """Check at the next rest, independent of the period."""
+        """Request a check at the next rest, independent of the period."""
         self._due = True
 
     @property
     def progress(self) -> float:
-        """Share of the required motion that has been collected, 0 to 1."""
+        """Fraction of the required motion that has been collected, 0 to 1."""
         return min(self._motion / self._schedule.motion_s, 1.0) if self.state == "calibrating" else 0.0
 
     def feed(self, block: SampleBlock) -> list[WatchEvent]:
-        """Take further samples, cut into blocks in any way, and return their events."""
+        """Add samples, in blocks of any length, and return the resulting events."""
         self._waiting.append(block)
         second, events = round(self._imu.sample_rate), []
         while sum(map(len, self._waiting)) >= second:
             whole = joined(self._waiting)
-            events += self._take(whole.part(0, second))
+            events += self._process(whole.part(0, second))
             self._waiting = [whole.part(second, len(whole))]
         return events
 
-    def _take(self, block: SampleBlock) -> list[WatchEvent]:
+    def _process(self, block: SampleBlock) -> list[WatchEvent]:
         now = float(block.time[-1])
         events = [] if self.state != "waiting" else self._wait(now)
         if self.state == "waiting":
@@ -86,8 +86,8 @@ class PairWatch:
         return events + (self._check(now) if self.state == "checking" else self._collect(now, last=False))
 
     def finish(self) -> list[WatchEvent]:
-        """Check or calibrate with the samples so far, if they suffice, at the end of the stream."""
-        events = [e for block in self._waiting if len(block) for e in self._take(block)]
+        """Check or calibrate at the end of the stream if the samples so far are sufficient."""
+        events = [e for block in self._waiting if len(block) for e in self._process(block)]
         self._waiting = []
         if not self._blocks:
             return events
@@ -112,7 +112,7 @@ class PairWatch:
         self._forget(now, RESTS_KEPT * self._schedule.static_s)
         if rest is None:
             return []
-        events, self._off, self._motion = [], {}, 0.0
+        events, self._out_of_tolerance, self._motion = [], {}, 0.0
         for place, secondary in enumerate(self._secondaries):
             number = secondary.number
             check = calibration.check(data, rest, place, secondary, self.stored[number])
@@ -124,10 +124,10 @@ class PairWatch:
             if doubtful and not all(deviation.within for deviation in check.secondary.values()):
                 events.append(WatchEvent("primary_off", now, number, {"sensors": doubtful}))
             if check.out_of_tolerance:
-                self._off[number] = check
-        self.state = "calibrating" if self._off else "waiting"
-        if self._off:
-            events.append(WatchEvent("calibrating", now, 0, {"secondaries": list(self._off)}))
+                self._out_of_tolerance[number] = check
+        self.state = "calibrating" if self._out_of_tolerance else "waiting"
+        if self._out_of_tolerance:
+            events.append(WatchEvent("calibrating", now, 0, {"secondaries": list(self._out_of_tolerance)}))
         return events
 
     def _forget(self, now: float, seconds: float) -> None:
@@ -135,7 +135,7 @@ class PairWatch:
         self._blocks = [b for b in self._blocks if now - float(b.time[-1]) <= seconds]
 
     def _collect(self, now: float, last: bool) -> list[WatchEvent]:
-        """Calibrate once there is enough motion; only the `last` evaluation gives up."""
+        """Calibrate when there is enough motion; only the `last` evaluation reports failure."""
         data = stage_data(self._blocks, self._imu)
         rest = np.median(data.gyro[: round(self._schedule.static_s / data.dt)], axis=0)
         moving = np.linalg.norm(data.gyro - rest, axis=1) > self._schedule.moving
@@ -148,9 +148,9 @@ class PairWatch:
             failed = InsufficientDataError("solve.too_little_motion", seconds=self._motion, wanted=wanted)
         for place, secondary in enumerate(self._secondaries):
             number = secondary.number
-            if failed or number not in self._off:
+            if failed or number not in self._out_of_tolerance:
                 continue
-            choice = self._calibration.chosen(self._off[number])
+            choice = self._calibration.chosen(self._out_of_tolerance[number])
             try:
                 done = self._calibration.calibrate(data, place, secondary, choice, self.stored[number])
             except InputError as error:
@@ -158,7 +158,7 @@ class PairWatch:
                 continue
             self.stored[number], self.calibrated[number] = done.stored, done
             self._keep(number, done.stored)
-            del self._off[number]
+            del self._out_of_tolerance[number]
             events.append(WatchEvent("calibrated", now, number))
         if failed and not last:
             return events
@@ -169,7 +169,7 @@ class PairWatch:
 
 
 def check_values(check: StaticCheck) -> dict[str, Any]:
-    """A static check, JSON-ready: deviation, threshold and verdict of each sensor of both units."""
+    """Return a static check as JSON values: deviation, threshold and result of each sensor of both IMUs."""
     return {
         unit: {s: {"value": x.value, "limit": x.limit, "within": x.within} for s, x in deviations.items()}
         for unit, deviations in (("primary", check.primary), ("secondary", check.secondary))

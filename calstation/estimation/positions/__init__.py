@@ -1,4 +1,4 @@
-"""Joint solution of rests and motions without table angles, and the checks and guidance of such recordings."""
+"""Joint solution of rests and motions without table angles, and checks and guidance for such recordings."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""Evidence of a stage's samples for the product's checks, kept after the samples: rests, and motions by the gyros."""
+"""Evidence from a stage for the product's checks: rests, and rotations measured by the gyros."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """One rest: sequence numbers, length (s), mean raw force (m/s²) and rate (rad/s), encoder angles (rad) or None."""
+    """A rest: sequence numbers, duration (s), mean raw force (m/s²) and rate (rad/s), encoder angles (rad) or None."""
 
     first_seq: int
     last_seq: int
@@ -29,36 +29,36 @@ class RestEvidence:
     angles: FloatArray | None
 
     def compensated(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rate (rad/s) and specific force (m/s²) with these parameters, shape (3,) each."""
+        """Return rate, rad/s, and specific force, m/s², compensated with these parameters, shape (3,) each."""
         omega, force = compensate(compensation(parameters), self.rate[None], self.force[None])
         return omega[0], force[0]
 
 
 @dataclass(frozen=True)
 class MotionEvidence:
-    """One unbroken motion between two rests."""
+    """An uninterrupted motion between two rests."""
 
-    before: int  #: Index of the rest before.
-    after: int  #: Index of the rest after.
+    before: int  #: Index of the rest before the motion.
+    after: int  #: Index of the rest after the motion.
     first_seq: int
     last_seq: int
     duration: float  #: s
-    path: float  #: Length of the rotation, rad.
+    path: float  #: Integral of the magnitude of the rate, rad.
     uncalibrated: FloatArray  #: Body rotation with the parameters before the calibration, shape (3, 3).
-    point: FloatArray  #: Parameters of the stage's solution, SI, shape (30,).
-    rotation: FloatArray  #: Body rotation with them, shape (3, 3).
-    #: Its derivative by `GYRO_COLUMNS` as a rotation vector in the first rest's body, shape (3, 12).
+    point: FloatArray  #: Parameters of the stage solution, SI, shape (30,).
+    rotation: FloatArray  #: Body rotation with the parameters `point`, shape (3, 3).
+    #: Derivative of `rotation` with respect to `GYRO_COLUMNS`, a rotation vector in b at the first rest, shape (3, 12).
     derivative: FloatArray
 
     def calibrated(self, parameters: FloatArray) -> FloatArray:
-        """Body rotation with parameters near the stage's solution, shape (3, 3)."""
+        """Return the body rotation with parameters near the stage solution, shape (3, 3)."""
         change = (parameters - self.point)[GYRO_COLUMNS]
         return np.asarray(rotation_matrix(self.derivative @ change) @ self.rotation)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """Rests and motions of one stage, in order."""
+    """Rests and motions of a stage, in order."""
 
     stage: str
     rests: tuple[RestEvidence, ...]
@@ -66,7 +66,7 @@ class Evidence:
 
 
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray) -> Evidence:
-    """Evidence of a stage for the parameters before the calibration and those found, SI, shape (30,)."""
+    """Collect the evidence of a stage with the parameters before the calibration and those found, SI, shape (30,)."""
     still = find_stillness(data, context.imu, SHORTEST_REST)
     rests = tuple(
         RestEvidence(
@@ -104,9 +104,9 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
 
 
 def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path: float) -> float:
-    """Angle of a rotation of the body relative to the ground, whole turns included, rad.
+    """Return the angle of a body rotation relative to the ground, including whole revolutions, rad.
 
-    `earth` is the earth rate in the body before, rad/s; the length `path`, rad, determines the number of whole turns.
+    `earth` is the earth rate in b before the rotation, rad/s; `path`, rad, determines the number of revolutions.
     """
     angle = float(np.linalg.norm(rotation_vector(rotation_matrix(-earth * duration) @ rotation)))
     turns = 2.0 * np.pi * np.arange(int(path / (2.0 * np.pi)) + 2)
@@ -115,9 +115,9 @@ def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path:
 
 
 def gravity_misses(evidence: Evidence, motion: MotionEvidence, found: FloatArray) -> tuple[float, float]:
-    """Angles between gravity after a motion and where the gyros carry it, before and after compensation, rad.
+    """Return the angles, rad, between gravity after a motion and its gyro prediction, before and after compensation.
 
-    Gravity itself is measured by the accelerometers with the parameters `found` both times.
+    In both cases gravity is measured by the accelerometers with the parameters `found`.
     """
     earth, up = evidence.rests[motion.before].compensated(found)
     seen = evidence.rests[motion.after].compensated(found)[1]

@@ -1,8 +1,8 @@
-"""Joint solution of rests and motions: gravity at rest, rotation between, with the recording's own scatter.
+"""Joint solution of gravity at rests and rotation between them, weighted with the scatter of the recording.
 
-The modulus of gravity alone scales the accelerometers and the change of its direction alone scales the gyros.
+The accelerometers are scaled by the magnitude of gravity alone, the gyros by the change of its direction alone.
 D. Tedaldi, A. Pretto, E. Menegatti, *A robust and easy to implement method for IMU calibration without external
-equipments*, ICRA 2014, fits the same two cues one after the other and without covariance.
+equipments*, ICRA 2014, fit the same two quantities one after the other and without covariance.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ from calstation.physics import (
 
 MOST_ITERATIONS = 30
 MOST_REWEIGHTINGS = 12
-#: Largest last step, in sigmas, that counts as converged.
+#: The iteration has converged when its step is below this, in sigmas.
 CONVERGED = 1e-3
 #: Largest change of an attitude in a Gauss-Newton step, rad.
 LARGEST_STEP = 0.3
@@ -35,14 +35,14 @@ LARGEST_STEP = 0.3
 class PositionFit:
     """The joint solution."""
 
-    belief: Belief  #: Posterior of the 30 parameters, consider parameters estimated too.
+    belief: Belief  #: Posterior of the 30 parameters, in which consider parameters are also updated.
     attitudes: FloatArray  #: C_bn of the rests, shape (n, 3, 3).
     chi2: float  #: Sum of the squared residuals in units of sigma.
-    freedom: float  #: Their degrees of freedom.
-    scatter: Scatter  #: Noise of the recording beyond the profile's.
-    force_residual: FloatArray  #: Of the rests, m/s², shape (n, 3).
-    turn_residual: FloatArray  #: Of the motions, rad, shape (m, 3).
-    converged: bool  #: Whether the last iteration changed nothing significant.
+    freedom: float  #: Degrees of freedom of the residuals.
+    scatter: Scatter  #: Noise of the recording in excess of the profile's.
+    force_residual: FloatArray  #: Force residuals of the rests, m/s², shape (n, 3).
+    turn_residual: FloatArray  #: Rotation residuals of the motions, rad, shape (m, 3).
+    converged: bool  #: Whether the last iteration made no significant change.
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class _Converged:
     converged: bool
 
     def spare(self, H: FloatArray) -> float:
-        """Degrees of freedom of the rows `H`: trace of I − H P Hᵀ."""
+        """Return the degrees of freedom of the rows `H`: the trace of I − H P Hᵀ."""
         return len(H) - float(np.einsum("ij,jk,ik->", H, self.covariance, H))
 
 
@@ -71,7 +71,7 @@ def fit_positions(
     prior: Belief,
     estimated: BoolArray,
 ) -> PositionFit:
-    """The joint maximum a posteriori, repeated with larger noise while the profile's does not explain the residuals.
+    """Compute the joint MAP estimate; repeat it with more noise until the noise explains the residuals.
 
     Parameters that are not `estimated` are consider parameters.
     """
@@ -101,7 +101,7 @@ def fit_positions(
 
 
 def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
-    """The prior's mean, with the gyro bias of the rests where that is better."""
+    """Return the prior mean, with the gyro bias of the rests where that is more accurate."""
     prior, bias = problem.prior, group_indices("gyro_bias")
     point = prior.mean.copy()
     measured = np.median([r.rate for r in problem.rests], axis=0)
@@ -111,7 +111,7 @@ def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
 
 
 def _first_attitudes(problem: PositionRows, point: FloatArray) -> FloatArray:
-    """Attitudes of the first linearisation: levelled by gravity, headings carried along the motions."""
+    """Return the attitudes of the first linearisation: levelled by gravity, with headings propagated by the gyros."""
     c, data = compensation(point), problem.data
     into = {link.second: link for link in problem.links}
     attitudes = np.empty((len(problem.rests), 3, 3))
@@ -154,9 +154,9 @@ def _iterate(
 
 
 def _scatter(problem: PositionRows, at: _Converged) -> Scatter:
-    """Noise of rests and motions beyond the profile's, from their weighted residuals.
+    """Return the noise of rests and motions in excess of the profile's, from their weighted residuals.
 
-    Only the force along gravity depends on the rest alone; the force across it also contains the motions' errors.
+    Only the force along gravity depends on the rest alone; the perpendicular force also contains errors of the motions.
     """
     n, rows = len(problem.rests), problem.observations
     up = at.attitudes[:, 2, :]

@@ -1,7 +1,7 @@
-"""Guidance of an operator who moves a unit from position to position: at rest, moving, done, or to be repeated.
+"""Guidance for an operator who moves a unit from position to position: at rest, moving, complete, or to be repeated.
 
-Every rest that the solver later finds has been long enough here. A rest counts as a new position only if the unit has
-turned since the last one, so that a knock does not count.
+A rest that is accepted here is also found by the solver. A rest counts as a new position only if the unit has rotated
+since the last one, so that a knock does not count.
 """
 
 from collections import deque
@@ -13,21 +13,21 @@ import numpy as np
 from calstation.estimation.common import REST_MARGIN, REST_WINDOW, ImuModel, SampleBlock, joined
 from calstation.physics import FloatArray, rotation_matrix, rotation_vector
 
-#: Length of a window, s.
+#: Duration of a window, s.
 WINDOW = 0.25
-#: A window is a motion if it is noisier than the quietest by this factor ...
+#: A window is in motion if its noise exceeds that of the quietest by this factor ...
 LOUD = 3.0
-#: ... or has more gyro noise than this, rad/s rms ...
+#: ... or exceeds this gyro noise, rad/s rms ...
 LOUDEST = np.deg2rad(1.0)
-#: ... or a mean rate that differs by more than this from that at rest, rad/s.
+#: ... or if its mean rate differs from that at rest by more than this, rad/s.
 RATE = np.deg2rad(0.3)
-#: Windows before the first judgement.
+#: Number of windows before the first decision.
 LEARNING = 8
-#: Windows, 20 minutes of them, from which noise and rate at rest are taken, so that a long rest does not slow a run.
+#: Number of windows (20 minutes) that determine noise and rate at rest; bounds the computing time of a long rest.
 REMEMBERED = 4800
-#: A unit that has turned by less since its last rest is still at the same position, rad.
+#: A unit that has rotated by less than this since its last rest is still at the same position, rad.
 SAME = np.deg2rad(10.0)
-#: Sufficient `spread` of the positions; directions all over the sphere reach 0.26.
+#: Sufficient `spread` of the positions; directions distributed over the whole sphere reach 0.26.
 SPREAD = 0.1
 #: Sufficient rotation about every axis, root of the sum of squares over the motions, rad.
 TURNED = 2.0
@@ -39,47 +39,47 @@ State = Literal["waiting", "moving", "still", "enough", "repeat"]
 class Guidance:
     """Instruction for the operator."""
 
-    #: ``waiting`` for the first rest, ``moving``, ``still`` (not yet long enough), ``enough`` or ``repeat``
-    #: (moved too soon).
+    #: ``waiting`` (for the first rest), ``moving``, ``still`` (not yet long enough), ``enough`` or ``repeat`` (moved
+    #: too soon).
     state: State
     rest: float  #: Time at rest so far, s.
     wanted: float  #: Required time at rest, s.
     up: FloatArray  #: Measured direction of gravity in b, shape (3,).
-    positions: FloatArray  #: Directions of gravity at the positions done, shape (k, 3).
-    suffices: bool  #: Whether the positions are well spread and the unit has turned about every axis.
+    positions: FloatArray  #: Directions of gravity at the completed positions, shape (k, 3).
+    suffices: bool  #: Whether the positions are well distributed and the unit has rotated about every axis.
 
 
 @dataclass
 class _Position:
-    """The current rest: number of windows and the sum of their mean forces."""
+    """The current rest: number of windows and sum of their mean forces."""
 
     windows: int = 0
     force: FloatArray = field(default_factory=lambda: np.zeros(3))
 
 
 class PositionGuide:
-    """Follows the stream of one unit; `wanted` is the rest at each position, s."""
+    """Monitors the stream of one unit; `wanted` is the required rest at each position, s."""
 
     def __init__(self, imu: ImuModel, wanted: float) -> None:
         self._scale = imu.count_size
         self._width = max(round(WINDOW * imu.sample_rate), 4)
-        self._seconds = self._width / imu.sample_rate
+        self._window_duration = self._width / imu.sample_rate
         self.ask(wanted)
         self._waiting: list[SampleBlock] = []
         self._noise: deque[float] = deque(maxlen=REMEMBERED)
         self._rates: deque[FloatArray] = deque(maxlen=REMEMBERED)
-        self._here = _Position()
+        self._current = _Position()
         self._done: list[FloatArray] = []
         self._state: State = "waiting"
         self._up = np.array([0.0, 0.0, 1.0])
         self._last_seq: int | None = None
-        self._turn: FloatArray | None = np.eye(3)  # since the last position; None if samples are missing
-        self._turns = np.zeros((3, 3))  # sum of the motions' outer products
+        self._turn: FloatArray | None = np.eye(3)  # rotation since the last position; None if samples are missing
+        self._turns = np.zeros((3, 3))  # sum of the outer products of the rotation vectors
         self._suffices = False
 
     def ask(self, rest: float) -> None:
-        """Require a rest of this length, s, from now on."""
-        # the solver uses its own windows and cuts both ends of a rest
+        """Require a rest of `rest` s at the following positions."""
+        # the solver uses different windows and removes both ends of a rest
         self._wanted = rest + 2.0 * REST_MARGIN + REST_WINDOW
 
     @property
@@ -87,7 +87,7 @@ class PositionGuide:
         """The current instruction."""
         return Guidance(
             self._state,
-            self._here.windows * self._seconds,
+            self._current.windows * self._window_duration,
             self._wanted,
             self._up,
             np.array(self._done).reshape(-1, 3),
@@ -95,20 +95,20 @@ class PositionGuide:
         )
 
     def feed(self, block: SampleBlock) -> Guidance:
-        """Take further samples, cut into blocks in any way."""
+        """Add samples, in blocks of any length, and return the current instruction."""
         self._waiting.append(block)
         if sum(map(len, self._waiting)) >= self._width:
             whole = joined(self._waiting)
             last = len(whole) // self._width * self._width
             for start in range(0, last, self._width):
                 part = whole.part(start, start + self._width)
-                whole_part = self._follows(part)
-                self._window(part.counts * self._scale, whole_part and bool(part.valid.all()))
+                whole_part = self._is_complete(part)
+                self._process_window(part.counts * self._scale, whole_part and bool(part.valid.all()))
             self._waiting = [whole.part(last, len(whole))]
         return self.now
 
-    def _follows(self, part: SampleBlock) -> bool:
-        """Whether no sample is missing before or in a window."""
+    def _is_complete(self, part: SampleBlock) -> bool:
+        """Whether no sample is missing before or within a window."""
         first = int(part.seq[0]) if self._last_seq is None else self._last_seq + 1
         self._last_seq = int(part.seq[-1])
         whole = self._last_seq - first + 1 == len(part)
@@ -116,7 +116,7 @@ class PositionGuide:
             self._turn = None
         return whole
 
-    def _window(self, values: FloatArray, valid: bool) -> None:
+    def _process_window(self, values: FloatArray, valid: bool) -> None:
         gyro, force = values[:, :3], values[:, 3:].mean(axis=0)
         noise = float(np.sqrt(gyro.var(axis=0, ddof=1).mean()))
         rate = gyro.mean(axis=0)
@@ -129,62 +129,62 @@ class PositionGuide:
             return
         at_rest = np.median(self._rates, axis=0) if self._rates else rate
         still = quiet and float(np.abs(rate - at_rest).max()) < RATE + 3.0 * noise / np.sqrt(self._width)
-        if still and not (self._here.windows and self._elsewhere(force)):
-            self._rests(force)
+        if still and not (self._current.windows and self._is_other_position(force)):
+            self._add_rest_window(force)
         else:
-            self._moves()
+            self._add_moving_window()
             if self._turn is not None:
-                self._turn = self._turn @ rotation_matrix((rate - at_rest) * self._seconds)
+                self._turn = self._turn @ rotation_matrix((rate - at_rest) * self._window_duration)
 
-    def _elsewhere(self, force: FloatArray) -> bool:
-        """Whether this force belongs to another position than the current rest."""
-        mean = self._here.force / self._here.windows
+    def _is_other_position(self, force: FloatArray) -> bool:
+        """Whether this force belongs to a different position than the current rest."""
+        mean = self._current.force / self._current.windows
         return bool(np.linalg.norm(force - mean) > 0.05 * np.linalg.norm(mean))
 
-    def _rests(self, force: FloatArray) -> None:
-        self._here.windows += 1
-        self._here.force = self._here.force + force
-        if self._state == "enough" or self._still_there():
+    def _add_rest_window(self, force: FloatArray) -> None:
+        self._current.windows += 1
+        self._current.force = self._current.force + force
+        if self._state == "enough" or self._is_last_position():
             self._state = "enough"
-        elif self._here.windows * self._seconds >= self._wanted:
-            self._count()
+        elif self._current.windows * self._window_duration >= self._wanted:
+            self._count_position()
         else:
             self._state = "still"
 
-    def _still_there(self) -> bool:
-        """Whether this is the last position that was counted."""
+    def _is_last_position(self) -> bool:
+        """Whether the unit is still at the last position that was counted."""
         if not self._done:
             return False
         tilt = np.arccos(np.clip(self._up @ self._done[-1], -1.0, 1.0))
         turned = 0.0 if self._turn is None else np.linalg.norm(rotation_vector(self._turn))
         return bool(max(tilt, turned) < SAME)
 
-    def _count(self) -> None:
-        """Count this position."""
+    def _count_position(self) -> None:
+        """Add the current rest to the completed positions."""
         self._state = "enough"
         if self._done and self._turn is not None:
             turn = rotation_vector(self._turn)
             self._turns += np.outer(turn, turn)
         self._turn = np.eye(3)
-        self._done.append(self._here.force / np.linalg.norm(self._here.force))
+        self._done.append(self._current.force / np.linalg.norm(self._current.force))
         self._suffices = bool(
             np.linalg.eigvalsh(self._turns)[0] >= TURNED**2 and spread(np.array(self._done)) >= SPREAD
         )
 
-    def _moves(self) -> None:
-        too_soon = self._state == "still" and self._here.windows * self._seconds > REST_WINDOW
-        if too_soon or (self._state == "repeat" and not self._here.windows):
+    def _add_moving_window(self) -> None:
+        too_soon = self._state == "still" and self._current.windows * self._window_duration > REST_WINDOW
+        if too_soon or (self._state == "repeat" and not self._current.windows):
             self._state = "repeat"
         elif self._state != "waiting":
             self._state = "moving"
-        self._here = _Position()
+        self._current = _Position()
 
 
 def spread(up: FloatArray) -> float:
-    """How well directions of gravity in b (unit vectors, shape (k, 3)) separate nine accelerometer errors.
+    """Return how well directions of gravity in b (unit vectors, shape (k, 3)) separate nine accelerometer errors.
 
-    Returns the root mean square effect of the least observable combination of errors, of length 1 in units of g, on
-    the length of gravity.
+    The value is the root mean square effect on the magnitude of gravity, in g, of the least observable combination of
+    errors with norm 1 g.
     """
     x, y, z = up.T
     effects = np.column_stack([x * x, x * y, y * y, x * z, y * z, z * z, x, y, z])

@@ -1,6 +1,6 @@
 """Checks of a recording of positions: frozen channels, no rest, no motion, wrong units, wrong axes.
 
-Gravity shows the accelerometers' unit; the change of its direction shows the angle that the gyros should have measured.
+The magnitude of gravity reveals the accelerometers' unit; its change of direction gives the expected gyro rotation.
 """
 
 import itertools
@@ -16,17 +16,17 @@ from calstation.messages import Text
 from calstation.physics import AXES, BoolArray, FloatArray, compensate, compensation, group_indices
 
 CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
-#: A channel that repeats one value this long, s, and far longer than its noise makes likely, is frozen.
+#: A channel that repeats one value for this time, s, and far longer than its noise makes likely, is frozen.
 FREEZE_TIME = 1.0
-#: Share of repeated samples below which every channel of a recording has noise.
+#: Fraction of repeated samples below which every channel of a recording is noisy.
 NOISY = 0.05
-#: Factor on the longest repetition that chance explains.
+#: Factor by which a repetition must exceed the longest that chance explains.
 UNLIKELY = 5.0
-#: Ratio of the force at rest to gravity that bias and scale explain; beyond it the unit is wrong.
+#: Ratios of the force at rest to gravity that bias and scale can explain; outside them the unit is wrong.
 PLAUSIBLE_GRAVITY = (0.75, 1.33)
-#: Rests whose gravity differs less are one position, rad.
+#: Rests whose directions of gravity differ by less than this are the same position, rad.
 OTHER_POSITION = np.deg2rad(10.0)
-#: Mistaken units: given, right, and the factor that corrects them.
+#: Mistaken units: assumed unit, correct unit, and the factor that corrects the values.
 ACCEL_SLIPS = (
     ("g", "m/s²", 9.80665),
     ("mg", "m/s²", 9.80665e-3),
@@ -39,9 +39,9 @@ GYRO_SLIPS = (
     ("mrad/s", "rad/s", 1e-3),
     ("m°/s", "rad/s", np.pi / 180e3),
 )
-#: Factors tried if no mistaken unit explains the turns; neighbours differ by 3 %.
+#: Factors tried if no mistaken unit explains the rotations; successive ones differ by 3 %.
 FACTORS = np.exp(np.linspace(np.log(0.1), np.log(10.0), 154))
-#: Share of motions that may contradict gravity without a common reason; they are left out.
+#: Fraction of motions that may contradict gravity without a common cause; these motions are omitted.
 STRAY = 0.1
 
 
@@ -50,43 +50,43 @@ class _Turn:
     """A motion between two rests."""
 
     link: Link
-    before: FloatArray  #: Measured direction of gravity in b before, unit vector, shape (3,).
-    after: FloatArray  #: The same after the motion.
+    before: FloatArray  #: Measured direction of gravity in b before the motion, unit vector, shape (3,).
+    after: FloatArray  #: The same after the motion, shape (3,).
     bias: FloatArray  #: Raw rate at rest, rad/s, shape (3,).
-    path: float  #: Length of the rotation, rad.
+    path: float  #: Integral of the magnitude of the rate, rad.
 
     @property
     def tilt(self) -> float:
-        """Angle by which gravity's direction changed, rad."""
+        """Angle by which the direction of gravity changed, rad."""
         return float(np.arccos(np.clip(self.before @ self.after, -1.0, 1.0)))
 
 
 def valid_links(
     data: StageData, still: Stillness, imu: ImuModel, gravity: float, prior: Belief, shortest: float
 ) -> tuple[Link, ...]:
-    """The motions that agree with gravity; a few others are left out.
+    """Return the motions that agree with gravity; a small number of others is omitted.
 
     Raises InputError or InsufficientDataError if the recording is unusable.
     """
     require_changing(data, CHANNELS, np.column_stack([data.gyro, data.accel]))
     if not still.rests:
-        raise _no_rest(data, imu, gravity, prior, shortest)
+        raise _no_rest_error(data, imu, gravity, prior, shortest)
     turns, up = _turns(data, still, prior)
     _require_gravity(data, still, gravity, prior)
     if _distinct(up) < 2:
         raise InsufficientDataError("recording.one_position", rests=len(up))
-    stray = _stray(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
+    stray = _contradicting(data, turns, prior, gravity, compensation(prior.mean).gyro_inverse)
     if stray.sum() > STRAY * len(turns):
-        raise _contradiction(data, turns, prior, gravity)
+        raise _contradiction_error(data, turns, prior, gravity)
     return tuple(turn.link for turn, strays in zip(turns, stray, strict=True) if not strays)
 
 
-def _no_rest(data: StageData, imu: ImuModel, gravity: float, prior: Belief, shortest: float) -> InputError:
-    """Why nothing rests: perhaps rates in the wrong unit make noise look like motion."""
+def _no_rest_error(data: StageData, imu: ImuModel, gravity: float, prior: Belief, shortest: float) -> InputError:
+    """Return the error for a recording without rests; rates in a wrong unit can make noise look like motion."""
     for given, right, factor in GYRO_SLIPS:
         scaled = replace(data, gyro=data.gyro * factor)
         turns, _ = _turns(scaled, find_stillness(scaled, imu, shortest), prior)
-        if turns and _stray(scaled, turns, prior, gravity, np.eye(3)).sum() <= STRAY * len(turns):
+        if turns and _contradicting(scaled, turns, prior, gravity, np.eye(3)).sum() <= STRAY * len(turns):
             slip = Text.of("recording.unit_slip", given=given, right=right)
             return InputError("recording.gyro_unit_no_rest", factor=factor, slip=slip)
     return InsufficientDataError("recording.no_rest", shortest=shortest, seconds=len(data) * data.dt)
@@ -100,9 +100,9 @@ def require_changing(data: StageData, names: Sequence[str], values: FloatArray) 
 
 
 def frozen_columns(names: Sequence[str], values: FloatArray, dt: float) -> Iterator[tuple[str, int, int]]:
-    """Columns, shape (n, k), that repeat one value far longer than noise makes likely: name, first and last sample.
+    """Yield name, first and last sample of columns, shape (n, k), that repeat a value far longer than noise explains.
 
-    If all columns repeat together and repeat elsewhere too, the recording has no noise to judge by.
+    If all columns repeat at the same time and also repeat elsewhere, the recording has too little noise for this test.
     """
     for channel, name in enumerate(names):
         same = np.concatenate([[False], np.diff(values[:, channel]) == 0.0, [False]])
@@ -131,7 +131,7 @@ def _require_gravity(data: StageData, still: Stillness, gravity: float, prior: B
 
 
 def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text | str:
-    """The mistaken unit that `factor` corrects, as a part of a sentence; empty if there is none."""
+    """Return the mistaken unit that `factor` corrects, as part of a sentence; empty if there is none."""
     for given, right, correction in slips:
         if abs(np.log(factor / correction)) < 0.2:
             return Text.of("recording.unit_slip", given=given, right=right)
@@ -139,7 +139,7 @@ def _unit_slip(slips: tuple[tuple[str, str, float], ...], factor: float) -> Text
 
 
 def _distinct(up: FloatArray) -> int:
-    """Number of positions that differ in the direction of gravity."""
+    """Return the number of positions that differ in the direction of gravity."""
     kept: list[FloatArray] = []
     for direction in up:
         if all(direction @ other < np.cos(OTHER_POSITION) for other in kept):
@@ -148,7 +148,7 @@ def _distinct(up: FloatArray) -> int:
 
 
 def _turns(data: StageData, still: Stillness, prior: Belief) -> tuple[list[_Turn], FloatArray]:
-    """The motions between rests, and the measured direction of gravity at every rest, shape (n, 3)."""
+    """Return the motions between rests, and the measured direction of gravity at every rest, shape (n, 3)."""
     rates = np.array([data.gyro[a:b].mean(axis=0) for a, b in still.rests]).reshape(-1, 3)
     means = np.array([data.accel[a:b].mean(axis=0) for a, b in still.rests]).reshape(-1, 3)
     _, force = compensate(compensation(prior.mean), rates, means)
@@ -161,19 +161,21 @@ def _turns(data: StageData, still: Stillness, prior: Belief) -> tuple[list[_Turn
     return found, up
 
 
-def _stray(data: StageData, turns: list[_Turn], prior: Belief, gravity: float, gyro_inverse: FloatArray) -> BoolArray:
-    """Whether each motion contradicts gravity by more than the prior allows, shape (n,)."""
+def _contradicting(
+    data: StageData, turns: list[_Turn], prior: Belief, gravity: float, gyro_inverse: FloatArray
+) -> BoolArray:
+    """Return whether each motion contradicts gravity by more than the prior allows, shape (n,)."""
     matrix = 3.0 * float(np.hypot(*(prior.sigma[group_indices(g)].max() for g in ("gyro_scale", "gyro_misalign"))))
     lean = 3.0 * float(prior.sigma[group_indices("accel_bias")].max()) / gravity
     allowed = np.array([np.deg2rad(3.0) + lean + min(matrix, 0.15) * max(t.path, t.tilt) for t in turns])
     return np.asarray(_gravity_error(data, turns, gyro_inverse) > allowed)
 
 
-def _contradiction(data: StageData, turns: list[_Turn], prior: Belief, gravity: float) -> InputError:
-    """Why motions contradict gravity."""
+def _contradiction_error(data: StageData, turns: list[_Turn], prior: Belief, gravity: float) -> InputError:
+    """Return the error that explains why motions contradict gravity."""
 
     def explains(gyro_inverse: FloatArray) -> bool:
-        return bool(_stray(data, turns, prior, gravity, gyro_inverse).sum() <= STRAY * len(turns))
+        return bool(_contradicting(data, turns, prior, gravity, gyro_inverse).sum() <= STRAY * len(turns))
 
     error = _gravity_error(data, turns, np.eye(3))
     worst = turns[int(np.argmax(error))]
@@ -193,7 +195,7 @@ def _contradiction(data: StageData, turns: list[_Turn], prior: Belief, gravity: 
 
 
 def _gravity_error(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray) -> FloatArray:
-    """Angle between gravity after each motion and where the gyros carry it with `gyro_inverse`, rad, shape (n,)."""
+    """Return the angle between gravity after each motion and its prediction by the gyros, rad, shape (n,)."""
     error = np.empty(len(turns))
     for k, t in enumerate(turns):
         B, _, _ = integrate_rotation(gyro_inverse, t.bias, data.dt, data.gyro, t.link.start, t.link.stop)
@@ -202,7 +204,7 @@ def _gravity_error(data: StageData, turns: list[_Turn], gyro_inverse: FloatArray
 
 
 def _signed_permutations() -> Iterator[FloatArray]:
-    """All 48 ways to exchange and reverse three axes, shape (3, 3) each."""
+    """Yield all 48 ways to swap and reverse three axes, shape (3, 3) each."""
     for order in itertools.permutations(range(3)):
         for signs in itertools.product((1.0, -1.0), repeat=3):
             P = np.zeros((3, 3))
@@ -211,7 +213,7 @@ def _signed_permutations() -> Iterator[FloatArray]:
 
 
 def _swaps(P: FloatArray) -> list[Text]:
-    """Per axis that differs in a signed permutation, the column it is read from."""
+    """Return, for each axis that a signed permutation changes, the column from which it is read."""
     parts = []
     for row, axis in enumerate(AXES):
         column = int(np.argmax(np.abs(P[row])))

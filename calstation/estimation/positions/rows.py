@@ -1,16 +1,16 @@
 """The joint problem of rests and motions as whitened least-squares rows.
 
     rest       accel = (I + M_a) f + K2∘f² + b_a,  f = C_bnᵀ (0, 0, g);      gyro = (I + M_g) C_bnᵀ Ω + b_g
-    motion     C_second = Exp(−Ω T) C_first B,  B the body's rotation by the compensated gyros
+    motion     C_second = Exp(−Ω T) C_first B,  B the body rotation from the compensated gyros
     attitude   C_true = (I + [φ×]) C
 
 Headings are arbitrary: each chain of rests has its own level frame, in which the horizontal earth rate, two unknowns of
-the size Ω cos φ, indicates north. The problem is then nearly linear and needs no gyrocompassing, for which poor gyros
-do not suffice. The known magnitude of these two unknowns is not used; it adds hardly any information.
+magnitude Ω cos φ, indicates north. The problem is then nearly linear and needs no gyrocompassing, for which low-grade
+gyros are not accurate enough. The known magnitude of these two unknowns is not used; it adds hardly any information.
 
-Columns: the parameters in units of the square root of their prior (30), φ of each rest (3 n), the horizontal earth rate
-of each chain in units of Ω cos φ / √2 (2 m), and, if the profile states bias instability, the drift of gyro and
-accelerometer biases at each rest in units of its sigma (6 n).
+The columns are the parameters in units of the square root of their prior (30), φ of each rest (3 n), the horizontal
+earth rate of each chain in units of Ω cos φ / √2 (2 m), and, if the profile specifies bias instability, the drift of
+gyro and accelerometer biases at each rest in units of its sigma (6 n).
 """
 
 from dataclasses import dataclass
@@ -46,9 +46,9 @@ from calstation.physics import (
     skew,
 )
 
-#: Left out of the rates at the start of a rest, s, because a settling rig still turns.
+#: Time omitted from the rates at the start of a rest, s, because a settling rig still rotates.
 CREEP = 0.5
-#: Probability at which residuals exceed the known noise significantly.
+#: Confidence level at which residuals exceed the known noise significantly.
 SIGNIFICANT = 0.9995
 #: Weight that fixes the first heading of a chain, 1/rad.
 FIXED = 1e3
@@ -60,33 +60,33 @@ GYRO_COLUMNS = [*group_indices("gyro_bias"), *(INDEX[p.name] for p in _GYRO)]
 
 @dataclass(frozen=True)
 class Scatter:
-    """Standard deviations beyond the profile's noise."""
+    """Standard deviations in excess of the profile's noise."""
 
-    force: float = 0.0  #: Of the mean specific force of a rest, m/s².
-    rate: float = 0.0  #: Of the gyro bias from rest to rest, rad/s.
-    turn: float = 0.0  #: Of the angle of a motion, rad.
+    force: float = 0.0  #: Scatter of the mean specific force of a rest, m/s².
+    rate: float = 0.0  #: Scatter of the gyro bias from rest to rest, rad/s.
+    turn: float = 0.0  #: Scatter of the rotation angle of a motion, rad.
 
     def near(self, other: "Scatter") -> bool:
-        """Whether both agree within 5 %."""
+        """Whether this scatter and `other` agree within 5 %."""
         pairs = ((self.force, other.force), (self.rate, other.rate), (self.turn, other.turn))
         return all(abs(a - b) <= 0.05 * max(a, b) for a, b in pairs)
 
 
 @dataclass(frozen=True)
 class Position:
-    """One rest."""
+    """A rest."""
 
-    start: int  #: First sample.
-    stop: int  #: The sample after the last.
-    time: float  #: IMU time of its middle, s.
+    start: int  #: Index of the first sample.
+    stop: int  #: Index after the last sample.
+    time: float  #: IMU time at the middle of the rest, s.
     force: FloatArray  #: Mean raw specific force, m/s², shape (3,).
-    force_variance: float  #: From the profile, (m/s²)².
+    force_variance: float  #: Variance from the profile, (m/s²)².
     rate: FloatArray  #: Mean raw rate, rad/s, shape (3,).
-    rate_variance: float  #: From the profile, (rad/s)².
+    rate_variance: float  #: Variance from the profile, (rad/s)².
 
 
 def positions(data: StageData, still: Stillness, context: SolveContext) -> list[Position]:
-    """The rests with their mean outputs."""
+    """Return the rests with their mean outputs."""
     noise = filter_noise(context)
     stride = max(round(noise.interval / data.dt), 1)
     found = []
@@ -108,14 +108,14 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
 
 
 def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> float:
-    """Standard deviation that, added to the noise, brings the squared residuals to their degrees of freedom.
+    """Return the additional standard deviation with which chi-square equals the degrees of freedom `redundancy`.
 
-    It is 0 if the known variances explain the residuals or `redundancy`, the degrees of freedom, is below 1.
+    It is 0 if the known variances explain the residuals or if `redundancy` is below 1.
     """
     total = float(np.sum(residual**2 / variance))
     if redundancy < 1.0 or total <= chi_square_quantile(SIGNIFICANT, redundancy):
         return 0.0
-    from scipy.optimize import brentq  # half a second to import, for the few recordings that need it
+    from scipy.optimize import brentq  # takes half a second to import and is rarely needed
 
     most = float(np.sum(residual**2)) / redundancy
     found = brentq(lambda x: float(np.sum(residual**2 / (variance + x))) - redundancy, 0.0, most)
@@ -123,7 +123,7 @@ def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> flo
 
 
 class PositionRows:
-    """Rows of one recording: 6 of each rest, 3 of each motion, then those of the prior."""
+    """Rows of one recording: 6 rows per rest, 3 per motion, and then those of the prior."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class PositionRows:
         self.turn_variance = self.turn_noise + scatter.turn**2
 
     def rows(self, point: FloatArray, attitudes: FloatArray, north: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point.
+        """Return the Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point.
 
         `north` is the horizontal earth rate in each chain's level frame, rad/s, shape (m, 2).
         """
@@ -234,7 +234,7 @@ class PositionRows:
         return H * weight, residual * weight
 
     def _prior_rows(self) -> FloatArray:
-        """Prior of parameters and earth rates, fixed heading of each chain, and bias drift from rest to rest."""
+        """Return the rows of the prior: parameters, earth rates, first headings, and bias drift between rests."""
         rows = [np.eye(COUNT, self.columns), np.eye(2 * len(self.chains), self.columns, self.north)]
         for k in self.chains:
             row = np.zeros((1, self.columns))
@@ -253,7 +253,7 @@ class PositionRows:
 
 
 def gyro_derivative(start: FloatArray, c: Compensation, time: FloatArray, rate: FloatArray) -> FloatArray:
-    """Derivative of a rotation by the parameters `GYRO_COLUMNS` as a rotation vector in the frame of `start`, (3, 12).
+    """Return the derivative of a rotation vector in the frame of `start` by `GYRO_COLUMNS`, shape (3, 12).
 
     δφ = −∫ C (I + M_g)⁻¹ (δb + δM ω) dt, with C = `start` C_b(start)←b(t) and the integrals of `integrate_rotation`.
     """
@@ -262,7 +262,7 @@ def gyro_derivative(start: FloatArray, c: Compensation, time: FloatArray, rate: 
 
 
 def square_root(P: FloatArray) -> FloatArray:
-    """L with L Lᵀ = P, by eigenvectors of the correlation, so that P may be singular."""
+    """Return L with L Lᵀ = P, computed from the eigenvectors of the correlation so that P may be singular."""
     sigma = np.sqrt(np.diag(P))
     safe = np.where(sigma > 0.0, sigma, 1.0)
     values, vectors = np.linalg.eigh(P / np.outer(safe, safe))
@@ -273,7 +273,7 @@ def square_root(P: FloatArray) -> FloatArray:
 def integrate_rotation(
     gyro_inverse: FloatArray, bias: FloatArray, dt: float, gyro: FloatArray, start: int, stop: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Rotation of the body between two samples, and the integrals of its derivative by the gyro parameters.
+    """Integrate the body rotation between two samples, and the terms of its derivative by the gyro parameters.
 
     Returns
     -------
@@ -293,7 +293,7 @@ def integrate_rotation(
             continue
         if k == 0:
             last[:] = omega
-        for i in range(3):  # coning by the last and the present increment, as `physics.strapdown`
+        for i in range(3):  # coning from the last and the present increment, as in `physics.strapdown`
             j, m = (i + 1) % 3, (i + 2) % 3
             rotvec[i] = omega[i] * dt + (last[j] * omega[m] - last[m] * omega[j]) * dt * dt / 12.0
         turn = rotation_matrix(rotvec)

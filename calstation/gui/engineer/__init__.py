@@ -1,6 +1,6 @@
-"""The Engineer page: choice of stages, preview, and analysis of a result.
+"""The engineer page: choice of stages, preview, and analysis of a result.
 
-Computations belong to `results`.
+The computations are in `results`.
 """
 
 import lazy_loader as lazy

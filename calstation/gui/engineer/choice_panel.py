@@ -1,4 +1,4 @@
-"""The left of the engineer page: the stages to calibrate, and the schedule of the stage selected."""
+"""The left panel of the engineer page: the stages to run, and the schedule of the selected stage."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -12,7 +12,7 @@ from calstation.gui.engineer.schedule_form import ScheduleForm
 from calstation.gui.text import bind, on_language_change, term
 from calstation.gui.widgets import button, clear, column, enable, label, row, scroll_area, theme
 
-#: Stages of each part, by the end of the part's object name.
+#: Stages of each part of the calibration, by the suffix of its check box's object name.
 PARTS = {
     "scale_factors": ("rate", "six_position"),
     "installation": ("excitation",),
@@ -22,7 +22,7 @@ _ROW_HEIGHT = theme.BUTTON - theme.GRID
 
 
 class ChoicePanel(QFrame):
-    """Emits `changed` with stages, order or values, and `save_wanted` and `unlock_wanted` from its buttons."""
+    """Emits `changed` when stages, order or values change; its buttons emit `save_wanted` and `unlock_wanted`."""
 
     changed = Signal()
     save_wanted = Signal()
@@ -62,22 +62,22 @@ class ChoicePanel(QFrame):
 
     @property
     def schedule(self) -> dict[str, Mapping[str, Any]]:
-        """Departures from the product's schedule, by chosen stage; stages without any are left out."""
+        """Deviations from the product's schedule, by chosen stage; stages without deviations are omitted."""
         found = {stage: self._forms[stage].departures for stage in self.parts.stages}
         return {stage: departures for stage, departures in found.items() if departures}
 
     @property
     def invalid(self) -> tuple[str, ...]:
-        """Chosen stages whose schedule cannot be run as typed."""
+        """Chosen stages whose entered schedule is not valid."""
         return tuple(stage for stage in self.parts.stages if not self._forms[stage].valid)
 
     @property
     def form(self) -> ScheduleForm:
-        """The form of the stage selected."""
+        """The form of the selected stage."""
         return self._forms[self.parts.current]
 
     def show_options(self, options: ScheduleOptions) -> None:
-        """Offer a product's stages with their schedules."""
+        """Offer the stages of a product with their schedules."""
         clear(self._form_box)
         self._forms = {stage: ScheduleForm(stage, options) for stage in options.offered}
         for form in self._forms.values():
@@ -87,9 +87,9 @@ class ChoicePanel(QFrame):
         self.parts.offer(options.offered, options.stages)
 
     def lock(self, choice: str, schedule: str, save: str, *, new_pin: bool) -> None:
-        """Disable the choice of stages, the schedule and its saving, each with its reason; "" enables it.
+        """Disable the stage choice, the schedule and the save button, each for the given reason; "" enables it.
 
-        The button that unlocks is named by whether a `new_pin` must be set first.
+        `new_pin` selects the text of the unlock button: whether a PIN must first be set or is to be entered.
         """
         self._new_pin = new_pin
         self._show_texts()
@@ -120,7 +120,7 @@ class ChoicePanel(QFrame):
 
 
 class Parts(QWidget):
-    """Check boxes of parts and stages; emits `changed` with the choice or its order, `selected` with a stage's row."""
+    """Check boxes of parts and stages; emits `changed` for the choice or its order and `selected` for a stage's row."""
 
     changed = Signal()
     selected = Signal(str)
@@ -151,11 +151,11 @@ class Parts(QWidget):
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """The stages chosen, in their order."""
+        """The chosen stages in run order."""
         return tuple(each.stage for each in self._rows if each.check.isChecked())
 
     def offer(self, stages: tuple[str, ...], chosen: tuple[str, ...]) -> None:
-        """Offer these stages, the `chosen` ones checked."""
+        """Offer these stages, with the `chosen` ones checked."""
         clear(self._list)
         self._rows = [_StageRow(stage, self) for stage in stages]
         for each in self._rows:
@@ -170,21 +170,21 @@ class Parts(QWidget):
         self._toggled()
 
     def select(self, stage: str) -> None:
-        """Select a stage's row."""
+        """Select the row of a stage."""
         self.current = stage
         for each in self._rows:
             theme.set_kind(each, "current" if each.stage == stage else "")
         self.selected.emit(stage)
 
     def lock(self, why: str) -> None:
-        """Disable the choice with a reason; "" enables it."""
+        """Disable the choice for the given reason; "" enables it."""
         for check in (*self._parts.values(), *(each.check for each in self._rows)):
             enable(check, why)
         for each in self._rows:
             each.setEnabled(not why)
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Select the row that gets the focus."""
+        """Select the row that receives the focus."""
         if event.type() == QEvent.Type.FocusIn:
             for each in self._rows:
                 if each.check is watched and each.stage != self.current:
@@ -220,7 +220,7 @@ class Parts(QWidget):
         self._toggled()
 
     def _arrange(self) -> None:
-        """Lay out the rows in their order, which is that of Tab."""
+        """Lay out the rows in run order, and set the same Tab order."""
         previous: QWidget = self._parts["biases"]
         for index, each in enumerate(self._rows):
             self._list.removeWidget(each)
@@ -233,7 +233,7 @@ class Parts(QWidget):
 
 
 class _StageRow(QFrame):
-    """One stage: its number among those chosen, its check box, and buttons that move it."""
+    """Row of a stage: its number in the run order, its check box, and buttons that move it."""
 
     moved = Signal(object, int)
 

@@ -1,4 +1,4 @@
-"""Innovations of a stage, residuals of every rest after compensation, and observability of a stage."""
+"""Views of a stage's innovations, of the residuals of all rest periods after compensation, and of observability."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -16,17 +16,17 @@ from calstation.gui.widgets import Column, ElidedLabel, EmptyState, ThemedPlot, 
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
 from calstation.results import Diagnostics, StageDiagnostics
 
-#: Largest number of observations inside ±3 σ drawn in each plot; more are thinned out.
-_MOST = 1500
+#: Maximum number of observations within ±3 σ drawn per plot; larger numbers are decimated.
+_MAX_POINTS = 1500
 _BOUND = 3.0
 #: With fewer observations, a mean below its band is not significant.
-_FEW = 100
-#: Least range of a plot, sigmas either way.
-_LEAST_RANGE = 5.0
+_MIN_COUNT = 100
+#: Minimum half range of a plot, in sigmas.
+_MIN_HALF_RANGE = 5.0
 
 
 class InnovationsView(StackedPlots[Diagnostics]):
-    """One plot for each component, and below them one line for each stage."""
+    """One plot for each innovation component, and below them a table with one row for each stage."""
 
     def __init__(self) -> None:
         super().__init__(3, 7 * theme.GRID)
@@ -60,7 +60,7 @@ class InnovationsView(StackedPlots[Diagnostics]):
         on_language_change(self, table.parameters.refresh)
 
     def show_data(self, diagnostics: Diagnostics) -> None:
-        """Show diagnostics, starting with the stage that has most innovations."""
+        """Show diagnostics, starting with the stage that has the most innovations."""
         sizes = {s.stage: len(s.innovations.seq) for s in diagnostics.stages if s.innovations is not None}
         longest = max(sizes, key=lambda stage: sizes[stage], default="")
         self._stage_combo.offer(list(sizes), longest)
@@ -82,14 +82,14 @@ class InnovationsView(StackedPlots[Diagnostics]):
         for number, (plot, name) in enumerate(zip(self.plots, self._components(stage), strict=True)):
             values = innovations.normalised[:, number]
             beyond = np.abs(values) > _BOUND
-            inside = np.flatnonzero(~beyond)[:: -(-len(values) // _MOST)]
+            inside = np.flatnonzero(~beyond)[:: -(-len(values) // _MAX_POINTS)]
             for drawn, colour, grow in ((inside, c.accent, 0), (np.flatnonzero(beyond), c.bad, 2)):
                 style = {"size": size + grow, "pen": None, "brush": pg.mkBrush(colour)}
                 self.add(plot, pg.ScatterPlotItem(minutes[drawn], values[drawn], **style))
             for level in (-_BOUND, 0.0, _BOUND):
                 pen = pg.mkPen(c.line) if level == 0.0 else dashed(c.muted)
                 self.add(plot, pg.InfiniteLine(level, 0, pen=pen))
-            reach = max(_LEAST_RANGE, float(np.abs(values).max(initial=0.0)) * 1.05)
+            reach = max(_MIN_HALF_RANGE, float(np.abs(values).max(initial=0.0)) * 1.05)
             plot.setYRange(-reach, reach, padding=0.0)
             name_axis(plot, "left", name)
         name_axis(self.plots[2], "bottom", self.tr("time in the stage, min"))
@@ -100,20 +100,20 @@ class InnovationsView(StackedPlots[Diagnostics]):
         )
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:
-        """Names of the components: velocity in the level frame, or along the unit's axes."""
+        """Return the names of the components: velocity in the level frame, or along the unit's axes."""
         if stage.details.get("turns") or stage.details.get("positions"):
             return "x, σ", "y, σ", "z, σ"
         return self.tr("east, σ"), self.tr("north, σ"), self.tr("up, σ")
 
 
 def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
-    """The mean NIS of a stage, its band, and a state and the name of its words."""
+    """Return the mean NIS of a stage, its band, the badge state and the key of the verdict text."""
     c = stage.consistency
     state, verdict = "good", "inside"
     if not c.passed:
         state, verdict = "bad", "above"
     elif c.warning:
-        state, verdict = "none" if c.count < _FEW else "caution", "below"
+        state, verdict = "none" if c.count < _MIN_COUNT else "caution", "below"
     return {
         "mean": f"{c.nis_mean:.3f}",
         "band": f"{c.nis_low:.3f} – {c.nis_high:.3f}",
@@ -123,16 +123,16 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
 
 
 _LEFT = 9 * theme.GRID
-#: A rest is named by the axis that is within this angle (its cosine) of up.
-_UPWARD = np.cos(np.deg2rad(30.0))
+#: Cosine of 30°; a rest period is named after the body axis within this angle of the upward direction.
+_COS_UPWARD = np.cos(np.deg2rad(30.0))
 
 
 class ResidualsView(StackedPlots[Diagnostics]):
-    """Three plots over the rests of all stages; the rest under the pointer is described."""
+    """Three plots over the rest periods of all stages, with a description of the one under the pointer."""
 
     def __init__(self) -> None:
         super().__init__(3, _LEFT)
-        #: Each rest drawn, as its stage and its number in it.
+        #: Stage and index within the stage of each rest period drawn.
         self._rests: list[tuple[StageDiagnostics, int]] = []
         self._rest_label = ElidedLabel()
         self._rest_label.setObjectName("rest_label")
@@ -148,7 +148,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         on_language_change(self, self._explain)
 
     def draw(self, diagnostics: Diagnostics) -> None:
-        """Draw the rests of all stages."""
+        """Draw the rest periods of all stages."""
         stages = [stage for stage in diagnostics.stages if len(stage.rests)]
         self._rests = [(stage, k) for stage in stages for k in range(len(stage.rests))]
         bands: list[Band] = []
@@ -166,12 +166,12 @@ class ResidualsView(StackedPlots[Diagnostics]):
         self._name_ticks()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Name as many rests as the width allows."""
+        """Label as many rest periods as the width allows."""
         super().resizeEvent(event)
         self._name_ticks()
 
     def leaveEvent(self, event: QEvent) -> None:
-        """Explain the plots again."""
+        """Show the explanation of the plots again."""
         self._explain()
         super().leaveEvent(event)
 
@@ -217,15 +217,15 @@ class ResidualsView(StackedPlots[Diagnostics]):
 
 
 def upward_axis(up: FloatArray) -> str:
-    """The axis within 30° of up, "" if there is none; `up` in the body, shape (3,)."""
+    """Return the signed axis within 30° of `up`, "" if there is none; `up` is in the body frame, shape (3,)."""
     axis = int(np.argmax(np.abs(up)))
-    if abs(up[axis]) < _UPWARD:
+    if abs(up[axis]) < _COS_UPWARD:
         return ""
     return ("+" if up[axis] > 0.0 else "−") + "xyz"[axis]
 
 
 def _columns(stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, FloatArray]]:
-    """Values and sigmas of each plot, in the units shown."""
+    """Return the values and sigmas of each plot in display units."""
 
     def column(name: str, unit: float) -> FloatArray:
         return np.concatenate([np.empty(0), *(getattr(stage.rests, name) for stage in stages)]) / unit
@@ -238,15 +238,15 @@ def _columns(stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, Float
     ]
 
 
-#: Strength from which a state counts as observable.
+#: Strength above which a state counts as observable.
 OBSERVABLE = 1.0 / 0.9
-#: Range of the scale: strengths from 1 to 100 000.
+#: Range of the colour scale in decades: strengths from 1 to 100 000.
 _DECADES = 5
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 5 * theme.GRID
 
 
 class ObservabilityView(QWidget):
-    """The heat map of a stage, and the states that it does not determine."""
+    """Heat map of a stage's observability, with a list of the states that the stage does not determine."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -268,7 +268,7 @@ class ObservabilityView(QWidget):
         on_language_change(self, self._show_texts)
 
     def show_stages(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
-        """Show the observability of stages, as a result or a preview has it."""
+        """Show the observability of stages from a result or a preview."""
         self._stages = {name: found for name, found in stages.items() if found.get("segments")}
         self._stage_combo.offer(list(self._stages))
         self._show()
@@ -287,7 +287,7 @@ class ObservabilityView(QWidget):
         self._empty.setVisible(found is None)
         if found is None:
             return
-        # The table holds the unit: no observation ever depends on the position error.
+        # The unit is fixed to the table, so no observation depends on the position error.
         states = {n: state for n, state in found["states"].items() if not n.startswith("position_error")}
         self.map.show_strengths(
             tuple(states),
@@ -303,7 +303,7 @@ class ObservabilityView(QWidget):
 
 
 class HeatMap(ThemedPlot):
-    """Strengths on a logarithmic colour scale; an unobservable cell is a dot, tooltips give the values."""
+    """Strengths on a logarithmic colour scale; a dot marks an unobservable cell, and tooltips show the values."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -326,7 +326,7 @@ class HeatMap(ThemedPlot):
         self.getAxis("left").setStyle(tickFont=theme.font(11), tickLength=0)
 
     def show_strengths(self, names: tuple[str, ...], steps: tuple[int, ...], strength: FloatArray) -> None:
-        """Show the strengths of named states: prior sigma over the sigma after each step, shape (names, steps)."""
+        """Show the strengths of states: prior sigma divided by the sigma after each step, shape (names, steps)."""
         self._names, self._steps, self._strength = names, steps, strength
         self.setMinimumHeight(_ROW * len(names) + _AXIS)
         lost = strength <= OBSERVABLE
@@ -341,12 +341,12 @@ class HeatMap(ThemedPlot):
         self.setRange(QRectF(0.0, 0.0, len(steps), len(names)), padding=0.0)
 
     def centre_of(self, line: int, step: int) -> QPoint:
-        """The middle of a cell in the view."""
+        """Return the centre of a cell in view coordinates."""
         centre: QPoint = self.mapFromScene(self.getViewBox().mapViewToScene(pg.Point(step + 0.5, line + 0.5)))
         return centre
 
     def describe(self, at: QPoint) -> str:
-        """The cell at a point of the view in words, "" beside the cells."""
+        """Return a description of the cell at a point of the view, "" outside the cells."""
         found = self.getViewBox().mapSceneToView(self.mapToScene(at))
         line, step = int(np.floor(found.y())), int(np.floor(found.x()))
         if not (0 <= line < len(self._names) and 0 <= step < len(self._steps)):
@@ -366,7 +366,7 @@ class HeatMap(ThemedPlot):
         return bool(super().viewportEvent(event))
 
     def _state_name(self, state: str) -> str:
-        """Group and component, such as "gyro bias x"."""
+        """Return the group and component of a state, such as "gyro bias x"."""
         group, _, component = state.rpartition("_")
         errors = {"attitude_error": self.tr("attitude"), "velocity_error": self.tr("velocity")}
         directions = {"east": self.tr("east"), "north": self.tr("north"), "up": self.tr("up")}

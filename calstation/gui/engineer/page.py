@@ -1,4 +1,4 @@
-"""The engineer page: stages, schedules and preview on the left and in the first view, results in the others."""
+"""The engineer page: stages and schedules on the left; preview, results and registers in tabs on the right."""
 
 import re
 from collections.abc import Mapping
@@ -39,13 +39,13 @@ _LEFT = 46 * theme.GRID
 
 
 class EngineerPage(Page):
-    """Parts, schedules, preview and START; parameters, innovations, residuals, observability, registers."""
+    """Page with stage choice, schedules, preview and START, and with views of results and registers."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("engineer_page")
         self._options: ScheduleOptions | None = None
-        #: Why station and product cannot be used together.
+        #: Error that prevents the use of station and product, or None.
         self._problem: CalstationError | None = None
         self._faulty = False
         self.header = self._header = _Header(app.run)
@@ -63,7 +63,7 @@ class EngineerPage(Page):
 
     @staticmethod
     def title() -> str:
-        """The page's name on its tab."""
+        """Return the title of the page's tab."""
         return QCoreApplication.translate("EngineerPage", "Engineer")
 
     def _lay_out(self) -> None:
@@ -116,10 +116,10 @@ class EngineerPage(Page):
         self._source.setText(self.analysis.source())
         self._update()
 
-    # ---- what is chosen
+    # ---- choice of stages and schedule
 
     def _read_options(self) -> None:
-        """Read station and product again; while something is wrong with them the page is disabled and says why."""
+        """Read station and product again; an error disables the controls, whose tooltips then show the reason."""
         app = self.app
         self._options = self._problem = None
         try:
@@ -144,7 +144,7 @@ class EngineerPage(Page):
         self._update()
 
     def _choice_undone(self) -> None:
-        """Another page went back to the product's whole calibration."""
+        """Reset the choice after another page has selected the product's complete calibration."""
         found = self._options
         if found is None or self.app.stages is not None:
             return
@@ -153,7 +153,7 @@ class EngineerPage(Page):
             self._update()
 
     def _role_changed(self, role: str) -> None:
-        """Without the engineer's role the product is run as it is."""
+        """Restore the product's own stages and schedule when the role changes to operator."""
         if role == "operator":
             self.app.choose(None, None)
         self._update()
@@ -230,7 +230,7 @@ class EngineerPage(Page):
         self.app.engine_link.start(self._request())
 
     def _run_changed(self) -> None:
-        """Update after a fault only: this comes many times a second."""
+        """Update only when a fault occurs or is cleared, because this slot is called many times per second."""
         faulty = self.app.run.fault is not None
         if faulty != self._faulty:
             self._faulty = faulty
@@ -240,7 +240,7 @@ class EngineerPage(Page):
         if isinstance(event, Verdict):
             self.analysis.open(Path(event.result_file))
 
-    # ---- a finished run
+    # ---- finished run
 
     def _ask_file(self) -> None:
         dialog = QFileDialog(self, self.tr("Open a result or a log"), str(self.app.runs_folder))
@@ -263,10 +263,10 @@ class EngineerPage(Page):
         self._views.setCurrentIndex(index)
         self.analysis.prepare(self._views.currentWidget())
 
-    # ---- what may be done now, and why not
+    # ---- available actions
 
     def _update(self) -> None:
-        """Enable what may be done now; tooltips say why not."""
+        """Enable the actions that are possible now; the tooltips of the others show the reason."""
         found, role = self._options, self._why_not_role()
         busy = ""
         if self.app.engine_link.running:
@@ -319,7 +319,7 @@ class EngineerPage(Page):
 
 
 class _Header(QWidget):
-    """The strip beside STOP: unit, engineer, START, and how the run is doing; emits `edited` with every key."""
+    """Header beside STOP: serial number, engineer's name, START and run status; emits `edited` on every text change."""
 
     start_pressed = Signal()
     edited = Signal()
@@ -345,12 +345,12 @@ class _Header(QWidget):
 
     @property
     def serial(self) -> str:
-        """The serial number typed."""
+        """The serial number entered."""
         return self.serial_edit.text().strip()
 
     @property
     def engineer(self) -> str:
-        """The name typed."""
+        """The engineer's name entered."""
         return self.engineer_edit.text().strip()
 
     def _captioned(self, edit: QLineEdit, name: str, words: Words) -> QVBoxLayout:

@@ -1,4 +1,4 @@
-"""The preview: motion, time, limits and expected sigmas of the chosen stages, before anything moves."""
+"""The preview of the chosen stages: motion, duration, limits and expected sigmas, computed before the run."""
 
 from collections.abc import Callable
 from functools import partial
@@ -29,12 +29,12 @@ from calstation.gui.widgets import (
 from calstation.physics import INDEX, NAMES, display
 from calstation.results import Preview, Violation, compute_preview
 
-#: Shape of each verdict of a parameter (`widgets.badge.KINDS`).
+#: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _STATES = {"reached": "good", "missed": "bad"}
 
 
 class PreviewView(QWidget):
-    """The preview of the run that `request` gives, as it is chosen now, and the button that computes it."""
+    """The preview of the run that `request` returns, and the button that computes it."""
 
     def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
@@ -73,7 +73,7 @@ class PreviewView(QWidget):
         on_language_change(self, self._show_texts)
 
     def mark_outdated(self) -> None:
-        """Show that the choice has changed since this preview."""
+        """Mark the preview as outdated because the choice has changed."""
         self._outdated = self.preview is not None
         self._refresh()
 
@@ -122,7 +122,7 @@ class PreviewView(QWidget):
         self._problems.setVisible(bool(problems) and not busy)
 
     def _columns(self, preview: Preview) -> list[Column]:
-        """Unit, sigma before, after each stage, limit, target, verdict."""
+        """Return the columns: unit, sigma before and after each stage, limit, target and verdict."""
         table = self._table
         stages = [
             table.column(
@@ -147,7 +147,7 @@ class PreviewView(QWidget):
 
 
 class MotionPlot(StackedPlots[Preview]):
-    """The angles of both joints against time, with the stages and the travel."""
+    """Plots of the angles of both joints against time, with the stages and the travel limits."""
 
     def __init__(self) -> None:
         super().__init__(2, 9 * theme.GRID)
@@ -157,7 +157,7 @@ class MotionPlot(StackedPlots[Preview]):
         column(*((plot, 1) for plot in self.plots), on=self, spacing=0)
 
     def draw(self, preview: Preview) -> None:
-        """Draw angles, bands and travel."""
+        """Draw the angles, stage bands and travel limits."""
         c = theme.colours()
         self.add_bands([(term("stage", s.stage), s.begin / 60.0, s.end / 60.0) for s in preview.stages])
         angles = (preview.outer, preview.inner)
@@ -197,7 +197,7 @@ def _problem_texts(preview: Preview) -> list[str]:
 
 
 def _violation_text(violation: Violation) -> str:
-    """A violated limit with its step and the remedy."""
+    """Return the text of a violated limit with its step and the remedy."""
     if violation.kind == "plan":
         return f"{term('stage', violation.stage)}: {show(violation.text)}"
     values = {"stage": violation.stage, "step": violation.step, "more": violation.more}
@@ -231,7 +231,7 @@ def _cells(preview: Preview, name: str) -> dict[str, str]:
 
 
 def _gain_text(preview: Preview, number: int, name: str) -> str:
-    """By how much a stage improves a parameter."""
+    """Return a text that states by which factor a stage improves a parameter."""
     stage = preview.stages[number]
     if stage.sigma is None:
         return "" if stage.error is None else show(stage.error)
@@ -243,20 +243,20 @@ def _gain_text(preview: Preview, number: int, name: str) -> str:
 
 
 def _names(preview: Preview) -> tuple[str, ...]:
-    """Parameters that some stage estimates, in the order of the parameter table."""
+    """Return the parameters that at least one stage estimates, in the order of the parameter table."""
     estimated = {name for stage in preview.stages for name in stage.estimated}
     return tuple(name for name in NAMES if name in estimated)
 
 
 def _reached(preview: Preview, name: str) -> bool | None:
-    """Whether a parameter will meet its sigma limit, None if unknown or without a limit."""
+    """Whether a parameter is expected to meet its sigma limit; None if unknown or if there is no limit."""
     sigma = preview.stages[-1].sigma if preview.stages else None
     limit = preview.limits.get(name)
     return None if sigma is None or limit is None else float(sigma[INDEX[name]]) <= limit
 
 
 def _shown(name: str, sigma: float | None) -> str:
-    """A sigma in the unit shown, with three digits; "" for None."""
+    """Format a sigma in its display unit, normally with three significant digits; "" for None."""
     if sigma is None:
         return ""
     value = abs(display(name, sigma)[0])

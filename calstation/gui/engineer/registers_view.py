@@ -1,4 +1,4 @@
-"""The unit's registers, old against new: read as a job, and written by the engine after a confirmation."""
+"""Old and new values of the unit's registers, which a job reads and the engine writes after confirmation."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -32,31 +32,31 @@ from calstation.registers import Register, TargetRegisters, UnitRegisters, read_
 from calstation.results import FinishedRun
 from calstation.sequencer import Event, Fault, Message, Settled, StepStarted
 
-#: Stands for the unit in a request while no serial number is given.
+#: Placeholder for the serial number in a request while none has been entered.
 UNNAMED = "-"
 
-#: Events that tell in which state an incomplete write has left the unit.
+#: Events that report the state in which an incomplete write has left the unit.
 _INCOMPLETE = ("transfer_unproved", "old_unproved")
 
 
 class RegistersView(QWidget):
-    """Emits `changed` when other actions may have become possible; `request` gives station, product and engineer."""
+    """Emits `changed` when the possible actions may have changed; `request` returns station, product and engineer."""
 
     changed = Signal()
 
     def __init__(self, app: AppContext, request: Callable[[], RunRequest]) -> None:
         super().__init__()
         self._app, self._request = app, request
-        #: Registers read from the unit, None before, and those that the result asks for, None without a result.
+        #: Registers read from the unit, None before reading, and the target registers of the result, None without one.
         self.unit: UnitRegisters | None = None
         self.target: TargetRegisters | None = None
-        #: The station whose table turns to verify a write, "" for a rig turned by hand.
+        #: Name of the station whose table rotates to verify a write, "" for a manual rig.
         self.table = ""
         self._run: FinishedRun | None = None
         self._operation: RegisterOperation | None = None
-        #: The last event of `_INCOMPLETE` of the present write.
+        #: The last event of the current write that is in `_INCOMPLETE`, "" if none.
         self._incomplete = ""
-        #: What verified the present write, "" if there was none; see `Settled.proof`.
+        #: How the current write was verified, "" if it was not; see `Settled.proof`.
         self._proof = ""
         self._old: dict[str, Register] = {}
         self._new: dict[str, Register] = {}
@@ -106,7 +106,7 @@ class RegistersView(QWidget):
         )
 
     def show_run(self, run: FinishedRun) -> None:
-        """Find the registers that a run's result asks for."""
+        """Determine the target registers of a run's result."""
         self._run = run
         self._show_target(None)
         if run.result.parameters:
@@ -114,7 +114,7 @@ class RegistersView(QWidget):
             self._target_watch.watch(job)
 
     def set_why_not(self, read: str, write: str) -> None:
-        """Disable reading and writing with their reasons; "" enables them."""
+        """Disable reading and writing for the given reasons; "" enables the action."""
         enable(self._read_button, read)
         enable(self._write_button, write)
         self._why_not = "" if self._proof or read else write
@@ -123,7 +123,7 @@ class RegistersView(QWidget):
             self._notice.dismiss()
 
     def why_not_write(self) -> str:
-        """Why nothing can be written yet, "" if it can."""
+        """Return why the registers cannot be written yet, "" if they can."""
         if self.target is None:
             return say("engineer.no_target")
         if self.unit is None:
@@ -137,7 +137,7 @@ class RegistersView(QWidget):
     # ---- reading and writing
 
     def _product_changed(self) -> None:
-        """The registers depend on the product's profile: find them again."""
+        """Determine the target registers again, because they depend on the product's profile."""
         if self._run is not None and self._operation is None:
             self.show_run(self._run)
 
@@ -168,7 +168,7 @@ class RegistersView(QWidget):
         self._app.engine_link.start(self._operation)
 
     def _follow(self, event: Event) -> None:
-        """Show the progress and the end of the present write."""
+        """Show the progress and the end of the current write."""
         if self._operation is None or self._app.engine_link.operation is not self._operation:
             return
         if isinstance(event, Message):
@@ -192,7 +192,7 @@ class RegistersView(QWidget):
         else:
             self._show_error(lambda: say("engineer.write_stopped"))
 
-    # ---- what is shown
+    # ---- display
 
     def _show_target(self, target: TargetRegisters | None) -> None:
         self.target = target
@@ -265,7 +265,7 @@ class RegistersView(QWidget):
         return ""
 
     def _ask(self) -> None:
-        """State exactly what will change, and wait for confirmation."""
+        """Show exactly what will change, and ask for confirmation."""
         target, unit = self.target, self.unit
         assert target is not None
         assert unit is not None
@@ -305,7 +305,7 @@ class RegistersView(QWidget):
         return ", ".join(f"{a}" if a == b else f"{a}–{b}" for a, b in ranges)
 
     def _show_reason(self) -> None:
-        """Show beside the button why it is disabled: a touch screen has no tooltips."""
+        """Show the reason beside a disabled button, because a touch screen shows no tooltips."""
         self._reason.setText(self._why_not)
         self._reason.setVisible(bool(self._why_not) and not self.watch.busy and self._progress is None)
 
@@ -325,7 +325,7 @@ class RegistersView(QWidget):
         self._about.setText(words())
 
     def _state(self) -> tuple[str, str]:
-        """Shape of the badge and name of its words, "" if there is none."""
+        """Return the badge shape and the key of its text, or "" for both if there is no badge."""
         if self._progress is not None:
             return "active", "writing"
         if self._error:

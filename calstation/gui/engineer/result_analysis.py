@@ -1,4 +1,4 @@
-"""A finished run in four views, the first of which shows it parameter by parameter; jobs fill them."""
+"""Four views of a finished run, the first of which is the parameter table; jobs compute their contents."""
 
 from pathlib import Path
 
@@ -40,17 +40,17 @@ from calstation.results import (
 )
 
 _NONE = "–"
-#: A change of more than this many sigmas is marked.
-_NOTABLE = 3.0
-#: Greatest height of the table of checks that concern no single parameter, px.
-_MOST_CHECKS = 26 * theme.GRID
+#: Changes larger than this number of sigmas are highlighted.
+_NOTABLE_SIGMAS = 3.0
+#: Maximum height of the table of checks that do not concern a single parameter, px.
+_MAX_CHECKS_HEIGHT = 26 * theme.GRID
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "sigma_limit")
-#: Shape of each verdict of a parameter (`widgets.badge.KINDS`).
+#: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
 
 
 class ResultView(QWidget):
-    """The table of parameters below the run's verdict, and the checks that concern no single parameter."""
+    """The run's verdict, the parameter table, and the checks that do not concern a single parameter."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -100,7 +100,7 @@ class ResultView(QWidget):
         on_language_change(self, self._show_texts)
 
     def show_run(self, finished: FinishedRun) -> None:
-        """Show a run."""
+        """Show a finished run."""
         self.shown = finished
         result, parameters = finished.result, finished.result.parameters
         names = ordered(parameters)
@@ -114,7 +114,7 @@ class ResultView(QWidget):
         self._table.show_cells(cells, _NUMBERS)
         general = [check for check in result.checks if not of_parameter(check)]
         self._checks.show_checks(general)
-        self._checks.setFixedHeight(min(self._checks.height_of_rows(), _MOST_CHECKS))
+        self._checks.setFixedHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))
         self._checks.setVisible(bool(general))
         self._show_texts()
 
@@ -140,7 +140,7 @@ class ResultView(QWidget):
 
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
-    """The verdict of a run: ``PASS``, or ``PASS (partial: Rate)`` if `stages` of a partial run are to be named."""
+    """Return the verdict of a run: ``PASS``, or ``PASS (partial: Rate)`` if a partial run is to name its `stages`."""
     if not result.partial or not result.stages:
         return term("badge", result.outcome)
     if not stages:
@@ -171,9 +171,9 @@ def _verdict(checks: dict[str, Check]) -> str:
 
 
 def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict[str, Check]) -> dict[str, str]:
-    """The texts of a row, numbers in the unit shown and rounded to the sigma.
+    """Return the texts of a row, with numbers in display units and rounded according to the sigma.
 
-    Besides, ``verdict`` is a key of `_SHAPES` or ``none``, and ``changed`` is there for a notable change.
+    ``verdict`` is a key of `_SHAPES` or ``none``; ``changed`` is present only if the change is to be highlighted.
     """
     value, unit = _display(name, parameter.value)
     sigma, _ = _display(name, parameter.sigma)
@@ -189,7 +189,7 @@ def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict
         cells["previous"] = number(before, sigma)
         cells["change"] = "0" if before == value else number(value - before, sigma)
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
-        if abs(parameter.value - previous) > _NOTABLE * parameter.sigma:
+        if abs(parameter.value - previous) > _NOTABLE_SIGMAS * parameter.sigma:
             cells["changed"] = "yes"
     if "within" in checks and isinstance(checks["within"].limit, tuple):
         low, high = (_display(name, bound)[0] for bound in checks["within"].limit)
@@ -200,20 +200,20 @@ def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict
 
 
 def _limit(value: float, digits: int = 4) -> str:
-    """A limit with this many digits at most, never as a power of ten."""
+    """Format a limit with `digits` significant digits; large values are written as integers."""
     return f"{value:.0f}" if abs(value) >= 10.0 ** (digits - 1) else f"{value:.{digits}g}"
 
 
 def _display(name: str, value: float) -> tuple[float, str]:
-    """In the unit shown; unchanged and without a unit if it is not one of the 30 parameters."""
+    """Return a value in its display unit and the unit; (value, "") if `name` is not one of the 30 parameters."""
     return display(name, value) if name in NAMES else (value, "")
 
 
 class ResultAnalysis(QObject):
-    """The four views of a result and the jobs that fill them.
+    """The four views of a result and the jobs that compute their contents.
 
-    Emits `changed` when another run is being opened or could not be, `loaded(run)` once it is open, and
-    `failed(error)`.
+    Emits `changed` whenever the opening of a run starts or ends, `loaded(run)` when the run is open, and
+    `failed(error)` if it cannot be opened.
     """
 
     changed = Signal()
@@ -232,7 +232,7 @@ class ResultAnalysis(QObject):
         self.innovations, self.residuals = InnovationsView(), ResidualsView()
         self._result, self._observability = _LazyView(self.result), _LazyView(self.observability)
         self._computed = tuple(_LazyView(view, self._diagnosing) for view in (self.innovations, self.residuals))
-        #: Parameters, innovations, residuals, observability.
+        #: The views in order: parameters, innovations, residuals, observability.
         self.views: tuple[QWidget, ...] = (self._result, *self._computed, self._observability)
         self.loading.done.connect(self._loaded)
         self.loading.failed.connect(self._not_loaded)
@@ -247,13 +247,13 @@ class ResultAnalysis(QObject):
         self.changed.emit()
 
     def show_preview(self, preview: Preview) -> None:
-        """Show the observability that a preview expects, until a run is opened."""
+        """Show the observability predicted by a preview, unless a run is open."""
         if self._run is None:
             self.observability.show_stages({s.stage: s.observability for s in preview.stages})
             self._observability.show_view()
 
     def prepare(self, view: QWidget | None) -> None:
-        """Compute innovations and residuals if `view` shows them and they are not there yet."""
+        """Compute innovations and residuals if `view` shows them and they have not been computed yet."""
         run = self._run
         if run is None or view not in self._computed or run.log == self._diagnosed_log is not None:
             return
@@ -270,7 +270,7 @@ class ResultAnalysis(QObject):
                 lazy.show_work()
 
     def source(self) -> str:
-        """Serial number, time and verdict of the run shown, in a line."""
+        """Return the serial number, time and verdict of the run shown, on one line."""
         if self.loading.busy and self._path is not None:
             return self.tr("Opening {0}").format(self._path.name)
         if self._run is None:
@@ -319,7 +319,7 @@ def _why_no_result(run: FinishedRun) -> str:
 
 
 class _LazyView(QStackedWidget):
-    """A view that explains what it will show, or its job, until there is something to show."""
+    """A stack that shows an explanation or the progress of a job until the view has contents."""
 
     def __init__(self, view: QWidget, watch: JobWatch | None = None) -> None:
         super().__init__()
@@ -338,11 +338,11 @@ class _LazyView(QStackedWidget):
         self.setCurrentIndex(1)
 
     def show_work(self) -> None:
-        """Show the progress of its job."""
+        """Show the progress of the job."""
         self.setCurrentIndex(2)
 
     def show_empty(self, why: Words | None = None) -> None:
-        """Show why there is nothing to show, or how to get it."""
+        """Show why the view has no contents, or how to obtain them."""
         self._why = why
         self._show_texts()
         self.setCurrentIndex(0)

@@ -1,4 +1,4 @@
-"""The schedule of a stage as a form made from its method's model: checked as typed, each problem beside its field."""
+"""Form for a stage's schedule, generated from its method's model; errors are shown at each field during input."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -15,7 +15,7 @@ from calstation.physics import DISPLAY
 
 
 class ScheduleForm(QWidget):
-    """The fields of one stage; emits `changed` at every key. Values are those typed, right or wrong."""
+    """The fields of one stage; emits `changed` on every edit. The values are as entered, valid or not."""
 
     changed = Signal()
 
@@ -28,7 +28,7 @@ class ScheduleForm(QWidget):
         self._rows = {
             field.name: _TargetsRow(stage, field, shown) if field.kind == "targets" else _Row(stage, field)
             for field in schedule_fields(stage)
-            if field.kind != "other"  # only the product's file can set it
+            if field.kind != "other"  # can be set only in the product file
         }
         column(*self._rows.values(), None, on=self)
         for each in self._rows.values():
@@ -38,7 +38,7 @@ class ScheduleForm(QWidget):
 
     @property
     def values(self) -> dict[str, Any]:
-        """Values typed, by field; text that is not a number stays text, which the check refuses."""
+        """Entered values by field; text that is not a number is kept as text, which the check rejects."""
         return {**self._options.schedules[self.stage], **{name: each.value for name, each in self._rows.items()}}
 
     @property
@@ -49,7 +49,7 @@ class ScheduleForm(QWidget):
 
     @property
     def valid(self) -> bool:
-        """Whether the schedule can be run."""
+        """Whether the entered schedule is valid."""
         return not schedule_problems(self.stage, self.values, self._options)
 
     def fill(self, values: Mapping[str, Any]) -> None:
@@ -59,12 +59,12 @@ class ScheduleForm(QWidget):
         self._check()
 
     def reset(self) -> None:
-        """Go back to the product's values."""
+        """Restore the product's values."""
         self.fill(self._options.schedules[self.stage])
         self.changed.emit()
 
     def lock(self, why: str) -> None:
-        """Disable the fields with a reason; "" enables them."""
+        """Disable the fields for the given reason; "" enables them."""
         for each in self._rows.values():
             each.lock(why)
 
@@ -80,7 +80,7 @@ class ScheduleForm(QWidget):
 
 
 class _Row(QWidget):
-    """The input of a field, its name before it, and what is wrong with the value below."""
+    """Name and input of a field; an error in the value is shown below them."""
 
     changed = Signal()
 
@@ -128,7 +128,7 @@ class _Row(QWidget):
 
     @property
     def value(self) -> Any:
-        """The value typed or chosen, None for nothing."""
+        """The value entered or chosen, None if the field is empty."""
         (each,) = self._inputs
         if isinstance(each, QCheckBox):
             return each.isChecked()
@@ -138,7 +138,7 @@ class _Row(QWidget):
         return _number(each.text(), whole=self._field.kind == "count")
 
     def fill(self, value: Any) -> None:
-        """Show a value, nothing for None."""
+        """Show a value; for None the field is empty."""
         (each,) = self._inputs
         if isinstance(each, QCheckBox):
             each.setChecked(bool(value))
@@ -149,25 +149,25 @@ class _Row(QWidget):
             each.setText("" if value is None else shown)
 
     def lock(self, why: str) -> None:
-        """Disable the inputs with a reason; "" enables them."""
+        """Disable the inputs for the given reason; "" enables them."""
         for each in self._inputs:
             enable(each, why, self.toolTip())
 
     def show_state(self, problem: ScheduleProblem | None, *, departs: bool) -> None:
-        """Show what is wrong with the value, if anything, and in bold that it is not the product's."""
+        """Show any error in the value, and show the name in bold if the value differs from the product's."""
         self._problem.setText(_problem_text(self._field, problem) if problem else "")
         self._problem.setVisible(problem is not None)
         self._name.setFont(theme.font(bold=departs))
 
 
 class _TargetsRow(_Row):
-    """One sigma for each group that the stage estimates, in the unit shown."""
+    """One target sigma for each group that the stage estimates, in display units."""
 
     def __init__(self, stage: str, field: ScheduleField, groups: tuple[str, ...]) -> None:
         self._groups = groups
         #: Targets of single parameters, which the form does not show.
         self._others: dict[str, Any] = {}
-        #: Text and exact value, SI, of each target as filled in.
+        #: Displayed text and exact SI value of each target as filled in.
         self._filled: dict[str, tuple[str, float]] = {}
         super().__init__(stage, field)
 
@@ -189,7 +189,7 @@ class _TargetsRow(_Row):
 
     @property
     def value(self) -> dict[str, Any]:
-        """Sigma by group, SI; an unchanged text keeps its exact value."""
+        """Target sigmas by group or parameter, SI; an unchanged text keeps its exact value."""
         targets = dict(self._others)
         for group, edit in self._edits.items():
             number = _number(edit.text())
@@ -201,7 +201,7 @@ class _TargetsRow(_Row):
         return targets
 
     def fill(self, value: Any) -> None:
-        """Show targets."""
+        """Show the targets."""
         targets: Mapping[str, Any] = value or {}
         self._others = {name: sigma for name, sigma in targets.items() if name not in self._edits}
         self._filled = {
@@ -220,7 +220,7 @@ def _unit_label(unit: str) -> QLabel:
 
 
 def _number(text: str, whole: bool = False) -> float | int | str | None:
-    """The number typed, None for nothing, or the text itself, which the check refuses."""
+    """Return the number entered, None for an empty text, or the text itself, which the check rejects."""
     text = text.strip().replace(",", ".")
     try:
         number = float(text)
@@ -230,14 +230,14 @@ def _number(text: str, whole: bool = False) -> float | int | str | None:
 
 
 def _field_name(name: str) -> str:
-    """The name of a field; of an unknown one as its method calls it."""
+    """Return the display name of a field, derived from its identifier if the catalogue has no entry."""
     if known(f"schedule.{name}"):
         return term("schedule", name)
     return name.rsplit("_", 1)[0].replace("_", " ").capitalize()
 
 
 def _description(stage: str, field: ScheduleField) -> str:
-    """What a field does, its range, and whether it may be empty."""
+    """Return a description of a field, its range, and whether it may be empty."""
     codes = (f"schedule.about_{stage}_{field.name}", f"schedule.about_{field.name}")
     about = next((say(code) for code in codes if known(code)), field.description)
     parts = (about, _range(field), say("schedule.empty") if field.optional else "")
@@ -245,7 +245,7 @@ def _description(stage: str, field: ScheduleField) -> str:
 
 
 def _range(field: ScheduleField) -> str:
-    """The values that a field accepts."""
+    """Return a description of the values that a field accepts."""
     if field.low is None:
         return ""
     unit = _unit(field)
@@ -256,7 +256,7 @@ def _range(field: ScheduleField) -> str:
 
 
 def _problem_text(field: ScheduleField, problem: ScheduleProblem) -> str:
-    """What is wrong with a field's value, and the remedy."""
+    """Return a description of the error in a field's value, with the remedy."""
     kind: str = problem.kind
     if problem.subject and kind != "name":
         kind = "target" if kind == "low" else "target_number"

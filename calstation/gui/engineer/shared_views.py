@@ -1,4 +1,4 @@
-"""What several views are made of: a parameter table of prepared texts, a choice of stages, and stacked plots."""
+"""Widgets shared by several views: a parameter table of prepared texts, a stage selector, and stacked plots."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Generic, TypeVar
@@ -16,7 +16,7 @@ ROW = 26
 
 
 class CellTable(ParameterTable):
-    """Shows `cells`, texts by row and key of the column; a missing text is a dash."""
+    """Table of the texts in `cells`, by row name and column key; a missing text is shown as a dash."""
 
     def __init__(self, name: str, *, grouped: bool = False) -> None:
         self.cells: dict[str, dict[str, str]] = {}
@@ -28,18 +28,18 @@ class CellTable(ParameterTable):
     def column(
         self, heading: Words, key: str, *, number: bool = True, hint: Callable[[str], str] | None = None
     ) -> Column:
-        """A column of the texts of a key."""
+        """Return a column that shows the texts with the given key."""
         return Column(heading, lambda name: self.cells[name].get(key, "–"), number, hint=hint)
 
     def show_cells(self, cells: Mapping[str, dict[str, str]], numbers: Sequence[str] = ()) -> None:
-        """Show these rows; the points of the columns `numbers` line up."""
+        """Show these rows; the columns `numbers` are aligned at the decimal point."""
         self.cells = dict(cells)
         align_columns(self.cells, numbers)
         self.parameters.set_names(list(self.cells))
 
 
 class StageCombo(QComboBox):
-    """Its signal `currentIndexChanged` is emitted only by the user's choice."""
+    """Combo box of stages that emits `currentIndexChanged` only for a choice by the user."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -49,11 +49,11 @@ class StageCombo(QComboBox):
 
     @property
     def stage(self) -> str:
-        """The stage chosen, "" without any."""
+        """The chosen stage, "" if there is none."""
         return str(self.currentData() or "")
 
     def offer(self, stages: Sequence[str], chosen: str = "") -> None:
-        """Offer stages and choose one, the first by default."""
+        """Offer stages and choose one, by default the first."""
         with QSignalBlocker(self):
             self.clear()
             for stage in stages:
@@ -67,17 +67,17 @@ class StageCombo(QComboBox):
 
 Data = TypeVar("Data")
 
-#: A stage's name, and where its band begins and ends.
+#: Name of a stage, and the start and end of its band on the horizontal axis.
 Band = tuple[str, float, float]
 
-#: Least share of a plot's width that a character of a band's name takes.
-_PER_CHARACTER = 0.008
+#: Minimum width per character of a band's name, as a fraction of the plot's width.
+_MIN_CHARACTER_WIDTH = 0.008
 
 
 class StackedPlots(QWidget, Generic[Data]):
-    """Base of views of `count` linked plots with left axes `left` px wide.
+    """Base class of views with `count` linked plots, each with a left axis `left` px wide.
 
-    `draw` is called for new data, and again in another language or theme, but not while the view is hidden.
+    `draw` is called for new data and after a change of language or theme, but not while the view is hidden.
     """
 
     def __init__(self, count: int, left: int) -> None:
@@ -98,33 +98,33 @@ class StackedPlots(QWidget, Generic[Data]):
         theme.on_appearance_change(self, self.refresh)
 
     def show_data(self, data: Data) -> None:
-        """Show these data."""
+        """Show new data."""
         self._data = data
         self.refresh()
 
     def draw(self, data: Data) -> None:
-        """Draw the present data into empty plots."""
+        """Draw the current data into empty plots."""
         raise NotImplementedError
 
     def refresh(self) -> None:
-        """Draw again, now or when shown next."""
+        """Redraw now, or when the view is next shown if it is hidden."""
         self._outdated = True
         if self.isVisible():
             self._redraw()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Draw what has changed meanwhile."""
+        """Redraw if anything changed while the view was hidden."""
         super().showEvent(event)
         if self._outdated:
             self._redraw()
 
     def add(self, plot: ThemedPlot, item: pg.GraphicsObject, *, scaled: bool = True) -> None:
-        """Add an item until the next drawing; one that is not `scaled` does not change the range shown."""
+        """Add an item that is removed at the next redraw; it affects the axis range only if `scaled`."""
         plot.addItem(item, ignoreBounds=not scaled)
         self._items.append((plot, item))
 
     def add_bands(self, bands: Sequence[Band]) -> None:
-        """Shade every second stage in all plots, and name the stages at the top where there is room."""
+        """Shade every second stage in all plots, and label the stages at the top if there is enough space."""
         c = theme.colours()
         span = max((end for _, _, end in bands), default=0.0) - min((b for _, b, _ in bands), default=0.0)
         for plot in self.plots:
@@ -134,7 +134,7 @@ class StackedPlots(QWidget, Generic[Data]):
                 region = pg.LinearRegionItem((begin, end), movable=False, brush=shade, pen=pg.mkPen(c.line))
                 region.setZValue(-20)
                 self.add(plot, region, scaled=False)
-                if plot is self.plots[0] and end - begin > _PER_CHARACTER * len(name) * span:
+                if plot is self.plots[0] and end - begin > _MIN_CHARACTER_WIDTH * len(name) * span:
                     label = pg.InfLineLabel(region.lines[0], name, position=0.99, anchors=[(0, 0), (0, 0)])
                     label.setColor(QColor(c.muted))
                     label.setFont(theme.font())
@@ -149,11 +149,11 @@ class StackedPlots(QWidget, Generic[Data]):
 
 
 def name_axis(plot: ThemedPlot, side: str, text: str) -> None:
-    """Name an axis, ``left`` or ``bottom``, in the window's font."""
+    """Label an axis, ``left`` or ``bottom``, in the window's font."""
     plot.setLabel(side, text)
     plot.getAxis(side).label.setFont(theme.font())
 
 
 def dashed(colour: str) -> pg.GraphicsObject:
-    """A thin dashed pen."""
+    """Return a thin dashed pen."""
     return pg.mkPen(colour, width=1, style=Qt.PenStyle.DashLine)

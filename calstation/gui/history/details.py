@@ -1,4 +1,4 @@
-"""Details of one run: how it ended and why, its figures, a trend over its unit's runs, and what may be done."""
+"""Details of one run: outcome and reason, key figures, a trend over the runs of the unit, and the possible actions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,12 +39,12 @@ from calstation.physics import display
 from calstation.records import IndexedRun, RunRecord
 from calstation.results import Result
 
-_MOST_FAILED = 8
+_MAX_FAILED = 8
 
 
 @dataclass(frozen=True)
 class Actions:
-    """What may be done: `running` and `closing` a run block everything, `resumable` is of the run shown."""
+    """State that determines the possible actions: a run is going on, one is being closed, this run can be resumed."""
 
     running: bool = False
     closing: bool = False
@@ -52,7 +52,7 @@ class Actions:
 
 
 class Trend(QWidget):
-    """Passed runs as dots, failed ones as crosses, the selected run larger."""
+    """Plots a parameter over runs: passed runs as dots, failed runs as crosses, the selected run larger."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -76,7 +76,7 @@ class Trend(QWidget):
         theme.themes.changed.connect(self.draw)
 
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]) -> None:
-        """Show the solved runs of a unit, oldest first, one of them selected, and the limits of parameters, SI."""
+        """Show a unit's solved runs, oldest first, with the run `selected` enlarged, and the parameter limits, SI."""
         self._runs, self._selected, self._limits = tuple(runs[-30:]), selected, limits
         wanted = self._combo.currentData()
         found = dict.fromkeys(name for run in self._runs for name in run.values)
@@ -91,11 +91,11 @@ class Trend(QWidget):
 
     @property
     def points(self) -> int:
-        """Number of runs drawn."""
+        """Number of plotted runs."""
         return sum(self._combo.currentData() in run.values for run in self._runs)
 
     def draw(self) -> None:
-        """Draw the chosen parameter."""
+        """Plot the selected parameter."""
         plot, c = self._plot, theme.colours()
         plot.clear()
         name = self._combo.currentData()
@@ -132,7 +132,7 @@ class Trend(QWidget):
 
 
 class RunDetails(QFrame):
-    """Shows a run; the page connects the buttons."""
+    """Shows the details of a run; the page connects the buttons."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -166,7 +166,7 @@ class RunDetails(QFrame):
     def show_run(
         self, run: RunRecord, result: Result | None, unit_runs: Sequence[IndexedRun], actions: Actions
     ) -> None:
-        """Show a run with its result, the solved runs of the same unit, oldest first, and what may be done with it."""
+        """Show a run with its result, the solved runs of the same unit, oldest first, and the possible actions."""
         self._run, self._result, self._actions = run, result, actions
         checks = result.checks if result is not None else []
         limits = {c.subject: c.limit for c in checks if c.kind == "within" and isinstance(c.limit, tuple)}
@@ -174,7 +174,7 @@ class RunDetails(QFrame):
         self._show()
 
     def allow(self, actions: Actions) -> None:
-        """Change what may be done with the run."""
+        """Update the possible actions."""
         if actions != self._actions:
             self._actions = actions
             self._show()
@@ -205,16 +205,16 @@ class RunDetails(QFrame):
         lines = []
         if result is not None:
             failed = result.failed_checks
-            lines = [f"✕  {advice.failed_check_text(check, result)}" for check in failed[:_MOST_FAILED]]
-            if len(failed) > _MOST_FAILED:
-                lines.append(self.tr("and {0} more").format(len(failed) - _MOST_FAILED))
+            lines = [f"✕  {advice.failed_check_text(check, result)}" for check in failed[:_MAX_FAILED]]
+            if len(failed) > _MAX_FAILED:
+                lines.append(self.tr("and {0} more").format(len(failed) - _MAX_FAILED))
         show_text(self.failed_label, "\n".join(lines))
         self._figures.show_result(result)
         self._fill_facts(run)
         self._update_buttons(run)
 
     def _reason(self, run: RunRecord) -> str:
-        """Why the run ended as it did, and whether it can be resumed."""
+        """Return why the run ended as it did, and whether it can be resumed."""
         result = self._result
         if run.outcome == "fault" and run.error:
             fault = None if result is None else result.fault

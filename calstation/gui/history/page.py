@@ -1,4 +1,4 @@
-"""The history page: finished and incomplete runs, found by serial number, outcome and time."""
+"""The History page: finished and incomplete runs, filtered by serial number, outcome and time."""
 
 from functools import partial
 from pathlib import Path
@@ -17,12 +17,12 @@ from calstation.results import History, Result, load_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Verdict
 
-#: Most runs listed.
-_MOST = 300
+#: Maximum number of runs listed.
+_MAX_RUNS = 300
 
 
 class HistoryPage(Page):
-    """The runs in the window's folder of runs."""
+    """Lists the runs in the runs folder, with the details of the selected run."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -44,16 +44,16 @@ class HistoryPage(Page):
 
     @staticmethod
     def title() -> str:
-        """The page's name on its tab."""
+        """Return the name of the page on its tab."""
         return QCoreApplication.translate("HistoryPage", "History")
 
     @property
     def busy(self) -> bool:
-        """Whether a background job of the page is going on."""
+        """Whether a background job of the page is running."""
         return self._refresher.busy or self._offers.busy or self._closer.busy
 
     def refresh(self) -> None:
-        """Bring the index up to date with the folder, then list the runs."""
+        """Update the index from the folder, then list the runs."""
         if not self.app.runs_folder.is_dir():
             self.show_runs()
         elif not self._refresher.busy:
@@ -61,18 +61,18 @@ class HistoryPage(Page):
             self._offers.watch(self.app.job_queue.submit(find_resumable, self.app.runs_folder))
 
     def show_runs(self) -> None:
-        """List the runs of the index that match the filters."""
+        """List the indexed runs that match the filters."""
         filters = self._filters
         runs = []
         if self.app.runs_folder.is_dir():
-            found = self._history().runs(filters.search, filters.outcome, _MOST)
+            found = self._history().runs(filters.search, filters.outcome, _MAX_RUNS)
             runs = [run for run in found if run.started_utc >= filters.since]
         self._stack.setCurrentWidget(self._split if runs else self._nothing)
         self.table.show_runs(runs)
         self._show_nothing()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """List the runs of the index at once, and those of the folder when it has been read."""
+        """List the indexed runs immediately, and update the list when the folder has been read."""
         super().showEvent(event)
         self._list_visible()
 
@@ -98,7 +98,7 @@ class HistoryPage(Page):
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
     def _follow(self, event: Event) -> None:
-        """List a run that has ended."""
+        """Update the list when a run has ended."""
         if isinstance(event, Verdict) and self.isVisible():
             self.refresh()
 
@@ -108,7 +108,7 @@ class HistoryPage(Page):
             self.refresh()
 
     def _history(self) -> History:
-        """The index of the present folder, kept open: opening takes longer than a query."""
+        """Return the index of the current folder; it stays open because opening takes longer than a query."""
         folder = self.app.runs_folder
         if self._index is None or self._index[0] != folder:
             self._index = (folder, History(folder))
@@ -131,7 +131,7 @@ class HistoryPage(Page):
         self._resumable = frozenset(offer.log for offer in offers)
         self._update()
 
-    # ---- what may be done with the selected run
+    # ---- actions on the selected run
 
     def _open_result(self) -> None:
         run = self.table.run
@@ -169,7 +169,7 @@ class HistoryPage(Page):
         self.notice.report(lambda: self.tr("The runs could not be read"), error, self.table.setFocus)
 
     def _show_nothing(self) -> None:
-        self._filters.show_count(len(self.table.runs), _MOST)
+        self._filters.show_count(len(self.table.runs), _MAX_RUNS)
         active = self._filters.active
         self._clear_button.setVisible(active)
         if active:
@@ -185,7 +185,7 @@ class HistoryPage(Page):
 
 
 def _result(run: RunRecord) -> Result | None:
-    """The result of a run, None if there is none that can be read."""
+    """Return the result of a run, None if there is no readable one."""
     if run.result is None:
         return None
     try:

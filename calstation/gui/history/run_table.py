@@ -1,4 +1,4 @@
-"""Which runs are listed, and runs as rows: outcome, unit, time, operator, duration and stages."""
+"""Filters for the listed runs, and the table of runs: outcome, unit, time, operator, duration and stages."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
@@ -19,18 +19,18 @@ from calstation.gui.text import KINDS, bind, duration_text, on_language_change, 
 from calstation.gui.widgets import label, row, state_colour, state_icon, theme
 from calstation.records import RunRecord
 
-#: Outcomes and last days that can be listed; None for all.
+#: Choices of outcome, and of the number of past days; None for all.
 _OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
 _DAYS = (None, 1, 7, 30, 365)
-#: Columns hidden first if the width is short: attempt, operator, product, which the details show as well.
+#: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
 _HIDDEN_FIRST = (4, 5, 3)
 _OUTCOME, _STARTED, _STAGES = 0, 2, 7
-#: Columns of numbers, aligned at the right: attempt, duration.
+#: Right-aligned columns of numbers: attempt, duration.
 _NUMBERS = (4, 6)
 
 
 class Filters(QWidget):
-    """Emits `changed` when other runs are wanted."""
+    """Inputs that filter the runs; emits `changed` when a filter changes."""
 
     changed = Signal()
 
@@ -57,17 +57,17 @@ class Filters(QWidget):
 
     @property
     def search(self) -> str:
-        """The text searched for."""
+        """The search text."""
         return self.search_edit.text().strip()
 
     @property
     def outcome(self) -> str | None:
-        """The outcome wanted, None for all."""
+        """The selected outcome, None for all."""
         return _OUTCOMES[self._outcome.currentIndex()]
 
     @property
     def since(self) -> str:
-        """The earliest start wanted, ISO 8601 in UTC, "" for any."""
+        """The earliest start time to list, ISO 8601 in UTC, "" for any."""
         days = _DAYS[self._time.currentIndex()]
         if days is None:
             return ""
@@ -76,17 +76,17 @@ class Filters(QWidget):
 
     @property
     def active(self) -> bool:
-        """Whether runs may be left out."""
+        """Whether any filter is set."""
         return bool(self.search or self.outcome or self.since)
 
     def clear(self) -> None:
-        """List all runs."""
+        """Reset all filters."""
         self.search_edit.clear()
         self._outcome.setCurrentIndex(0)
         self._time.setCurrentIndex(0)
 
     def show_count(self, count: int, most: int) -> None:
-        """Show the number of runs listed; from `most` on there may be more."""
+        """Show the number of runs listed; if it reaches `most`, there may be more."""
         text = self.tr("the latest {0} runs") if count >= most else self.tr("runs: {0}")
         self._count.setText(text.format(count))
 
@@ -101,7 +101,7 @@ class Filters(QWidget):
 
 
 class RunTable(QTableWidget):
-    """Shows runs, the latest first; emits `selected(run)`, None if there is no run."""
+    """Lists runs, the latest first; emits `selected(run)`, with None if there is no run."""
 
     selected = Signal(object)
 
@@ -130,12 +130,12 @@ class RunTable(QTableWidget):
 
     @property
     def run(self) -> RunRecord | None:
-        """The run selected."""
+        """The selected run, None if there is none."""
         number = self.currentRow()
         return self.runs[number] if 0 <= number < len(self.runs) else None
 
     def show_runs(self, runs: Sequence[RunRecord]) -> None:
-        """Show these runs; the selected one stays selected if it is among them, else the latest is."""
+        """Show these runs; the selected run stays selected if it is among them, otherwise select the latest."""
         log = self.run.log if self.run is not None else None
         self.setRowCount(0)
         self.runs = tuple(runs)
@@ -148,7 +148,7 @@ class RunTable(QTableWidget):
             self.selected.emit(None)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Share another width."""
+        """Distribute the new width among the columns."""
         super().resizeEvent(event)
         if event.size().width() != event.oldSize().width():
             self._share_width()
@@ -193,7 +193,7 @@ class RunTable(QTableWidget):
             self.setItem(number, column, cell)
 
     def _share_width(self) -> None:
-        """Fit columns to their contents; the stages take the rest, and some columns are hidden for them."""
+        """Fit the columns to their contents, the stages to the remaining width; hide columns if it is too small."""
         for column in range(_STAGES):
             self.setColumnHidden(column, False)
         self.resizeColumnsToContents()
@@ -201,7 +201,7 @@ class RunTable(QTableWidget):
             self.setColumnWidth(column, self.columnWidth(column) + 2 * theme.GRID)
         left = self.viewport().width() - sum(self.columnWidth(column) for column in range(_STAGES))
         for column in _HIDDEN_FIRST:
-            if left >= 30 * theme.GRID:  # the stages need so much
+            if left >= 30 * theme.GRID:  # sufficient width for the stages
                 break
             left += self.columnWidth(column)
             self.setColumnHidden(column, True)
@@ -220,7 +220,7 @@ def _cell(text: str, column: int) -> QTableWidgetItem:
 
 
 def local_time(started_utc: str) -> str:
-    """A time in this computer's time zone; unchanged if it is not ISO 8601."""
+    """Format an ISO 8601 time in this computer's time zone; any other text is unchanged."""
     try:
         return f"{datetime.fromisoformat(started_utc).astimezone():%Y-%m-%d %H:%M}"
     except ValueError:
@@ -228,7 +228,7 @@ def local_time(started_utc: str) -> str:
 
 
 def utc_text(started_utc: str) -> str:
-    """A time in UTC, to the second."""
+    """Format an ISO 8601 time in UTC, to the second; any other text is unchanged."""
     try:
         return f"{datetime.fromisoformat(started_utc):%Y-%m-%d %H:%M:%S} UTC"
     except ValueError:
@@ -236,6 +236,6 @@ def utc_text(started_utc: str) -> str:
 
 
 def stages_text(run: RunRecord) -> str:
-    """The stages that were solved."""
+    """Return the names of the solved stages, separated by commas."""
     comma = QCoreApplication.translate("RunTable", ", ")
     return comma.join(term("stage", stage) for stage in run.stages)

@@ -1,4 +1,4 @@
-"""The Offline page: one log, drawn and solved again by its stages or by a method; the work is done in `results`."""
+"""The Offline page: plots one log and solves it again by its stages or a method; `results` does the computation."""
 
 import lazy_loader as lazy
 

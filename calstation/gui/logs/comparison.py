@@ -1,4 +1,4 @@
-"""The result of solving offline beside the run's own, parameter by parameter, with differences in sigma."""
+"""Compares the offline result with the result of the run, parameter by parameter, with differences in sigma."""
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
@@ -21,14 +21,14 @@ from calstation.physics import display, number
 from calstation.results import Parameter, Resolved, Result, in_sigma
 from calstation.results.plots import LogIndex
 
-#: A difference of more than so many sigmas is marked.
+#: Differences above this number of sigmas are highlighted.
 _NOTABLE = 3.0
 _NONE = "–"
 _NUMBERS = ("online", "online_sigma", "offline", "offline_sigma", "difference")
 
 
 class Comparison(QWidget):
-    """Before a solution, the run's own result alone."""
+    """Shows the result of the run and, once the log is solved offline, the offline result beside it."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -38,7 +38,7 @@ class Comparison(QWidget):
         self._cells: dict[str, dict[str, str]] = {}
         self._in_sigma: dict[str, float] = {}
         self._failed: frozenset[tuple[str, bool]] = frozenset()
-        self._lost: frozenset[str] = frozenset()
+        self._unobservable: frozenset[str] = frozenset()
         names = ("online_badge", "offline_badge", "difference_badge")
         self.online_badge, self.offline_badge, self.difference_badge = badges = [StateBadge(name=n) for n in names]
         self._difference_head = label(lambda: self.tr("Difference"), "muted")
@@ -74,19 +74,19 @@ class Comparison(QWidget):
         on_language_change(self, self._refresh)
 
     def show_log(self, log_index: LogIndex) -> None:
-        """Show the run's own result."""
+        """Show the result of the run."""
         self._log_index, self._solved = log_index, None
         self._online = log_index.stored
         self._fill()
 
     def show_solved(self, solved: Resolved) -> None:
-        """Show a solution beside it."""
+        """Show an offline result beside that of the run."""
         self._solved = solved
         self._fill()
 
     @property
     def identical(self) -> bool:
-        """Whether every value and sigma of the run is the same bit for bit."""
+        """Whether every offline value and sigma is bit-for-bit identical to that of the run."""
         online, offline = ({n: (p.value, p.sigma) for n, p in each.items()} for each in self._parameters())
         return bool(online) and online == offline
 
@@ -103,7 +103,7 @@ class Comparison(QWidget):
         result = None if self._solved is None else self._solved.result
         failed = [] if result is None else result.failed_checks
         self._failed = frozenset((check.subject, check.kind == "sigma_below") for check in failed)
-        self._lost = frozenset([] if result is None else result.unobservable)
+        self._unobservable = frozenset([] if result is None else result.unobservable)
         self.model.set_names(names)
         self.table.setVisible(bool(names))
         self._nothing.setVisible(not names)
@@ -116,7 +116,7 @@ class Comparison(QWidget):
         return "bad" if (name, False) in self._failed else None
 
     def _sigma_state(self, name: str) -> str | None:
-        return "bad" if (name, True) in self._failed else "caution" if name in self._lost else None
+        return "bad" if (name, True) in self._failed else "caution" if name in self._unobservable else None
 
     def _difference_state(self, name: str) -> str | None:
         return "caution" if abs(self._in_sigma.get(name, 0.0)) > _NOTABLE else None
@@ -171,15 +171,15 @@ class Comparison(QWidget):
         if self._online is not None and self._online.stages not in ([], result.stages):
             stages = self.tr(", ").join(term("stage", stage) for stage in result.stages)
             notes.append(self.tr("Stages solved: {0}.").format(stages))
-        if self._lost:
+        if self._unobservable:
             lost = self.tr("Not determined by these data: {0} of {1} parameters, marked below.")
-            notes.append(lost.format(len(self._lost), len(result.parameters)))
+            notes.append(lost.format(len(self._unobservable), len(result.parameters)))
         notes += [show(reason) for reason in solved.missing_data]
         return notes + [event_sentence(key, values) for key, values in solved.messages]
 
 
 def _cells(name: str, online: Parameter | None, offline: Parameter | None) -> dict[str, str]:
-    """The cells of a parameter, each with the digits that its sigma allows."""
+    """Return the cells of a parameter, each with as many digits as its sigma justifies."""
     cells = {"unit": display(name, 0.0)[1]}
     for key, parameter in (("online", online), ("offline", offline)):
         if parameter is not None:

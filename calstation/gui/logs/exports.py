@@ -14,7 +14,7 @@ from calstation.results.plots import LogIndex
 
 
 class Exports(QObject):
-    """Asks for the file and submits the job; `watch` follows it."""
+    """Asks for the target file and submits the export job; `watch` reports its progress."""
 
     def __init__(self, job_queue: JobQueue, page: QWidget) -> None:
         super().__init__(page)
@@ -24,7 +24,7 @@ class Exports(QObject):
         self.watch.cancelled.connect(self._drop_partial)
 
     def ask_log(self, log: LogIndex, first: int, last: int) -> None:
-        """Ask for the file of a log's samples from `first` to `last`."""
+        """Ask for the file to which a log's samples from `first` to `last` are exported."""
         whole = (first, last) == (log.facts.first_seq, log.facts.last_seq)
         ending = "export" if whole else f"{first}-{last}"
         self._ask(
@@ -35,7 +35,7 @@ class Exports(QObject):
         )
 
     def ask_result(self, log: Path, result: Result, stored: Result | None, ending: str = "offline") -> None:
-        """Ask for the file of a log's result; `stored` is that of its run, `ending` of the proposed file name."""
+        """Ask for the file of a log's result; `stored` is the run's result, `ending` a suffix of the proposed name."""
         self._ask(
             self.tr("Export the result"),
             log.with_name(f"{_stem(log)}-{ending}.json"),
@@ -44,7 +44,7 @@ class Exports(QObject):
         )
 
     def _ask(self, title: str, proposed: Path, kinds: list[str], work: Callable[[Path], tuple[Any, ...]]) -> None:
-        """Ask for a file and submit the work on it, a function with its arguments."""
+        """Ask for a file, then submit the job that `work` returns for it, a function and its arguments."""
 
         def begin(name: str) -> None:
             self._target = Path(name)
@@ -61,7 +61,7 @@ class Exports(QObject):
         dialog.finished.connect(dialog.deleteLater)
         dialog.open()
 
-    def _drop_partial(self) -> None:  # which a cancelled worker leaves
+    def _drop_partial(self) -> None:  # a cancelled job worker leaves a partial file
         self._cleanup.watch(self._job_queue.submit(drop_partial, self._target))
 
 
@@ -70,5 +70,5 @@ def _stem(path: Path) -> str:
 
 
 def _suffix(kind: str) -> str:
-    """The suffix in a name filter's brackets, without its dot."""
+    """Return the suffix in the brackets of a name filter, without its first dot."""
     return kind.rpartition("*.")[2].rstrip(")")

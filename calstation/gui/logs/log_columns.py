@@ -1,4 +1,4 @@
-"""Chooses the columns of a log that a view of a given width draws, and the single samples worth fetching for it."""
+"""Selects the columns to draw for a view of a log, and the single samples to fetch when more detail is needed."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from calstation.results.plots import BINS, Columns, LogIndex, MinMaxPyramid, Val
 
 @dataclass(frozen=True)
 class Wanted:
-    """Rows `start` to `stop` of a log in at most `count` columns; they hold sequence numbers `first` to `last`."""
+    """A request for rows `start` to `stop`, sequence numbers `first` to `last`, in at most `count` columns."""
 
     first: int
     last: int
@@ -20,7 +20,7 @@ class Wanted:
 
 
 class LogColumns:
-    """A log's min-max pyramid, with the single samples fetched last."""
+    """The min-max pyramid of a log, and the single samples fetched last."""
 
     def __init__(self, log_index: LogIndex) -> None:
         self._facts = log_index.facts
@@ -28,11 +28,11 @@ class LogColumns:
         self._fine: tuple[Wanted, Columns] | None = None
 
     def keep(self, wanted: Wanted, columns: Columns) -> None:
-        """Keep the single samples that were wanted."""
+        """Store the single samples fetched for a request."""
         self._fine = (wanted, columns)
 
     def view(self, first: int, last: int, count: int) -> tuple[Columns, Wanted | None]:
-        """At most `count` columns over a range of sequence numbers; samples that would show more of it, or None."""
+        """Return at most `count` columns over a range of sequence numbers, and a request for finer samples or None."""
         columns = self._pyramid.columns(first, last, count)
         if columns.samples > BINS[0] or len(columns) >= count // 2:
             return columns, None
@@ -47,9 +47,9 @@ class LogColumns:
 
 
 def split_at_gaps(columns: Columns, wide: float) -> tuple[NDArray[np.float64], Values, Values]:
-    """Sequence numbers, lowest and highest values; NaN interrupts the lines if more than `wide` samples are missing.
+    """Return sequence numbers, minima and maxima, with NaN to break the line if more than `wide` samples are missing.
 
-    A joined column with such a gap may hold samples from before and after it, and is left out.
+    A merged column with such a gap may contain samples from before and after it, and is omitted.
     """
     gaps = np.flatnonzero(np.diff(columns.seq) - columns.samples > wide)
     seq, low, high = columns.seq.astype(np.float64), columns.low, columns.high
@@ -62,7 +62,7 @@ def split_at_gaps(columns: Columns, wide: float) -> tuple[NDArray[np.float64], V
 
 
 def _between(columns: Columns, first: int, last: int, count: int) -> Columns:
-    """The columns that hold a range, joined to at most `count`."""
+    """Return the columns that cover a range, merged into at most `count`."""
     start = max(0, int(columns.seq.searchsorted(first, side="right")) - 1)
     stop = int(columns.seq.searchsorted(last, side="right")) + 1
     k = slice(start, stop)

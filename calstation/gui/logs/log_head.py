@@ -1,4 +1,4 @@
-"""What a log is in one line, and the buttons that zoom it."""
+"""A one-line summary of a log, and the buttons that zoom its plot."""
 
 from functools import partial
 
@@ -16,7 +16,7 @@ _SIGN = 12
 
 
 class LogHead(QWidget):
-    """Zooms a plot, also to the range chosen in a bar."""
+    """Summarizes a log and zooms its plot, also to the range selected in a range bar."""
 
     def __init__(self, plot: LogPlot, chosen: RangeBar) -> None:
         super().__init__()
@@ -56,7 +56,7 @@ class LogHead(QWidget):
             return
         samples = self.tr("{0} samples, {1} Hz").format(f"{log.facts.samples:,}".replace(",", " "), f"{log.rate:g}")
         parts = [log.meta.imu.serial, duration_text(log.facts.samples / log.rate), samples]
-        if log.meta.product is not None:  # last, because the end is cut if the line is too long
+        if log.meta.product is not None:  # last, because a line that is too long is elided at its end
             parts.append(log.meta.product.name)
         self._facts.setText("  ·  ".join(parts))
         for kind, count, words in (

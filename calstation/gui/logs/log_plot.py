@@ -1,4 +1,4 @@
-"""A whole log drawn at once: gyro, accelerometer and table angles over time, zoomable down to the sample."""
+"""Plots of a whole log: gyro, accelerometer and table angles over time, zoomable down to single samples."""
 
 from functools import partial
 from typing import Any
@@ -20,21 +20,21 @@ from calstation.results.plots import Columns, LogIndex
 _PLOTS = ((0, 3), (3, 6), (6, 8))
 #: Height of the row of stage names, px.
 _STRIP = 34
-#: Margin beyond the log's ends, in terms of its length: an edge of the range there can still be dragged.
+#: Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged.
 _MARGIN = 0.015
-#: Width of the view after zooming in, in terms of the width before.
+#: Ratio of the width of the view after zooming in to the width before.
 _ZOOM = 0.5
 
 
 class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
-    """A region in seconds; a drag that could only move it out of sight pans the view instead."""
+    """A draggable region in seconds; if it covers the whole view, a drag pans the view instead."""
 
     def __init__(self) -> None:
         super().__init__(swapMode="block")
         self.setZValue(50)
 
     def apply_theme(self) -> None:
-        """Take the colours of the current theme."""
+        """Apply the colours of the current theme."""
         accent = theme.colours().accent
         self.setBrush(theme.faint(accent, 18))
         self.setHoverBrush(theme.faint(accent, 30))
@@ -52,7 +52,7 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
             super().mouseDragEvent(event)
 
     def hoverEvent(self, event: Any) -> None:
-        """Highlight the body if it can be dragged."""
+        """Highlight the region if it can be dragged."""
         if not self._covers_view():
             super().hoverEvent(event)
 
@@ -64,11 +64,11 @@ class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
 
 
 class LogPlot(QWidget):
-    """Draws about two points per pixel of a log, and a range that can be dragged.
+    """Plots a log with about two points per pixel, and a range that can be dragged.
 
-    `range_moved(first, last)`: sequence numbers while dragged. `samples_wanted(Wanted)`: the view is so close that
-    single samples are worth drawing; answer with `show_samples`. `pointed(seq)`: the sequence number under the mouse,
-    None outside the log.
+    Signals: `range_moved(first, last)` with sequence numbers during a drag; `samples_wanted(Wanted)` when the view is
+    narrow enough for single samples, which the receiver passes to `show_samples`; `pointed(seq)` with the sequence
+    number under the mouse, None outside the log.
     """
 
     range_moved = Signal(object, object)
@@ -81,14 +81,14 @@ class LogPlot(QWidget):
         self._graph = pg.GraphicsLayoutWidget()
         self._graph.setObjectName("log_graph")
         self._graph.setFocusProxy(self)
-        self._graph.setAcceptDrops(False)  # a file dropped here belongs to the page
+        self._graph.setAcceptDrops(False)  # the page handles dropped files
         self._graph.ci.setContentsMargins(0, 0, theme.GRID, 0)
         self._graph.ci.setSpacing(2)
         column(self._graph, on=self)
         self._log_index: LogIndex | None = None
         self._columns: LogColumns | None = None
         self._length = 1.0
-        #: Samples that a drawn column joins; 1 if single samples are drawn.
+        #: Number of samples merged into a drawn column; 1 if single samples are drawn.
         self.samples_per_column = 0
         self._layers: list[Backdrop | Strip] = [Strip(partial(term, "stage"))]
         self._ranges: list[RangeItem] = []
@@ -106,7 +106,7 @@ class LogPlot(QWidget):
         theme.on_appearance_change(self, self._refresh)
 
     def show_log(self, log_index: LogIndex) -> None:
-        """Draw a log, all of it."""
+        """Plot the whole of a log."""
         self._log_index, self._columns = log_index, LogColumns(log_index)
         facts = log_index.facts
         self._length = (facts.last_seq + 1 - facts.first_seq) / log_index.rate
@@ -123,7 +123,7 @@ class LogPlot(QWidget):
         self._draw()
 
     def close_log(self) -> None:
-        """Draw nothing."""
+        """Clear the plots."""
         self._log_index = self._columns = None
         self._show_marks(LogMarks())
         for curve in self._curves:
@@ -132,7 +132,7 @@ class LogPlot(QWidget):
             item.setVisible(False)
 
     def set_range(self, first_seq: int, last_seq: int) -> None:
-        """Show the chosen range."""
+        """Show the selected range."""
         region = (self._seconds(first_seq), self._seconds(last_seq + 1))
         for item in self._ranges:
             item.blockSignals(True)
@@ -140,31 +140,31 @@ class LogPlot(QWidget):
             item.blockSignals(False)
 
     def show_samples(self, wanted: Wanted, columns: Columns) -> None:
-        """Draw single samples that were asked for."""
+        """Draw the single samples requested by `samples_wanted`."""
         if self._columns is not None:
             self._columns.keep(wanted, columns)
             self._schedule_draw()
 
     @property
     def view(self) -> tuple[float, float]:
-        """Range of time in view, s from the start of the log."""
+        """Time range in view, s from the start of the log."""
         left, right = self.view_box.viewRange()[0]
         return left, right
 
     @property
     def range_seconds(self) -> tuple[float, float]:
-        """The range shown, s from the start of the log."""
+        """The selected range, s from the start of the log."""
         start, stop = self._ranges[0].getRegion()
         return start, stop
 
     @property
     def view_box(self) -> Any:
-        """The view box of the gyro's curves."""
+        """The view box of the gyro plot."""
         return self._plots[0].getViewBox()
 
     @property
     def points(self) -> int:
-        """Number of points of all curves together."""
+        """Total number of points of all curves."""
         return sum(0 if curve.xData is None else len(curve.xData) for curve in self._curves)
 
     def whole(self) -> None:
@@ -172,7 +172,7 @@ class LogPlot(QWidget):
         self._set_view(0.0, self._length, _MARGIN)
 
     def show_part(self, first_seq: int, last_seq: int) -> None:
-        """Bring a range into view, with a little on either side."""
+        """Bring a range into view, with a margin of 5 % of its width on either side."""
         self._set_view(self._seconds(first_seq), self._seconds(last_seq + 1), 0.05)
 
     def zoom(self, closer: bool) -> None:
@@ -181,7 +181,7 @@ class LogPlot(QWidget):
         self._set_view(left, right, (_ZOOM - 1.0) / 2 if closer else (1 / _ZOOM - 1.0) / 2)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Plus and minus zoom, arrows move, Home shows all."""
+        """Zoom with plus and minus, pan with the arrow keys, and show the whole log with Home."""
         left, right = self.view
         shift = 0.2 * (right - left)
         match event.key():
@@ -199,7 +199,7 @@ class LogPlot(QWidget):
                 super().keyPressEvent(event)
 
     def _set_view(self, left: float, right: float, margin: float = 0.0) -> None:
-        """Show a range of time, s, with a margin on either side in terms of its width."""
+        """Show a time range, s, with `margin` on either side as a fraction of its width."""
         pad = margin * (right - left)
         self._plots[0].setXRange(left - pad, right + pad, padding=0)
 

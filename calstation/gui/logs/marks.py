@@ -1,4 +1,4 @@
-"""Marks of a log over its curves: stages as bands, moves as faint lines, gaps and invalid samples."""
+"""Marks on the plots of a log: stages as bands, moves as faint lines, gaps and invalid samples as hatched areas."""
 
 from collections.abc import Callable
 
@@ -12,14 +12,14 @@ from calstation.gui.widgets import theme
 from calstation.physics import FloatArray
 from calstation.results.plots import LogIndex
 
-#: Least width of a gap or invalid stretch, px.
-_LEAST = 3.0
-#: Size of a sign, px.
+#: Minimum drawn width of a gap or invalid range, px.
+_MIN_WIDTH = 3.0
+#: Size of a symbol, px.
 _SIGN = 9.0
 
 
 class LogMarks:
-    """A log's marks in seconds from its first sample; empty without a log."""
+    """The marks of a log, in seconds from its first sample; empty without a log."""
 
     def __init__(self, log_index: LogIndex | None = None) -> None:
         self.stages: list[tuple[str, float, float]] = []
@@ -36,7 +36,7 @@ class LogMarks:
 
 
 class _Layer(pg.GraphicsObject):  # type: ignore[misc]
-    """Paints in pixels over the whole of a view; `to_pixels` converts times to horizontal positions."""
+    """Paints in pixel coordinates over a whole view; `to_pixels` converts times, s, to horizontal positions, px."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -48,16 +48,16 @@ class _Layer(pg.GraphicsObject):  # type: ignore[misc]
         self.update()
 
     def boundingRect(self) -> QRectF:
-        """The view's rectangle."""
+        """Return the rectangle of the view."""
         return QRectF(self.viewRect())
 
     def viewRangeChanged(self) -> None:
-        """Draw another part of the log."""
+        """Redraw after a change of the view range."""
         self.prepareGeometryChange()
         self.update()
 
     def paint(self, painter: QPainter, _: QStyleOptionGraphicsItem, __: QWidget | None = None) -> None:
-        """Draw in pixels."""
+        """Draw the marks in pixel coordinates."""
         box = painter.transform().mapRect(self.boundingRect())
         scale, shift = painter.transform().m11(), painter.transform().dx()
         painter.save()
@@ -71,7 +71,7 @@ class _Layer(pg.GraphicsObject):  # type: ignore[misc]
 
 
 class Backdrop(_Layer):
-    """Bands of every other stage, moves, gaps and invalid samples under the curves."""
+    """Draws bands for every other stage, and the moves, gaps and invalid samples, in the layer behind the curves."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -88,7 +88,7 @@ class Backdrop(_Layer):
             fill(left, right, QBrush(theme.faint(c.muted, 22)))
         steps = to_pixels(self._marks.steps)
         steps = np.unique(np.rint(steps[(steps >= box.left()) & (steps <= box.right())]))
-        if len(steps) <= box.width() / 5:  # not if they are closer together on average, px
+        if len(steps) <= box.width() / 5:  # no lines if their mean spacing is below 5 px
             painter.setPen(QPen(theme.faint(c.muted, 70), 1, Qt.PenStyle.DotLine))
             for x in steps.tolist():
                 painter.drawLine(QPointF(x, box.top()), QPointF(x, box.bottom()))
@@ -96,12 +96,12 @@ class Backdrop(_Layer):
             (self._marks.gaps, c.caution, Qt.BrushStyle.BDiagPattern),
             (self._marks.spoilt, c.bad, Qt.BrushStyle.DiagCrossPattern),
         ):
-            for left, right in _stretches(to_pixels(times), box).tolist():
+            for left, right in _visible_ranges(to_pixels(times), box).tolist():
                 fill(left, right, QBrush(QColor(colour), style))
 
 
 class Strip(_Layer):
-    """The stages' names in a row of their own, with the signs of gaps and invalid samples."""
+    """Draws the stage names in a separate row, with symbols for gaps and invalid samples below them."""
 
     def __init__(self, stage_name: Callable[[str], str]) -> None:
         super().__init__()
@@ -124,7 +124,7 @@ class Strip(_Layer):
                 painter.setPen(QColor(c.text))
                 painter.drawText(cell, Qt.AlignmentFlag.AlignCenter, name)
         for kind, times in (("gap", self._marks.gaps), ("spoilt", self._marks.spoilt)):
-            centres = np.mean(_stretches(to_pixels(times), box), axis=1)
+            centres = np.mean(_visible_ranges(to_pixels(times), box), axis=1)
             for x in centres[np.diff(centres, prepend=-np.inf) >= _SIGN].tolist():
                 draw_sign(painter, kind, QRectF(x - _SIGN / 2, bottom, _SIGN, _SIGN))
 
@@ -141,12 +141,12 @@ def draw_sign(painter: QPainter, kind: str, box: QRectF) -> None:
         painter.drawRect(box.adjusted(1, 1, -1, -1))
 
 
-def _stretches(stretches: FloatArray, box: QRectF) -> FloatArray:
-    """Stretches (left, right) in pixels within a box, widened to the least width, adjacent ones joined."""
-    inside = stretches[(stretches[:, 1] >= box.left()) & (stretches[:, 0] <= box.right())]
+def _visible_ranges(ranges: FloatArray, box: QRectF) -> FloatArray:
+    """Return the ranges (left, right) within a box, px, widened to the minimum width and merged if adjacent."""
+    inside = ranges[(ranges[:, 1] >= box.left()) & (ranges[:, 0] <= box.right())]
     if len(inside) == 0:
         return inside
-    widen = np.maximum(0.0, _LEAST - (inside[:, 1] - inside[:, 0])) / 2
+    widen = np.maximum(0.0, _MIN_WIDTH - (inside[:, 1] - inside[:, 0])) / 2
     left, right = inside[:, 0] - widen, inside[:, 1] + widen
     starts = np.flatnonzero(np.concatenate([[True], left[1:] > right[:-1] + 1]))
     stops = np.append(starts[1:], len(inside)) - 1

@@ -1,4 +1,4 @@
-"""The Offline page: one log, drawn and solved again by its stages or by a method that needs no rate table."""
+"""The Offline page: plots one log and solves it again by its stages or by a method that needs no rate table."""
 
 import shutil
 import tempfile
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
 
 class OfflinePage(Page):
-    """A log, its range, and the solution."""
+    """Shows a log, the selected range, and its solution."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -68,20 +68,20 @@ class OfflinePage(Page):
 
     @staticmethod
     def title() -> str:
-        """The page's name on its tab."""
+        """Return the name of the page on its tab."""
         return QCoreApplication.translate("OfflinePage", "Offline")
 
     @property
     def panel(self) -> "MethodPanel | None":
-        """The panel of the chosen method; None while the log is solved by its stages."""
+        """The panel of the selected method; None while the log is solved by its stages."""
         return self._panels.get(self.methods.chosen_method)
 
     def choose(self, method: str) -> None:
-        """Solve by a method; "" for the stages of the log."""
+        """Select the method that solves the log; "" selects the stages of the log."""
         self.methods.choose(method)
 
     def open(self, path: Path) -> None:
-        """Read a log and draw it; one that was open is closed."""
+        """Close the open log, if any, then read and plot another."""
         self.choose("")
         if self._working:
             self.notice.inform("caution", str, self._wait_text, self.plot.setFocus)
@@ -95,7 +95,7 @@ class OfflinePage(Page):
         self.reader.watch(self.app.job_queue.submit(log_index, path.absolute(), self._index_folder))
 
     def solve(self) -> None:
-        """Solve the chosen range and stages."""
+        """Solve the selected range and stages."""
         if self.log is None or self._why_not_solve():
             return
         self.notice.dismiss()
@@ -184,7 +184,7 @@ class OfflinePage(Page):
     # ---- logs and methods
 
     def _latest_runs(self) -> list[Path]:
-        """Logs of the last runs, the latest first."""
+        """Return the logs of the last runs, the latest first."""
         folder = self.app.runs_folder
         if not folder.is_dir():
             return []
@@ -197,7 +197,7 @@ class OfflinePage(Page):
             self.panel.open(path)
 
     def _show_method(self, method: str) -> None:
-        """Show the stages or a method's panel, which is made the first time; the log stays the same."""
+        """Show the stages, or the panel of a method, which is created on first use; the log stays open."""
         from calstation.gui.logs.methods import MethodPanel
 
         if not method:
@@ -257,7 +257,7 @@ class OfflinePage(Page):
         self._update()
 
     def _fetch_samples(self, wanted: Wanted) -> None:
-        """Fetch single samples; while a job is running, the plot asks again after it."""
+        """Fetch single samples; a request during another fetch is ignored, and the plot repeats it afterwards."""
         log = self.log
         if log is not None and not self._sampler.busy:
             self._wanted = wanted
@@ -277,7 +277,7 @@ class OfflinePage(Page):
         stage = next((term("stage", s.stage) for s in log.spans if s.first_seq <= seq <= s.last_seq), "")
         self._pointer.setText(self.tr("Sample {0}").format(seq) + f"   {time}   {stage}")
 
-    # ---- texts, and what is allowed now
+    # ---- texts and enabled controls
 
     @property
     def _working(self) -> bool:
@@ -296,7 +296,7 @@ class OfflinePage(Page):
         return "" if self.stages.chosen else self.tr("Tick a stage to solve")
 
     def _update(self) -> None:
-        """Allow what is possible now; tooltips say why the rest is not."""
+        """Enable the controls that can be used now; tooltips explain why the others are disabled."""
         wait = say("window.busy_job") if self._working else ""
         for widget in (self.source, self.range, self.stages):
             enable(widget, wait)
@@ -320,7 +320,7 @@ class OfflinePage(Page):
 
 
 def _dropped(mime: QMimeData) -> Path | None:
-    """The first dropped file that may be a log."""
+    """Return the first dropped file that may be a log, or None."""
     for url in mime.urls():
         if url.isLocalFile() and url.toLocalFile().lower().endswith(ENDINGS):
             return Path(url.toLocalFile())

@@ -1,4 +1,4 @@
-"""What is solved of a log: a range of sequence numbers, kept within the log and in order, and stages."""
+"""Widgets that select what to solve of a log: a range of sequence numbers, kept valid, and stages."""
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QMenu, QWidget
@@ -7,14 +7,14 @@ from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import button, column, enable, grid, label, row, show_text, theme
 from calstation.results.plots import LogIndex, StageSpan
 
-#: Boxes of stages side by side.
+#: Number of stage check boxes in a row.
 _COLUMNS = 4
-#: Largest number up to which a double, and so this box, holds every whole number.
+#: Largest number up to which a double, the value type of the spin box, represents every integer.
 _LARGEST = 2**53
 
 
 class CountSpin(QDoubleSpinBox):
-    """Whole numbers up to 2^53; emits a new value when it is entered, not at every key."""
+    """A spin box for integers up to 2^53; emits a new value when it is entered, not at every keystroke."""
 
     def __init__(self, name: str) -> None:
         super().__init__()
@@ -28,12 +28,12 @@ class CountSpin(QDoubleSpinBox):
         self.setMinimumWidth(19 * theme.GRID)
 
     def value(self) -> int:
-        """The count."""
+        """Return the value as an integer."""
         return round(super().value())
 
 
 class RangeBar(QWidget):
-    """`changed(first, last)`: another range was entered here."""
+    """Selects a range of sequence numbers; emits `changed(first, last)` when the user enters another range."""
 
     changed = Signal(object, object)
 
@@ -61,19 +61,19 @@ class RangeBar(QWidget):
         on_language_change(self, self._fill_menu)
 
     def show_log(self, log_index: LogIndex) -> None:
-        """Take a log's limits; all of it is chosen."""
+        """Set the limits to those of a log and select all of it."""
         self._log_index = log_index
         self.set_range(log_index.facts.first_seq, log_index.facts.last_seq)
         self._fill_menu()
 
     @property
     def range(self) -> tuple[int, int]:
-        """First and last sequence number chosen."""
+        """First and last selected sequence numbers."""
         return self.first_spin.value(), self.last_spin.value()
 
     @property
     def whole(self) -> bool:
-        """Whether all of the log is chosen."""
+        """Whether the whole log is selected."""
         log = self._log_index
         return log is None or self.range == (log.facts.first_seq, log.facts.last_seq)
 
@@ -105,7 +105,7 @@ class RangeBar(QWidget):
         self.changed.emit(*self.range)
 
     def _entered(self, spin: CountSpin) -> None:
-        """Take a new value, limited by the other box."""
+        """Accept a new value, limited by the value of the other box."""
         first, last = self.range
         note = ""
         if first > last and spin is self.first_spin:
@@ -123,7 +123,7 @@ class RangeBar(QWidget):
         self._show_note("")
 
     def _finished(self, spin: CountSpin) -> None:
-        """Explain why the box has not taken a number outside the log."""
+        """Explain why a number outside the log was rejected."""
         typed, self._typed = self._typed, ""
         if self._log_index is not None and typed and typed != spin.lineEdit().text():
             facts = self._log_index.facts
@@ -135,7 +135,7 @@ class RangeBar(QWidget):
 
 
 class StageChoice(QWidget):
-    """One box per stage of the log, disabled without a sample in the range. `changed()`: another choice was made."""
+    """A check box per stage, disabled if the range contains no sample of it; emits `changed()` for a new choice."""
 
     changed = Signal()
 
@@ -148,7 +148,7 @@ class StageChoice(QWidget):
         on_language_change(self, self._refresh)
 
     def show_stages(self, spans: tuple[StageSpan, ...]) -> None:
-        """Offer a log's stages, all ticked."""
+        """Show check boxes for the stages of a log, all ticked."""
         self._spans = spans
         for box in self._boxes.values():
             self._grid.removeWidget(box)
@@ -170,12 +170,12 @@ class StageChoice(QWidget):
 
     @property
     def in_range(self) -> tuple[str, ...]:
-        """Stages with a sample in the range, in the log's order."""
+        """Stages with at least one sample in the range, in the order of the log."""
         return tuple(dict.fromkeys(s.stage for s in self._spans if s.within(*self._range)))
 
     @property
     def chosen(self) -> tuple[str, ...]:
-        """Stages to solve, in the log's order."""
+        """Stages to solve, in the order of the log."""
         return tuple(stage for stage in self.in_range if self._boxes[stage].isChecked())
 
     def _refresh(self) -> None:

@@ -1,4 +1,4 @@
-"""Chooses a log: its path typed, browsed for, or taken from the recent ones."""
+"""Selects a log by a typed path, the file dialog, or the list of recent logs."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +16,7 @@ ENDINGS = (".h5", ".csv", ".csv.gz")
 
 
 def ask_log(parent: QWidget, title: str, folder: Path, chosen: Callable[[Path], object]) -> None:
-    """Ask for a log and call `chosen` with its path; the window stays usable meanwhile."""
+    """Ask for a log without blocking the window, and call `chosen` with its path."""
     dialog = QFileDialog(parent, title, str(folder if folder.is_dir() else Path()))
     dialog.setFileMode(QFileDialog.FileMode.ExistingFile)
     logs = QCoreApplication.translate("SourceBar", "Logs (*.h5 *.csv *.csv.gz)")
@@ -27,7 +27,7 @@ def ask_log(parent: QWidget, title: str, folder: Path, chosen: Callable[[Path], 
 
 
 class SourceBar(QWidget):
-    """`chosen(path)`: a log to open. `latest` gives the logs of the last runs, offered below the recent ones."""
+    """Emits `chosen(path)` for a log to open. `latest` returns the logs of the last runs, listed below recent logs."""
 
     chosen = Signal(object)
 
@@ -37,9 +37,9 @@ class SourceBar(QWidget):
         self._shown = ""
         self.log_edit = QLineEdit()
         self.log_edit.setObjectName("log_edit")
-        self.log_edit.setAcceptDrops(False)  # a file dropped here belongs to the page
+        self.log_edit.setAcceptDrops(False)  # the page handles dropped files
         self.log_edit.returnPressed.connect(self._open_typed)
-        #: A path unchanged for so long that leads to a file is opened, for example one that was pasted.
+        #: A path that is unchanged for this interval, such as a pasted one, is opened if the file exists.
         self._unchanged = QTimer(self, singleShot=True, interval=400)
         self._unchanged.timeout.connect(self._open_pasted)
         self.log_edit.textChanged.connect(self._unchanged.start)
@@ -62,24 +62,24 @@ class SourceBar(QWidget):
         self.log_edit.setText(self._shown)
 
     def remember(self, path: Path) -> None:
-        """Put a log first among the recent ones."""
+        """Add a log at the top of the recent logs."""
         recent = [path, *(p for p in self.recent() if p != path)][:8]
         self._settings.setValue(_KEY, [str(p) for p in recent])
         self._fill()
 
     def recent(self) -> list[Path]:
-        """Logs opened before, the latest first."""
+        """Return the recently opened logs, the latest first."""
         stored = self._settings.value(_KEY) or []
         return [Path(p) for p in ([stored] if isinstance(stored, str) else stored)]
 
     def browse(self) -> None:
-        """Choose a file, first in the folder of the open log or of the latest one."""
+        """Open the file dialog in the folder of the path shown, or else of the most recent log."""
         typed = self.log_edit.text()
         latest = Path(typed) if typed else next(iter(self.recent()), Path("runs/log"))
         ask_log(self, self.tr("Open a log"), latest.parent, self.chosen.emit)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Offer runs made meanwhile."""
+        """Add the runs made since the bar was last shown to the menu."""
         super().showEvent(event)
         self._fill()
 

@@ -1,10 +1,10 @@
-"""An axis that reads as time from the start of a log."""
+"""A plot axis labelled with the time since the start of a log."""
 
 from collections.abc import Sequence
 
 import pyqtgraph as pg
 
-#: Round distances between ticks, s.
+#: Allowed tick spacings, s.
 _SPACINGS = (
     *(base * 10.0**power for power in range(-5, 0) for base in (1, 2, 5)),
     *(1.0, 2.0, 5.0, 10.0, 15.0, 30.0),
@@ -14,23 +14,23 @@ _SPACINGS = (
 
 
 class TimeAxis(pg.AxisItem):  # type: ignore[misc]
-    """Ticks at whole seconds, minutes and hours."""
+    """A time axis with ticks at round numbers of seconds, minutes or hours."""
 
     def __init__(self) -> None:
         super().__init__("bottom")
 
     def tickSpacing(self, low: float, high: float, size: float) -> list[tuple[float, float]]:
-        """The smallest spacing without overlapping labels."""
+        """Return the smallest tick spacing at which labels do not overlap."""
         least = (high - low) * 110 / max(size, 1.0)  # 110 px between ticks
         return [(next((s for s in _SPACINGS if s >= least), _SPACINGS[-1]), 0.0)]
 
     def tickStrings(self, values: Sequence[float], _: float, spacing: float) -> list[str]:
-        """h:mm:ss with as many decimals as the spacing needs."""
+        """Return labels in the form h:mm:ss, with as many decimals as the spacing needs."""
         return [time_text(value, spacing) for value in values]
 
 
 def time_text(seconds: float, resolution: float = 1.0) -> str:
-    """Seconds as h:mm:ss, with decimals if `resolution` is finer than a second."""
+    """Format seconds as h:mm:ss, with decimals if `resolution` is finer than a second."""
     decimals = next((d for d in range(5) if resolution >= 0.99 * 10.0**-d), 5)
     units = 10**decimals
     ticks = round(abs(seconds) * units)

@@ -1,4 +1,4 @@
-"""The Operator page: load, scan, START, live view, verdict; the state of the run is in `gui.shell`."""
+"""The operator page: loading, scan, START, live view and verdict; the run status is in `gui.shell`."""
 
 import lazy_loader as lazy
 

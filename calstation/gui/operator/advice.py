@@ -1,4 +1,4 @@
-"""What a result means for an operator: why, what to do next, and the values nearest to their limits."""
+"""Interpretation of a result for an operator: reason, next action, and the values nearest to their limits."""
 
 import math
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from calstation.results import Parameter, Result
 
 @dataclass(frozen=True)
 class Figure:
-    """The value of a parameter group, or of a check of the product, that is nearest to its limit or most over it."""
+    """The value of a parameter group, or of a check of the product, that is nearest to or furthest beyond its limit."""
 
     name: str
     value: str
@@ -20,11 +20,11 @@ class Figure:
     unit: str
     passed: bool
     near: bool = False
-    by_sigma: bool = False  #: Its sigma is what is nearest, and `limit` belongs to sigma.
+    by_sigma: bool = False  #: The sigma is nearest to its limit, and `limit` is the sigma limit.
 
 
 def reason(outcome: str, result: Result | None) -> str:
-    """Why a run ended as it did."""
+    """Return the reason for the outcome of a run."""
     checks = [] if result is None else result.checks
     if outcome == "passed":
         near = sum(check.near_miss for check in checks)
@@ -41,7 +41,7 @@ def reason(outcome: str, result: Result | None) -> str:
 
 
 def next_action(outcome: str, result: Result | None) -> str:
-    """What to do with the unit now."""
+    """Return what to do with the unit next."""
     advised = None if result is None else result.advice
     if outcome == "passed":
         return say("advice.next_unit")
@@ -53,7 +53,7 @@ def next_action(outcome: str, result: Result | None) -> str:
 
 
 def figures(result: Result) -> list[Figure]:
-    """One row per parameter group and one per check of the product; failed ones and near-misses come first to fit."""
+    """Return at most 10 rows, one per parameter group and product check; failures and near-misses have priority."""
     found: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}
     for name, row in result.parameters.items():
@@ -71,11 +71,11 @@ def figures(result: Result) -> list[Figure]:
         figure = Figure(check_name(check), shown.value, "", shown.limit, shown.unit, check.passed, check.near_miss)
         rows.append(figure)
     order = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= len(parameters)))
-    return [rows[k] for k in sorted(order[:10])]  # so many fit beside the verdict on a small screen
+    return [rows[k] for k in sorted(order[:10])]  # 10 rows fit beside the verdict on a small screen
 
 
 def failed_check_text(check: Check, result: Result) -> str:
-    """A failed check as a sentence."""
+    """Return a sentence that describes a failed check."""
     if check.kind == "consistency":
         return say("advice.inconsistent", stage=check.subject, value=check.value, limit=check.limit)
     if check.kind == "unobservable":
@@ -89,7 +89,7 @@ def failed_check_text(check: Check, result: Result) -> str:
 
 
 def _share(check: Check | None) -> float:
-    """Share of its limit that a value uses, 1 at the limit."""
+    """Return the fraction of its limit that a checked value uses, 1 at the limit."""
     if check is None or math.isnan(check.value):
         return 0.0
     if isinstance(check.limit, tuple):

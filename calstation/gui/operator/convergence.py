@@ -1,4 +1,4 @@
-"""Convergence of the sigmas: one line per parameter group, as a multiple of its target, which is dashed."""
+"""Convergence plot: the sigma of each parameter group as a multiple of its target, with the target as a dashed line."""
 
 import time
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ from calstation.physics import DISPLAY
 
 @dataclass
 class Line:
-    """Sigma of a group over device time, s, as a multiple of its target, SI."""
+    """Sigma of a group as a multiple of its target (SI) over device time, s."""
 
     target: float
     curve: pg.PlotCurveItem = field(default_factory=lambda: pg.PlotCurveItem(skipFiniteCheck=True))
@@ -25,13 +25,13 @@ class Line:
     ratios: list[float] = field(default_factory=list)
 
     def add(self, at: float, ratio: float) -> None:
-        """Add a point; a constant ratio needs only its first and last."""
+        """Add a point; while the ratio is constant, only its first and last points are stored."""
         if len(self.ratios) > 1 and self.ratios[-1] == self.ratios[-2] == ratio:
             self.times[-1] = at
             return
         self.times.append(at)
         self.ratios.append(ratio)
-        if len(self.times) > 2000:  # every other one is dropped
+        if len(self.times) > 2000:  # drop every second point
             del self.times[1:-1:2], self.ratios[1:-1:2]
 
     @property
@@ -95,7 +95,7 @@ class Convergence(QFrame):
         low = np.log10(min([0.3, *shown])) - 0.1
         high = np.log10(max([30.0, *shown])) + 0.1
         for line in self.lines.values():
-            if line.times:  # the last value holds until now
+            if line.times:  # extend the last value to the current time
                 times, ratios = [*line.times, self._now], [*line.ratios, line.ratios[-1]]
                 line.curve.setData(np.array(times) / 60.0, np.log10(ratios))
         decades = range(int(np.ceil(low)), int(np.floor(high)) + 1)
@@ -120,7 +120,7 @@ class Convergence(QFrame):
                 continue
             unit, size = DISPLAY[group]
             value = line.ratios[-1] * line.target / size
-            number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # without a power of ten
+            number = f"{value:.0f}" if value >= 10.0 else f"{value:.2g}"  # avoid exponents
             text, colour, state = f"{term('group', group)} {number} {unit}", c.text, ""
             if line.reached:
                 text, colour, state = self.tr("{value} reached").format(value=text), c.good, "good"

@@ -1,4 +1,4 @@
-"""Drawings in the level frame, seen from the front, slightly from the right and above, in a parallel projection."""
+"""Drawings in the level frame in a parallel projection, viewed from the front, slightly from the right and above."""
 
 from collections.abc import Sequence
 
@@ -10,18 +10,18 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from calstation.gui.widgets import theme
 from calstation.physics import FloatArray
 
-#: Half of the width of a drawing; the radius of globe and table is 1.
+#: Half the width of a drawing; the radius of the globe and of the table is 1.
 _EXTENT = 1.38
 _AZIMUTH, _ELEVATION = np.deg2rad(28.0), np.deg2rad(24.0)
 _SA, _CA = float(np.sin(_AZIMUTH)), float(np.cos(_AZIMUTH))
 _SE, _CE = float(np.sin(_ELEVATION)), float(np.cos(_ELEVATION))
 #: Direction towards the viewer, shape (3,).
 VIEWER = np.array([_SA * _CE, -_CA * _CE, _SE])
-#: From the level frame to the screen, y downward, shape (3, 2).
+#: Projection from the level frame to the screen, y downward, shape (3, 2).
 _SCREEN = np.array([[_CA, _SA * _SE], [_SA, -_CA * _SE], [0.0, -_CE]])
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 73)
 
-#: Faces of a box: the axis across each, and the indices of its corners.
+#: Faces of a box: the axis normal to each face, and the indices of its corners.
 _FACES = (
     (0, (0, 1, 3, 2)),
     (0, (4, 5, 7, 6)),
@@ -33,12 +33,12 @@ _FACES = (
 
 
 def depth(point: FloatArray) -> float:
-    """Distance of a point, shape (3,), from the viewer; 0 at the origin."""
+    """Return the depth of a point, shape (3,), along the line of sight: 0 at the origin, positive behind it."""
     return float(-point @ VIEWER)
 
 
 def basis(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors, shape (3,), that span the plane across `normal`, shape (3,)."""
+    """Return two unit vectors, shape (3,), that span the plane normal to `normal`, shape (3,)."""
     helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
     u = np.cross(normal, helper)
     u /= np.linalg.norm(u)
@@ -46,18 +46,18 @@ def basis(normal: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def circle(normal: FloatArray) -> FloatArray:
-    """Points of the unit circle across `normal`, shape (n, 3)."""
+    """Return points, shape (n, 3), of the unit circle in the plane normal to `normal`."""
     u, v = basis(normal)
     return np.asarray(np.outer(np.cos(_ANGLES), u) + np.outer(np.sin(_ANGLES), v))
 
 
 def screen(point: FloatArray) -> QPointF:
-    """A point of the level frame, shape (3,), on the screen."""
+    """Project a point of the level frame, shape (3,), onto the screen."""
     return QPointF(*(point @ _SCREEN).tolist())
 
 
 class Drawing(QWidget):
-    """A square drawing; `draw` paints it with the methods that follow, from back to front."""
+    """A square drawing; subclasses implement `draw`, which calls the methods below from back to front."""
 
     def __init__(self, size: int, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -67,7 +67,7 @@ class Drawing(QWidget):
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
 
     def sizeHint(self) -> QSize:
-        """Square."""
+        """Return a square size."""
         return QSize(self._size, self._size)
 
     def draw(self) -> None:
@@ -85,7 +85,7 @@ class Drawing(QWidget):
         painter.end()
 
     def set_opacity(self, opacity: float) -> None:
-        """Draw what follows with this opacity."""
+        """Set the opacity of everything drawn from now on."""
         self._painter.setOpacity(opacity)
 
     def line(self, start: QPointF, end: QPointF, colour: str, width: float, *, dotted: bool = False) -> None:
@@ -94,7 +94,7 @@ class Drawing(QWidget):
         self._painter.drawLine(start, end)
 
     def area(self, points: Sequence[QPointF], fill: QColor | str, edge: str = "", width: float = 0.0) -> None:
-        """Fill a polygon, with an edge if it has a colour."""
+        """Fill a polygon, and draw its edge if `edge` is a colour."""
         self._painter.setPen(_pen(edge, width) if edge else QPen(Qt.PenStyle.NoPen))
         self._painter.setBrush(QColor(fill))
         self._painter.drawPolygon(QPolygonF(points))
@@ -106,7 +106,7 @@ class Drawing(QWidget):
         self._painter.drawEllipse(centre, radius, radius)
 
     def arc(self, radius: float, share: float, colour: str, width: float) -> None:
-        """Draw a share of a circle on the screen, clockwise from the top."""
+        """Draw the fraction `share` of a circle on the screen, clockwise from the top."""
         line = _pen(colour, width)
         line.setCapStyle(Qt.PenCapStyle.FlatCap)
         self._painter.setPen(line)
@@ -114,11 +114,11 @@ class Drawing(QWidget):
         self._painter.drawArc(frame, 90 * 16, round(-share * 360 * 16))
 
     def plate(self, normal: FloatArray, radius: float, fill: str, edge: str) -> None:
-        """Draw a disc across `normal`, shape (3,)."""
+        """Draw a disc in the plane normal to `normal`, shape (3,)."""
         self.area([screen(p) for p in radius * circle(normal)], fill, edge, 0.018)
 
     def box(self, corners: FloatArray) -> None:
-        """Draw a box by its corners, shape (8, 3), last axis fastest."""
+        """Draw a box from its corners, shape (8, 3), with the last coordinate varying fastest."""
         c = theme.colours()
         dark = theme.current() == "dark"
         shade = (120, 150, 200) if dark else (112, 124, 100)
@@ -128,9 +128,9 @@ class Drawing(QWidget):
             self.area([screen(p) for p in corners[list(face)]], fill, c.muted, 0.015)
 
     def axes(self, attitude: FloatArray, starts: Sequence[float], length: float, hidden: Sequence[bool]) -> None:
-        """Draw the axes of the unit, the columns of `attitude`, shape (3, 3), as arrows with names; hidden ones dotted.
+        """Draw the axes of the unit, the columns of `attitude`, shape (3, 3), as labelled arrows, dotted if `hidden`.
 
-        `starts` and `length` are distances of the arrows' starts and ends from the centre.
+        `starts` and `length` are the distances of the start and end points of the arrows from the centre.
         """
         for i in sorted(range(3), key=lambda i: -depth(attitude[:, i])):
             name, direction = "xyz"[i], attitude[:, i]
@@ -140,7 +140,7 @@ class Drawing(QWidget):
             self.letter(name, screen(1.22 * length * direction), colour)
 
     def letter(self, name: str, at: QPointF, colour: str) -> None:
-        """Draw a word centred at a point, with an outline, in one size at any scale of the drawing."""
+        """Draw an outlined text centred at a point; the font size does not depend on the scale of the drawing."""
         painter, ratio = self._painter, self.devicePixelRatioF()
         point = painter.transform().map(at)
         painter.save()

@@ -1,4 +1,4 @@
-"""Operator, serial number, product, START and Pause: the operator page's part of the strip beside STOP."""
+"""Header of the operator page, in the strip beside STOP: operator, serial number, product, START and Pause."""
 
 from pathlib import Path
 
@@ -14,10 +14,10 @@ _COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
 
 
 class RunHeader(QWidget):
-    """The fields and buttons; the page decides what they do.
+    """The fields and buttons, whose actions are implemented by the page.
 
-    `serial_entered()` : Enter in the serial field, as a scanner sends it; `serial_edited()` : any change of the serial
-    number; `enter_refused()` : Enter on START, which starts nothing; `product_chosen(path)` : by the user.
+    `serial_entered()` : Enter in the serial field, also sent by scanners; `serial_edited()` : the serial number has
+    been edited; `enter_refused()` : Enter on START was ignored; `product_chosen(path)` : the user has chosen a product.
     """
 
     serial_entered = Signal()
@@ -61,17 +61,17 @@ class RunHeader(QWidget):
 
     @property
     def serial(self) -> str:
-        """The serial number as entered, stripped."""
+        """The serial number entered, without surrounding spaces."""
         return self.serial_edit.text().strip()
 
     @property
     def operator(self) -> str | None:
-        """The operator as entered, or the user of the computer."""
+        """The operator entered, or by default the user of the computer."""
         return self.operator_edit.text().strip() or computer_user()
 
     @property
     def product(self) -> Path | None:
-        """File of the chosen product."""
+        """The file of the chosen product, or None."""
         name = self.product_combo.currentData()
         return None if name is None else Path(name)
 
@@ -83,7 +83,7 @@ class RunHeader(QWidget):
         self.show_product(chosen)
 
     def show_product(self, path: Path | None) -> None:
-        """Choose a product, if it is offered."""
+        """Select a product in the list if it is offered."""
         index = self.product_combo.findData(str(path))
         if index >= 0:
             self.product_combo.setCurrentIndex(index)
@@ -94,7 +94,7 @@ class RunHeader(QWidget):
         self.note_serial("")
 
     def focus_serial(self) -> None:
-        """Be ready for the scanner, which replaces the number."""
+        """Focus the serial number and select it, so that a scan replaces it."""
         self.serial_edit.setFocus()
         self.serial_edit.selectAll()
 
@@ -105,28 +105,28 @@ class RunHeader(QWidget):
         self._show_caption()
 
     def set_running(self, why: str) -> None:
-        """Lock the fields for a reason; "" unlocks them."""
+        """Lock the fields for the given reason; "" unlocks them."""
         for widget in (self.operator_edit, self.serial_edit, self.product_combo):
             enable(widget, why)
 
     def set_start(self, why_not: str) -> None:
-        """Enable START, or disable it for a reason."""
+        """Disable START for the given reason; "" enables it."""
         enable(self.start_button, why_not, self.tr("Press Space or click; Enter does not start, scanners send it."))
 
     def set_pause(self, paused: bool, why_not: str) -> None:
-        """Show Pause or Resume, disabled for a reason."""
+        """Show Pause or Resume, disabled for the given reason; "" enables it."""
         enable(self.pause_button, why_not)
         self.pause_button.setText(self.tr("Resume") if paused else self.tr("Pause"))
 
     def guard(self, combo: QComboBox) -> None:
-        """Keep a scan from choosing anything in a list, open or closed."""
+        """Prevent a scan from changing the selection of a combo box, open or closed."""
         combo.installEventFilter(self)
         combo.view().installEventFilter(self)
 
     def take_key(self, event: QKeyEvent) -> bool:
-        """Take a character that no field has used as the first of a scan, into the serial field.
+        """Enter a character that no field has handled into the serial field as the first character of a scan.
 
-        Returns False for other keys, while the page is hidden and while a run is in progress.
+        Return False for other keys, while the page is hidden, and while a run is in progress.
         """
         text = event.text()
         if not text.strip() or not text.isprintable() or event.modifiers() & _COMMAND:
@@ -143,7 +143,7 @@ class RunHeader(QWidget):
         return True
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Pass characters from lists and START to the serial field; Enter on START never starts."""
+        """Pass characters from lists and START to the serial field, and ignore Enter on START."""
         if isinstance(event, QKeyEvent) and event.type() == QEvent.Type.KeyPress:
             if watched is self.start_button and event.key() in (Qt.Key.Key_Return, Qt.Key.Key_Enter):
                 self.enter_refused.emit()

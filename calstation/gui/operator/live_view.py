@@ -1,4 +1,4 @@
-"""A run in progress: preparation steps, table, traces and convergence, or the guide of a manual rig."""
+"""View of a run in progress: preparation steps, table, traces and convergence, or guidance for a manual rig."""
 
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
@@ -15,13 +15,13 @@ from calstation.messages import Text
 from calstation.physics import GROUPS, INDEX, PARAMETERS
 from calstation.sequencer import Event, PositionGuided, StageEnded, StageProgress, StageSolved, TableMoved, Trace
 
-#: Steps by the message that starts each; the first starts with START.
+#: Preparation steps, each identified by the message that starts it; the first step starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
 _MANUAL_STEPS = ("starting_manual", "waiting_ready", "warming_up", "checking_gravity")
 
 
 class Preparation(QFrame):
-    """The steps from START to the first stage, ticked off one by one; skipped steps are ticked with the next one."""
+    """Checklist of the steps from START to the first stage; a skipped step is ticked off with the next one."""
 
     def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -51,7 +51,7 @@ class Preparation(QFrame):
             self._current = 0
         elif message in steps:
             self._current = steps.index(message)
-        elif message == "registers_writing":  # in a register operation; the first stage ends that of a run
+        elif message == "registers_writing":  # ends preparation in a register operation; in a run, the first stage does
             self._current = len(steps)
         for number, widgets in enumerate(self._rows):
             for widget in widgets:
@@ -91,7 +91,7 @@ class LiveView(QWidget):
             self.position.plan(run_summary)
 
     def stop(self) -> None:
-        """Stop with the end of the run."""
+        """Stop updating at the end of the run."""
         self._traces.stop()
 
     def take(self, event: Event) -> None:
@@ -108,10 +108,10 @@ class LiveView(QWidget):
             case StageProgress():
                 self._convergence.take(self._run.done, event.sigma)
             case StageSolved():
-                self._convergence.take(self._run.done, _largest(event))
+                self._convergence.take(self._run.done, _largest_sigmas(event))
 
     def refresh(self) -> None:
-        """Show the widgets that belong to the state of the run."""
+        """Show the widgets for the current state of the run."""
         run = self._run
         begun = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
         guiding = run.by_hand and begun
@@ -122,8 +122,8 @@ class LiveView(QWidget):
         self._lower.setVisible(not guiding)
 
 
-def _largest(event: StageSolved) -> dict[str, float]:
-    """The largest sigma of every group."""
+def _largest_sigmas(event: StageSolved) -> dict[str, float]:
+    """Return the largest sigma of each group."""
     found: dict[str, float] = {}
     for name, solved in event.parameters.items():
         group = PARAMETERS[INDEX[name]].group

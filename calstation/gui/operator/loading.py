@@ -1,4 +1,4 @@
-"""How to load a unit, in four steps beside a drawing of the table; shown before a run."""
+"""Instructions for loading a unit, in four steps beside a drawing of the table; shown before a run."""
 
 import numpy as np
 from PySide6.QtCore import Qt
@@ -14,7 +14,7 @@ from calstation.messages import Text
 
 
 class Loading(QFrame):
-    """Shown while nothing runs and there is no verdict."""
+    """Loading instructions, shown while no run is in progress and there is no verdict."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)

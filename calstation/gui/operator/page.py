@@ -1,4 +1,4 @@
-"""The operator page: load, scan, START, watch, verdict."""
+"""The operator page: loading, scan, START, live view and verdict."""
 
 from collections.abc import Callable
 from functools import partial
@@ -44,7 +44,7 @@ from calstation.sequencer import Command
 
 
 class OperatorPage(Page):
-    """All that an operator needs, and nothing that an operator must not change."""
+    """Page with everything an operator needs and without settings that an operator must not change."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -72,11 +72,11 @@ class OperatorPage(Page):
 
     @staticmethod
     def title() -> str:
-        """The text of the tab."""
+        """Return the title of the page's tab."""
         return QCoreApplication.translate("OperatorPage", "Operator")
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Be ready for a scan; when first shown, offer interrupted runs."""
+        """Prepare for a scan; when first shown, offer to resume interrupted runs."""
         super().showEvent(event)
         self._update_products()
         if not self._opened:
@@ -85,7 +85,7 @@ class OperatorPage(Page):
         self.await_scan()
 
     def await_scan(self) -> None:
-        """Be ready for a scan, unless a run is in progress or a question is open."""
+        """Focus the serial number field for a scan, unless a run is in progress or a question is open."""
         run = self.app.run
         if self.isVisible() and not run.going and run.fault is None and not self.notice.asking:
             self.header.focus_serial()
@@ -116,12 +116,12 @@ class OperatorPage(Page):
         self._read_products()
 
     def _clear_verdict(self) -> None:
-        """Remove a verdict that does not concern the next unit."""
+        """Remove a verdict that does not apply to the next unit."""
         if self.app.run.ended and not self.app.engine_link.running:
             self.app.run.acknowledge()
 
     def _show_product(self) -> None:
-        """Show the product that another page may have chosen."""
+        """Show the current product, which another page may have chosen."""
         self._clear_verdict()
         self.header.show_product(self.app.product_path)
         self._plan()
@@ -147,7 +147,7 @@ class OperatorPage(Page):
         self._plan()
 
     def _plan(self) -> None:
-        """Read station and product again; show what is wrong with them and disable START."""
+        """Read station and product again; if they cannot be used, show the reason and disable START."""
         app = self.app
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
@@ -167,7 +167,7 @@ class OperatorPage(Page):
         self._refresh()
 
     def _summarise(self) -> tuple[RunSummary | None, list[Choice]]:
-        """The next run, or None with buttons that choose a product the station can calibrate; sets the problem."""
+        """Return the next run, or None and choices of compatible products; set `_problem` accordingly."""
         app = self.app
         self._problem = None
         try:
@@ -181,7 +181,7 @@ class OperatorPage(Page):
             products = Text.of("window.compatible_products" if found else "window.no_compatible_product", names=names)
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             choices = []
-            for name, path in found[:2]:  # all are named
+            for name, path in found[:2]:  # the notice lists all of them
                 words = partial(say, "window.choose_product", name=name)
                 choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
             return None, choices
@@ -235,7 +235,7 @@ class OperatorPage(Page):
             self._starting.offer(self.header.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
-        """Ask before the window closes during a run: stop safely first, and only then offer to close at once."""
+        """Ask before closing during a run; offer to close immediately only after a safe stop has been requested."""
 
         def stop() -> None:
             stop_and_close()
@@ -271,7 +271,7 @@ class OperatorPage(Page):
         self._message.setText(self._message_text())
 
     def _choose_view(self) -> None:
-        """Show loading, live view or verdict."""
+        """Show the loading view, the live view or the verdict."""
         run = self.app.run
         if run.state == "idle":
             self._views.setCurrentWidget(self._loading)

@@ -1,4 +1,4 @@
-"""Guides the operator through the positions of a manual rig: drawing, state, task and position count."""
+"""Panel that guides the operator through the positions of a manual rig: drawing, state, task, position count."""
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
@@ -51,7 +51,7 @@ class PositionPanel(QFrame):
         on_language_change(self, self._refresh)
 
     def plan(self, run_summary: RunSummary) -> None:
-        """Prepare for a run: its rig and its positions."""
+        """Prepare for the rig and the positions of a run."""
         self._guided, self._finishing, self._finished = None, False, False
         self.picture.set_plan(run_summary)
         self._refresh()
@@ -112,7 +112,7 @@ class PositionPanel(QFrame):
 
 
 def _turn_text(now: PositionGuided) -> str:
-    """Which rails to turn, and where to."""
+    """Return the instruction that states which rails to turn and to which angles."""
     least = np.deg2rad(1.0)
     outer = abs(now.outer - now.outer_before) > least
     inner = abs(now.inner - now.inner_before) > least

@@ -1,4 +1,4 @@
-"""Drawing of the unit on a manual rig: attitude to gravity, positions done and to do, and how long it has rested."""
+"""Drawing of the unit on a manual rig: attitude relative to gravity, positions done and remaining, and rest time."""
 
 import itertools
 
@@ -14,23 +14,23 @@ from calstation.physics import FloatArray, axis_rotation, rotation_matrix
 from calstation.sequencer import PositionGuided
 
 _UP = np.array([0.0, 0.0, 1.0])
-#: Half of the unit's box along x, y, z; the globe's radius is 1.
-_HALF = np.array([0.34, 0.46, 0.16])
-_CORNERS = _HALF * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
-#: Radius and width of the ring that fills while the unit rests.
+#: Half size of the unit's box along x, y, z; the globe's radius is 1.
+_HALF_SIZE = np.array([0.34, 0.46, 0.16])
+_CORNERS = _HALF_SIZE * np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+#: Radius and width of the ring that fills while the unit is at rest.
 _RING, _WIDTH = 1.3, 0.1
 _DOT = 0.055
-#: Opacity of what is behind the unit, and of the next position there.
+#: Opacity of elements behind the unit, and of the next position if it is behind the unit.
 _PALE, _PALE_NEXT = 0.35, 0.6
-#: Cosine of the angle below which two positions are one dot.
-_SAME = np.cos(np.deg2rad(20.0))
+#: Cosine of the angle below which two positions are drawn as one dot.
+_COS_SAME = np.cos(np.deg2rad(20.0))
 
 
 class PositionPicture(Drawing):
     """Draws `PositionGuided` events.
 
-    Only the direction of gravity is measured. The heading is taken from the angles asked for and kept from there on, so
-    that the drawing turns with the unit.
+    Only the direction of gravity is measured. The heading is taken from the requested angles at each completed position
+    and kept until the next, so that the drawing turns with the unit.
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -42,7 +42,7 @@ class PositionPicture(Drawing):
         on_language_change(self, self.update)
 
     def set_plan(self, run_summary: RunSummary) -> None:
-        """Show the unit level on this rig, before anything is measured."""
+        """Show the unit level on this rig until the first measurement."""
         self._outer, self._inner = run_summary.outer_axis, run_summary.inner_axis
         self._planned = _distinct(np.array(run_summary.positions).reshape(-1, 3))
         self._guided, self._attitude = None, np.eye(3)
@@ -59,7 +59,7 @@ class PositionPicture(Drawing):
         self.update()
 
     def _attitude_at(self, outer: float, inner: float) -> FloatArray:
-        """Attitude b to level frame at rail angles, rad, shape (3, 3)."""
+        """Return the attitude matrix from b to the level frame, shape (3, 3), at the given rail angles, rad."""
         return np.asarray(axis_rotation(self._outer, outer) @ axis_rotation(self._inner, inner))
 
     def draw(self) -> None:
@@ -69,12 +69,12 @@ class PositionPicture(Drawing):
         self._draw_positions(behind=True)
         self.box(_CORNERS @ self._attitude.T)
         hidden = [depth(axis) > 0.3 for axis in self._attitude.T]
-        self.axes(self._attitude, _HALF.tolist(), 0.74, hidden)
+        self.axes(self._attitude, _HALF_SIZE.tolist(), 0.74, hidden)
         self._draw_positions(behind=False)
         self._draw_gravity()
 
     def _draw_ring(self) -> None:
-        """A ring that fills clockwise from the top while the unit rests."""
+        """Draw the ring, which fills clockwise from the top while the unit is at rest."""
         c, now = theme.colours(), self._guided
         self.disc(QPointF(), _RING, c.line, _WIDTH)
         if now is not None and now.state == "enough":
@@ -83,7 +83,7 @@ class PositionPicture(Drawing):
             self.arc(_RING, min(now.rest / now.wanted, 1.0), c.accent, _WIDTH)
 
     def _draw_globe(self) -> None:
-        """A sphere that turns with the unit: three circles across its axes, pale at the back."""
+        """Draw a sphere that turns with the unit: three circles normal to its axes, pale at the back."""
         colour = theme.colours().line
         self.disc(QPointF(), 1.0, colour, 0.012)
         for normal in self._attitude.T:
@@ -93,14 +93,14 @@ class PositionPicture(Drawing):
         self.set_opacity(1.0)
 
     def _draw_positions(self, *, behind: bool) -> None:
-        """Positions done as dots, those to do as rings, the next one as a large ring; those behind the unit or not."""
+        """Draw positions behind or in front of the unit: done as dots, remaining as rings, the next as a large ring."""
         c, now = theme.colours(), self._guided
         done = np.array(now.done if now is not None else ()).reshape(-1, 3)
         following = np.empty((0, 3))
         if now is not None and len(done) < now.index:
             following = self._attitude_at(now.outer, now.inner)[2:]
         known = np.vstack([done, following])
-        waiting = [up for up in self._planned if not (len(known) and (known @ up).max() > _SAME)]
+        waiting = [up for up in self._planned if not (len(known) and (known @ up).max() > _COS_SAME)]
         for positions, radius, colour, width, fill, pale in (
             (_distinct(done), _DOT, c.panel, 0.02, c.text, _PALE),
             (waiting, _DOT, c.muted, 0.025, "", _PALE),
@@ -114,7 +114,7 @@ class PositionPicture(Drawing):
         self.set_opacity(1.0)
 
     def _draw_gravity(self) -> None:
-        """The mark at the top, which the next position has to reach, and an arrow down."""
+        """Draw the pointer at the top, which the next position has to reach, and an arrow pointing down."""
         c = theme.colours()
         top, foot, tip = screen(1.02 * _UP), screen(-1.0 * _UP), screen(-1.26 * _UP)
         self.area([top, top + QPointF(-0.09, -0.16), top + QPointF(0.09, -0.16)], c.accent)
@@ -124,7 +124,7 @@ class PositionPicture(Drawing):
 
 
 def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:
-    """The attitude, shape (3, 3), turned the shortest way until `up`, shape (3,) in b, points up."""
+    """Return the attitude, shape (3, 3), rotated by the smallest angle so that `up`, shape (3,) in b, points up."""
     seen = attitude @ up
     axis = np.cross(seen, _UP)
     size = float(np.linalg.norm(axis))
@@ -135,9 +135,9 @@ def _upright(attitude: FloatArray, up: FloatArray) -> FloatArray:
 
 
 def _distinct(directions: FloatArray) -> FloatArray:
-    """The first of every cluster of unit vectors, shape (n, 3), in order, shape (k, 3)."""
+    """Return the first unit vector of each cluster, shape (k, 3), from `directions`, shape (n, 3), in their order."""
     found: list[FloatArray] = []
     for direction in directions:
-        if all(float(direction @ other) < _SAME for other in found):
+        if all(float(direction @ other) < _COS_SAME for other in found):
             found.append(direction)
     return np.array(found).reshape(-1, 3)

@@ -9,7 +9,7 @@ from calstation.messages import Rendered, Text, render
 
 
 def rendered(message: Text) -> Rendered:
-    """A message in the language of the window: a title as its text, an explanation as its remedy."""
+    """Render a message in the current language, with its title as `text` and its explanation as `remedy`."""
     return render(message.code, message.values, language.current(), window=True)
 
 
@@ -22,10 +22,10 @@ def ask(
     primary: str = "",
     others: Sequence[Choice] = (),
 ) -> None:
-    """Ask a question in a bar with a state of `badge.KINDS`, or show a notice if it has no answers.
+    """Ask a question in a notice bar, or show a notice if there are no answers; `kind` is a state of `badge.KINDS`.
 
-    `answers` says what each answer of the family ``answer`` does, `primary` which one has the focus; `others`, with
-    texts of their own, come first.
+    `answers` maps names of the catalogue family ``answer`` to their actions, and `primary` names the one that receives
+    the focus. `others` are choices with their own texts, which are shown first.
     """
     choices = [
         Choice(f"{name}_choice", partial(show, Text(f"answer.{name}", question.values)), act, name == primary)

@@ -21,7 +21,7 @@ _KINDS = {
 
 
 class _Row(QFrame):
-    """Shape and name at the left, state and time at the right, a progress bar below while the stage runs."""
+    """Row of a stage: icon and name on the left, state and time on the right, a progress bar below while it runs."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -34,7 +34,7 @@ class _Row(QFrame):
         column((line, 1), self._bar, on=self, spacing=0)
 
     def show_stage(self, kind: str, name: str, state: str, time: str, fraction: float) -> None:
-        """Show a stage: kind of its state, name, texts of state and time, fraction done."""
+        """Show the kind of a stage's state, its name, the texts of its state and time, and the fraction done."""
         active = kind == "active"
         if self.property("kind") != ("current" if active else ""):
             theme.set_kind(self, "current" if active else "")
@@ -48,7 +48,7 @@ class _Row(QFrame):
 
 
 class StageList(QFrame):
-    """The list, and the time left for all of it below."""
+    """The list of stages, with the total time left below it."""
 
     def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -73,12 +73,12 @@ class StageList(QFrame):
         on_language_change(self, self.refresh)
 
     def plan(self, run_summary: RunSummary | None) -> None:
-        """Show the next run while none is in progress."""
+        """Set the next run, which is shown while no run is in progress."""
         self._planned = run_summary
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the run, or the next one."""
+        """Show the current run, or the next one if no run is in progress."""
         planning = self._run.state == "idle"
         stages = self._run.stages
         if planning:

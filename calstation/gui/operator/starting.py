@@ -1,4 +1,4 @@
-"""Starts and resumes runs: checks the serial number, asks what must be asked in the notice bar, starts the engine."""
+"""Starts and resumes runs: checks the serial number, asks the necessary questions, starts the engine."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -20,12 +20,12 @@ from calstation.runs import Resumable, close_incomplete_job, find_resumable, rec
 
 
 class RunStarter(QObject):
-    """Everything between the scanner's Enter, or the offer of an interrupted run, and the start of the engine."""
+    """Performs all steps from a scan, or from the offer of an interrupted run, to the start of the engine."""
 
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
         self._app, self._header, self._notice = app, header, notice
-        #: Of the next run; None while station and product cannot run.
+        #: Summary of the next run; None while station and product cannot be used.
         self.run_summary: RunSummary | None = None
         self._wanted: Path | None = None
         self._serial: str | None = None
@@ -40,7 +40,7 @@ class RunStarter(QObject):
         header.start_pressed.connect(self.start)
 
     def suggest(self) -> None:
-        """On the virtual bench, fill in a number that has not passed yet, if the field is empty."""
+        """On the virtual bench, fill an empty field with a serial number that has not passed yet."""
         if self.run_summary is None or not self.run_summary.virtual or self._header.serial:
             return
         history = self._history()
@@ -51,7 +51,7 @@ class RunStarter(QObject):
         self._header.set_serial(suggested_serial(self.run_summary, passed))
 
     def check(self) -> bool:
-        """Check the serial number; a valid one moves the focus to START, which only a separate press activates."""
+        """Check the serial number; if it is valid, move the focus to START, which has to be pressed separately."""
         header = self._header
         if self.run_summary is None:
             return False
@@ -75,7 +75,7 @@ class RunStarter(QObject):
         return True
 
     def start(self) -> None:
-        """Check, ask what must be asked, then run."""
+        """Check the serial number, ask the necessary questions, then start the run."""
         if self._app.engine_link.running or not self.check() or self.run_summary is None:
             return
         if self._app.job_queue.at_device:
@@ -93,7 +93,7 @@ class RunStarter(QObject):
             self.run(request)
 
     def run(self, request: RunRequest) -> None:
-        """Start a run; before a real table moves, ask."""
+        """Start a run; ask for confirmation before a real table moves."""
         if self.run_summary is not None and self.run_summary.virtual:
             self._app.engine_link.start(request)
         else:
@@ -102,7 +102,7 @@ class RunStarter(QObject):
             self._ask(question, {"clear": lambda: self._app.engine_link.start(request)})
 
     def ask_transfer(self, request: RunRequest) -> None:
-        """Ask which registers the unit shall have after an interrupted transfer, then run."""
+        """Ask whether to restore the old registers or to finish an interrupted transfer, then start the run."""
         manual = self.run_summary is None or self.run_summary.by_hand
         question = Text.of(
             "question.transfer_interrupted_manual" if manual else "question.transfer_interrupted", serial=request.serial
@@ -116,14 +116,14 @@ class RunStarter(QObject):
     # ---- interrupted runs
 
     def recover(self) -> None:
-        """When the window opens: close runs that died, hand over waiting results, then offer what can be resumed."""
+        """When the window opens, close aborted runs, hand over pending results, then offer runs that can be resumed."""
         if self._app.runs_folder.is_dir():
             recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
             self._recovery.watch(recovery)
         self.offer()
 
     def offer(self, serial: str | None = None, log: Path | None = None) -> None:
-        """Offer runs that can be resumed; only those of a unit if `serial` is given, only that of `log` if that is."""
+        """Offer runs that can be resumed, limited to those of the unit `serial` or to the run of `log` if given."""
         self._serial, self._wanted = serial, log
         if self._app.runs_folder.is_dir():
             self._search.watch(self._app.job_queue.submit(find_resumable, self._app.runs_folder))
@@ -137,7 +137,7 @@ class RunStarter(QObject):
         chosen = [run for run in found if run.log.name == self._wanted.name]
         if chosen:
             self._notice.dismiss()
-            self._offer(chosen)  # chosen on another page: somebody may be at the fixture
+            self._offer(chosen)  # it was chosen on another page, so someone may be at the fixture
         else:
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
 
@@ -171,7 +171,7 @@ class RunStarter(QObject):
         return RunRequest(serial, app.station_path, product, stages, app.runs_folder, self._header.operator, **more)
 
     def _history(self) -> History | None:
-        """The history of earlier runs; None if there are none."""
+        """Return the history of earlier runs, or None if there is no runs folder."""
         folder = self._app.runs_folder
         return History(folder) if folder.is_dir() else None
 
@@ -181,7 +181,7 @@ class RunStarter(QObject):
             self._notice.dismiss()
 
     def _ask_attempt(self, failures: int, request: RunRequest) -> None:
-        """After too many failed attempts only an engineer can allow one more."""
+        """Ask for one more attempt after too many failures, which only an engineer can allow."""
         if self._app.role.engineer:
             question = Text.of("question.allow_attempt", serial=request.serial, count=failures)
             self._ask(question, {"beyond": lambda: self.run(replace(request, beyond_attempts=True))}, "bad")
@@ -195,7 +195,7 @@ class RunStarter(QObject):
 
 
 def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> str:
-    """A serial number for the virtual bench for which `passed` is False; "" for hardware."""
+    """Return the virtual bench's own serial number or one for which `passed` is False; "" for hardware."""
     if run_summary.bench is None:
         return ""
     own = run_summary.bench.get("serial")
@@ -211,7 +211,7 @@ def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> 
 
 
 def _minute_text(utc: str) -> str:
-    """A time in UTC to the minute, ``2026-11-22 07:30``."""
+    """Format a UTC time to the minute, ``2026-11-22 07:30``."""
     return utc.replace("T", " ")[:16]
 
 

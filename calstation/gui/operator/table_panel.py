@@ -1,4 +1,4 @@
-"""The table drawn at its encoder angles, with the angles, the rates and whether it moves."""
+"""Panel with a drawing of the table at its encoder angles, the angles and rates, and the state of motion."""
 
 import numpy as np
 from PySide6.QtCore import Qt
@@ -11,7 +11,7 @@ from calstation.physics import axis_rotation
 from calstation.sequencer import TableMoved
 
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
-#: Corners of the unit's box on the disc, along two directions of the disc and its normal.
+#: Corners of the unit's box on the disc, shape (8, 3), along two directions in the disc's plane and its normal.
 _CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
 
 Axis = tuple[float, float, float]
@@ -30,12 +30,12 @@ class TablePicture(Drawing):
         self.setGraphicsEffect(self._pale)
 
     def set_axes(self, outer: Axis, inner: Axis) -> None:
-        """The axes as unit vectors in b at home."""
+        """Set the table axes as unit vectors in frame b at the home position."""
         self._outer_axis, self._inner_axis = outer, inner
         self.update()
 
     def set_angles(self, outer: float, inner: float, *, known: bool = True) -> None:
-        """Joint angles, rad; the table is pale while they are unknown."""
+        """Set the joint angles, rad; the drawing is pale while they are unknown."""
         self._pale.setEnabled(not known)
         if (outer, inner) != self._angles:
             self._angles = (outer, inner)
@@ -63,7 +63,7 @@ class TablePicture(Drawing):
         self.axes(unit, (0.0, 0.0, 0.0), 0.92, [bool(part < -0.3) for part in across])
 
     def _draw_posts(self, *, behind: bool) -> None:
-        """The stand, a post at each end of the outer axis."""
+        """Draw the stand, with a post at each end of the outer axis."""
         c = theme.colours()
         for axis in (np.array(self._outer_axis), -np.array(self._outer_axis)):
             if (depth(axis) > 0.0) is behind:
@@ -106,7 +106,7 @@ class TablePanel(QFrame):
         self._show_state()
 
     def forget(self) -> None:
-        """Show a table whose angles are unknown."""
+        """Clear the readings and show that the angles are unknown."""
         self._moved = None
         self.picture.set_angles(0.0, 0.0, known=False)
         for shown in (*self.angle_labels, *self._rates):

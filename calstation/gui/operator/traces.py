@@ -1,4 +1,4 @@
-"""Live gyro and accelerometer output: three lines each, which can be held and zoomed during the run."""
+"""Live plots of gyro and accelerometer output, three lines each, which can be held and zoomed during a run."""
 
 import numpy as np
 import pyqtgraph as pg
@@ -11,12 +11,12 @@ from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, button, co
 from calstation.physics import DEGREE, FloatArray
 from calstation.sequencer import Trace
 
-#: Spans that can be chosen, s; the second one at first.
+#: Selectable time spans, s; the second is the default.
 _SPANS = (10.0, 60.0, 600.0)
 
 
 class _Plot(QWidget):
-    """The three lines of a sensor with their names at the ends."""
+    """Plot of the three axes of a sensor, with the axis names at the ends of the lines."""
 
     def __init__(self, first: int, factor: float) -> None:
         super().__init__()
@@ -37,11 +37,11 @@ class _Plot(QWidget):
         row((self.plot, 1), self._labels, on=self, spacing=0)
 
     def show_rows(self, rows: FloatArray, span: float) -> None:
-        """Draw rows, shape (n, 7): time, s, and six outputs; the newest `span` s fill the width."""
+        """Draw rows, shape (n, 7): time, s, and six outputs; the plot shows the newest `span` s."""
         self.plot.setXRange(-span, 0.0, padding=0.0)
         values = rows[:, 1:][:, self._columns] * self._factor
         times = rows[:, 0] - rows[-1:, 0]
-        step = max(1, len(rows) // 2000)  # about so many points are drawn
+        step = max(1, len(rows) // 2000)  # draw about 2000 points
         for curve, line in zip(self._curves, values.T, strict=True):
             curve.setData(times[::step], line[::step])
         labels = []
@@ -57,7 +57,7 @@ class _Plot(QWidget):
 
 
 class Traces(QFrame):
-    """Both plots with the buttons for their span and for holding them."""
+    """Both plots, with buttons that choose the time span and hold the display."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -100,18 +100,18 @@ class Traces(QFrame):
         """Store a trace; the timer draws it."""
         times = np.array(trace.time)
         rows = np.column_stack((times, np.array(trace.output).reshape(len(times), 6)))
-        self.rows = np.concatenate((self.rows, rows))[-16_384:]  # a quarter of an hour
+        self.rows = np.concatenate((self.rows, rows))[-16_384:]  # about a quarter of an hour
         self._new_rows = True
 
     def start(self) -> None:
-        """Start with a new run."""
+        """Clear the plots and start drawing for a new run."""
         self.rows = np.empty((0, 7))
         self._new_rows = True
         self.hold_button.setChecked(False)
         self._timer.start()
 
     def stop(self) -> None:
-        """Stop with the end of the run; the lines stay."""
+        """Stop drawing at the end of the run; the lines remain visible."""
         self._draw()
         self._timer.stop()
 

@@ -1,4 +1,4 @@
-"""The verdict of a run: one large word with its shape, the reason, what to do next, and the values that matter."""
+"""The verdict of a run: a large banner, the reason, the next action, and the decisive values."""
 
 from pathlib import Path
 
@@ -29,8 +29,8 @@ from calstation.results import Result
 from calstation.sequencer import Fault, Verdict
 
 
-class _Head(QWidget):
-    """The word and its shape on the colour of the state."""
+class _Banner(QWidget):
+    """Banner with the verdict and its shape on a background in the colour of the state."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -40,21 +40,21 @@ class _Head(QWidget):
         self.setMinimumHeight(12 * theme.GRID)
 
     def show_state(self, state: str) -> None:
-        """Show the word of a state in the colours of the theme."""
+        """Show the text of a state in the colours of the theme."""
         self._kind = KINDS.get(state, "none")
         self.word.setText(term("badge", state))
         self.word.setStyleSheet(f"color: {theme.colours().on_state};")
         self.update()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Fit the size of the word to that of the head."""
+        """Fit the size of the text to that of the banner."""
         super().resizeEvent(event)
         size = min(0.55 * self.height(), self.width() / 9.0)
         self.word.setFont(theme.font(max(theme.VERDICT, round(size)), bold=True))
         self.word.setContentsMargins(self.height(), 0, 0, 0)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw background and shape."""
+        """Draw the background and the shape."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setPen(Qt.PenStyle.NoPen)
@@ -66,7 +66,7 @@ class _Head(QWidget):
 
 
 class FiguresTable(QWidget):
-    """One row per parameter group and per check of the product, with the deciding number in bold."""
+    """Table with one row per parameter group and per check of the product, with the decisive number in bold."""
 
     def __init__(self, size: int = theme.BODY) -> None:
         super().__init__()
@@ -74,7 +74,7 @@ class FiguresTable(QWidget):
         self._grid = grid(self, across=2 * theme.GRID, down=theme.GRID // 4)
 
     def show_result(self, result: Result | None) -> None:
-        """Show the figures of a result; none without one."""
+        """Show the figures of a result; None clears the table."""
         clear(self._grid)
         figures = [] if result is None else advice.figures(result)
         if not figures:
@@ -108,7 +108,7 @@ class FiguresTable(QWidget):
 
 
 class VerdictPanel(QFrame):
-    """Replaces the plots when a run has ended; `acknowledged()` : clears a fault."""
+    """Replaces the plots when a run has ended; `acknowledged()` : the operator has acknowledged the fault."""
 
     acknowledged = Signal()
 
@@ -120,7 +120,7 @@ class VerdictPanel(QFrame):
         self._verdict: Verdict | None = None
         self._result: Result | None = None
         self._fault: Fault | None = None
-        self._head, self._figures = _Head(), FiguresTable(theme.SECTION)
+        self._banner, self._figures = _Banner(), FiguresTable(theme.SECTION)
         self._source, self._facts = label(kind="muted", wrap=True), label(kind="muted", wrap=True)
         self.reason_label, self.action_label, self._notes = label(wrap=True), label(wrap=True), label(wrap=True)
         self.reason_label.setFont(theme.font(theme.SECTION))
@@ -142,7 +142,7 @@ class VerdictPanel(QFrame):
         )
         right = column((self._figures, 1), None)
         lower = row((left, 1), right, spacing=3 * theme.GRID)
-        column((self._head, 2), (lower, 3), on=self, spacing=2 * theme.GRID, margins=(2 * theme.GRID,) * 4)
+        column((self._banner, 2), (lower, 3), on=self, spacing=2 * theme.GRID, margins=(2 * theme.GRID,) * 4)
         theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
@@ -158,13 +158,13 @@ class VerdictPanel(QFrame):
         self._refresh()
 
     def next_action(self) -> str:
-        """What to do now, in the current language."""
+        """Return the next action for the operator, in the current language."""
         fault = self._run.fault
         return advice.next_action(self._run.state, self._result) if fault is None else fault_text(fault).remedy
 
     def _refresh(self) -> None:
         text = None if self._run.fault is None else fault_text(self._run.fault)
-        self._head.show_state(self._run.state)
+        self._banner.show_state(self._run.state)
         self.acknowledge_button.setVisible(text is not None)
         self.details_button.setVisible(self._verdict is not None)
         self._station_button.setVisible(text is not None and text.source == "configuration")
@@ -180,7 +180,7 @@ class VerdictPanel(QFrame):
         self._figures.show_result(self._result if text is None else None)
 
     def _table(self) -> LinkTestRequest | None:
-        """The table of the last run. Raises ConfigurationError if its file cannot be read any more."""
+        """Return the request for the table of the last run. Raises ConfigurationError if its file cannot be read."""
         request = self._app.engine_link.request
         return None if request is None else LinkTestRequest(load_station(request.station)[1], request.product)
 

@@ -1,6 +1,6 @@
 """The Station page: station, links, site, table, profiles and their versions.
 
-Checking and storing files belongs to `config`.
+`config` checks and stores the files.
 """
 
 import lazy_loader as lazy

@@ -1,4 +1,4 @@
-"""The files being edited: saved text, typed text and what is wrong with it, one draft per file."""
+"""Drafts of the edited files, one per file: the saved text, the edited text, and its problems."""
 
 import tomllib
 from collections.abc import Mapping
@@ -25,7 +25,7 @@ class Draft(QObject):
         super().__init__(parent)
         self.kind = kind
         self.path: Path | None = None
-        #: The text as stored and as typed.
+        #: The text as stored, and as edited.
         self.saved = self.text = ""
         self.problems: list[Problem] = []
         self._data: Mapping[str, Any] = {}
@@ -33,7 +33,7 @@ class Draft(QObject):
 
     @property
     def name(self) -> str:
-        """The file's name without its ending."""
+        """The file name without its suffix."""
         return self.path.stem if self.path is not None else ""
 
     @property
@@ -43,13 +43,13 @@ class Draft(QObject):
 
     @property
     def model(self) -> BaseModel | None:
-        """The checked model of `text`; None while something is wrong with it."""
+        """The validated model of `text`; None while the text has problems."""
         if self.problems or self.path is None:
             return None
         return editing.MODELS[self.kind].model_validate(self._data)
 
     def open(self, path: Path) -> None:
-        """Read a file, which may be the present one; unsaved changes are lost."""
+        """Read a file, possibly the current one again; unsaved changes are lost."""
         self.path = path
         try:
             self.saved = editing.read_text(path)
@@ -64,20 +64,20 @@ class Draft(QObject):
         self._show(text, editing.check(self.kind, text))
 
     def discard(self) -> None:
-        """Go back to the stored text."""
+        """Revert to the stored text."""
         if self.path is not None:
             self.open(self.path)
 
     def value(self, place: KeyPath) -> Any:
-        """The value at a place, None if there is none."""
+        """Return the value at a key path, None if there is none."""
         return _value_at(self._data, place)
 
     def differs(self, place: KeyPath) -> bool:
-        """Whether the value at a place differs from the stored one."""
+        """Whether the value at a key path differs from the stored one."""
         return self.dirty and _value_at(self._saved_data, place) != self.value(place)
 
     def set(self, changes: Mapping[KeyPath, Any]) -> None:
-        """Change values; None removes one. Text that is not valid TOML stays as it is."""
+        """Change values; None removes a value. A text that is not valid TOML remains unchanged."""
         if any(problem.kind in ("toml", "file") for problem in self.problems):
             self.changed.emit()
             return
@@ -107,7 +107,7 @@ class Drafts(QObject):
         self.station, self.table = self._new("stations"), self._new("tables")
 
     def of(self, kind: str, path: Path) -> Draft:
-        """The draft of a file, opened if there is none yet."""
+        """Return the draft of a file; open one if there is none yet."""
         for draft in self._all:
             if draft.kind == kind and draft.path == path:
                 return draft
@@ -132,13 +132,13 @@ class Drafts(QObject):
 
     @property
     def author(self) -> str:
-        """The author of new versions: the name given on this page, else the user of this computer."""
+        """The author of new versions: the name in the settings, or else the user of this computer."""
         return str(self._settings.value("author", "")).strip() or default_author()
 
     def save(self) -> None:
         """Store all changes as files of the site, each as a new version.
 
-        Raises ConfigurationError for the first draft that cannot be stored; those before it are.
+        Raises ConfigurationError for the first draft that cannot be stored; the drafts before it have been stored.
         """
         for draft in self.dirty:
             name = _name_to_store(draft)
@@ -147,7 +147,7 @@ class Drafts(QObject):
             self.saved.emit(draft.kind)
 
     def create(self, kind: str, name: str, source: Path) -> Path:
-        """Copy a file under a new name and give its path; a new station is also named so.
+        """Copy a file under a new name and return its path; the name in a station file is changed as well.
 
         Raises ConfigurationError if the name is taken or not allowed.
         """
@@ -166,12 +166,12 @@ class Drafts(QObject):
 
 
 def default_author() -> str:
-    """The user of this computer, "engineer" if unknown."""
+    """Return the login name of this computer's user, "engineer" if it is unknown."""
     return computer_user() or "engineer"
 
 
 def _name_to_store(draft: Draft) -> str:
-    """The name in the site's folder; a file from elsewhere gets a number if its name is taken."""
+    """Return the name to use in the site's folder, with a number if another file already has the draft's name."""
     name, number = draft.name, 1
     while name in library.names(draft.kind) and library.find(draft.kind, name) != draft.path:
         number += 1

@@ -1,4 +1,4 @@
-"""Inputs for one value each, and forms made of them from the schema of a configuration file."""
+"""Input widgets for single values, and form fields built from the schema of a configuration file."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -20,7 +20,7 @@ from calstation.schema import KeyPath, Problem, field_name
 
 
 class WordEdit(QLineEdit):
-    """A text; empty means none."""
+    """A text input; an empty text means no value."""
 
     typed = Signal()
 
@@ -29,29 +29,29 @@ class WordEdit(QLineEdit):
         self.textEdited.connect(self.typed)
 
     def value(self) -> Any:
-        """The text typed."""
+        """Return the typed text, None if it is empty."""
         return self.text() or None
 
     def show_value(self, value: Any) -> None:
-        """Show a value; a focused text of the same value stays as typed, such as 1.50."""
+        """Show a value; while the input has the focus, a text of the same value, such as 1.50, is not replaced."""
         if not self.hasFocus() or self.value() != value:
             self.setText(_shown(value))
 
 
 class NumberEdit(WordEdit):
-    """A number, right aligned; empty means none."""
+    """A right-aligned number input; an empty text means no value."""
 
     def __init__(self) -> None:
         super().__init__()
         self.setAlignment(Qt.AlignmentFlag.AlignRight)
 
     def value(self) -> Any:
-        """The number typed."""
+        """Return the typed number, None for an empty text, or the text itself if it is not a number."""
         return _number(self.text())
 
 
 class VectorEdit(QWidget):
-    """Three numbers; the value is a list."""
+    """Three number inputs; the value is a list."""
 
     typed = Signal()
 
@@ -65,18 +65,18 @@ class VectorEdit(QWidget):
         self.setFocusProxy(self.edits[0])
 
     def value(self) -> Any:
-        """The numbers as typed."""
+        """Return the typed numbers."""
         return [_number(edit.text()) if edit.text().strip() else "" for edit in self.edits]
 
     def show_value(self, value: Any) -> None:
-        """Show a list of three."""
+        """Show a list of three numbers."""
         parts: Sequence[Any] = value if isinstance(value, list) and len(value) == 3 else ("", "", "")
         for edit, part in zip(self.edits, parts, strict=True):
             edit.show_value(part)
 
 
 class AddressEdit(WordEdit):
-    """Host and port number as ``host:port``; the value is ``scheme://host:port``."""
+    """An input for host and port number as ``host:port``; the value is ``scheme://host:port``."""
 
     def __init__(self, scheme: str, default_port: int) -> None:
         super().__init__()
@@ -84,13 +84,13 @@ class AddressEdit(WordEdit):
         bind(self.setPlaceholderText, lambda: self.tr("name or IP address") + f":{default_port}")
 
     def value(self) -> Any:
-        """The address typed, with the default port number if none is."""
+        """Return the typed address, with the default port number if none is typed."""
         text = self.text().strip()
         host, _, number = text.rpartition(":") if ":" in text else (text, "", "")
         return f"{self._prefix}{host}:{number or self._default_port}" if text else None
 
     def show_value(self, value: Any) -> None:
-        """Show an address, unless it is the one typed."""
+        """Show an address, unless it is the same as the typed one."""
         if value != self.value():
             self.setText(str(value or "").partition("://")[2])
 
@@ -101,12 +101,12 @@ class _Box(QComboBox):
     typed = Signal()
 
     def wheelEvent(self, event: QWheelEvent) -> None:
-        """Leave the wheel to the page."""
+        """Pass the event on to the page."""
         event.ignore()
 
 
 class ChoiceBox(_Box):
-    """One of several values; `choices` gives them with their texts in the current language."""
+    """Selects one of several values; `choices` returns them with their texts in the current language."""
 
     def __init__(self, choices: Callable[[], Sequence[tuple[Any, str]]], name: str = "") -> None:
         super().__init__()
@@ -117,7 +117,7 @@ class ChoiceBox(_Box):
         on_language_change(self, self.fill)
 
     def fill(self) -> None:
-        """Offer the present choices."""
+        """Update the list of choices."""
         chosen = self.currentData()
         with QSignalBlocker(self):
             self.clear()
@@ -126,16 +126,16 @@ class ChoiceBox(_Box):
             self.show_value(chosen)
 
     def showPopup(self) -> None:
-        """Offer the present choices: files may have come or gone outside the window."""
+        """Update the choices first, because files may have been added or removed outside the window."""
         self.fill()
         super().showPopup()
 
     def value(self) -> Any:
-        """The value chosen."""
+        """Return the selected value."""
         return self.currentData()
 
     def show_value(self, value: Any) -> None:
-        """Choose a value; one that is not offered is added."""
+        """Select a value; add it first if it is not among the choices."""
         index = next((i for i in range(self.count()) if self.itemData(i) == value), -1)
         if index < 0 and value is not None:
             self.addItem(str(value), value)
@@ -144,7 +144,7 @@ class ChoiceBox(_Box):
 
 
 class _EditableBox(_Box):
-    """A value typed or chosen."""
+    """A combo box whose value is typed or selected."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -156,17 +156,17 @@ class _EditableBox(_Box):
         self.line.textEdited.connect(self.typed)
 
     def value(self) -> Any:
-        """The text typed or chosen."""
+        """Return the typed or selected text, None if it is empty."""
         return self.currentText().strip() or None
 
     def show_value(self, value: Any) -> None:
-        """Show a value, unless the text has it."""
+        """Show a value, unless the text already represents it."""
         if self.value() != value:
             self.setEditText(_shown(value))
 
 
 class NumberBox(_EditableBox):
-    """A number, typed or chosen among common ones."""
+    """A number that is typed, or selected from common ones."""
 
     def __init__(self, common: Sequence[int]) -> None:
         super().__init__()
@@ -174,16 +174,16 @@ class NumberBox(_EditableBox):
         self.activated.connect(self.typed)
 
     def value(self) -> Any:
-        """The number typed or chosen."""
+        """Return the typed or selected number, or the text itself if it is not a number."""
         return _number(self.currentText())
 
 
 class PortBox(_EditableBox):
-    """A serial port, typed or chosen; a USB adapter is chosen by its serial number, whatever socket it is in."""
+    """A serial port, typed or selected; a USB adapter is identified by its serial number, not by its USB socket."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.setCompleter(None)  # type: ignore[arg-type]  # completion would choose a port that was not meant
+        self.setCompleter(None)  # type: ignore[arg-type]  # completion could select an unintended port
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
         self._ports: Sequence[FoundPort] = ()
         self.activated.connect(self._chosen)
@@ -191,7 +191,7 @@ class PortBox(_EditableBox):
         bind(self.line.setPlaceholderText, lambda: self.tr("choose or type a port"))
 
     def offer(self, ports: Sequence[FoundPort]) -> None:
-        """Offer the ports found."""
+        """List the ports found."""
         self._ports = ports
         typed = self.currentText()
         with QSignalBlocker(self):
@@ -204,7 +204,7 @@ class PortBox(_EditableBox):
             self.setEditText(typed)
 
     def description(self) -> str:
-        """The adapter at the port shown, "" if it was not found."""
+        """Return the description of the adapter at the port shown, "" if it was not found."""
         value = self.value()
         return next((_describe(port) for port in self._ports if value in (port.device, port.usb)), "")
 
@@ -213,12 +213,12 @@ class PortBox(_EditableBox):
         self.typed.emit()
 
 
-#: Every input that a field may have.
+#: Types of input that a field may have.
 Editor = WordEdit | VectorEdit | ChoiceBox | NumberBox | PortBox
 
 
 def _number(text: str) -> int | float | str | None:
-    """The number typed, None for nothing, or the text itself, which the check refuses."""
+    """Return the typed number, None for an empty text, or the text itself, which the check then rejects."""
     text = text.strip()
     for kind in (int, float):
         try:
@@ -235,25 +235,25 @@ def _shown(value: Any) -> str:
 
 
 def _describe(port: FoundPort) -> str:
-    """The adapter's description and the system's present name of its port."""
+    """Return the description of an adapter and the current device name of its port."""
     maker = "" if port.maker in port.description else port.maker
     about = ", ".join(filter(None, (port.description, maker)))
     return f"{about} · {port.device}" if about else port.device
 
 
-#: Widths of a field's label, of its input, and of the unit beside it, px.
+#: Widths of the label, the input and the unit of a field, px.
 LABEL, EDITOR, _UNIT = 22 * theme.GRID, 30 * theme.GRID, 9 * theme.GRID
 
-#: Units by names of fields, and by the ends of names.
+#: Units by field name, and by the last part of a field name.
 _UNITS = {"velocity_sigma": "m/s", "speed": "×"}
 _UNITS_BY_END = {"deg": "°", "dps": "°/s", "dps2": "°/s²", "m": "m", "mps2": "m/s²", "s": "s"}
 
 
 class Field(QWidget):
-    """Label, input, unit and, beneath, what is wrong or what the value means.
+    """A label, an input and a unit, with an error message or a hint below the input.
 
-    The key names label and hint in the catalogue family ``setting``, unless `name` and `hint` are given; the type that
-    the schema has for the value chooses the input, and the schema its default, unless `editor` and `default` are given.
+    The last key of `place` selects label and hint from the catalogue family ``setting``, unless `name` and `hint` are
+    given. The schema of the value determines the input and its default, unless `editor` and `default` are given.
     """
 
     def __init__(
@@ -270,9 +270,9 @@ class Field(QWidget):
         super().__init__()
         key, info = str(place[-1]), _schema(draft.kind, place)
         self.editor = editor or _make_editor(info, key)
-        #: Places whose problems are shown here.
+        #: Key paths whose problems are shown here.
         self.places: tuple[KeyPath, ...] = (place,)
-        #: Warns of an allowed but unlikely value; gives "" if there is nothing to warn of.
+        #: Returns a warning about a valid but unlikely value, "" if there is none.
         self.advice: Words = str
         self._draft, self._place = draft, place
         about = f"setting.about_{key}"
@@ -302,13 +302,13 @@ class Field(QWidget):
         on_language_change(self, self.refresh)
 
     def hide_label(self, words: Words) -> None:
-        """Leave the label to the headings of a table of fields; `words` name the input for a screen reader."""
+        """Hide the label in a table of fields with headings; `words` returns the input's name for screen readers."""
         self.label.hide()
         self.setFixedWidth(self.editor.maximumWidth() + _UNIT)
         bind(self.editor.setAccessibleName, words)
 
     def refresh(self) -> None:
-        """Show value and message of the draft."""
+        """Show the value and the message from the draft."""
         value = self._draft.value(self._place)
         self.editor.show_value(self._default if value is None else value)
         problem = next((p for p in self._draft.problems if self._is_mine(p.place)), None)
@@ -329,12 +329,12 @@ class Field(QWidget):
         self.editor.setAccessibleDescription(text)
 
     def _is_mine(self, place: KeyPath) -> bool:
-        """Whether a problem of this place is shown here; a list shows those of its elements."""
+        """Whether a problem at this key path is shown here; a list also shows the problems of its elements."""
         return place in self.places or (place[:-1] == self._place and isinstance(place[-1], int))
 
 
 class Row(QWidget):
-    """A label, named as in the catalogue family ``setting`` or "", and an input that belongs to no single value."""
+    """A label and an input that is not bound to a single value; `name` selects the label in the family ``setting``."""
 
     def __init__(self, editor: QWidget, name: str = "") -> None:
         super().__init__()
@@ -349,7 +349,7 @@ class Section(QWidget):
     """A part of the page, made of fields and rows."""
 
     def lock(self, reason: str) -> None:
-        """Disable the inputs of all fields and rows with the reason as their tooltip; "" enables them."""
+        """Disable the inputs of all fields and rows, with `reason` as their tooltip; "" enables them."""
         for field in self.findChildren(Field):
             enable(field.editor, reason)
         for each in self.findChildren(Row):
@@ -357,7 +357,7 @@ class Section(QWidget):
 
 
 def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
-    """Make a framed panel of these items, as high as they need."""
+    """Make a framed panel of these items that is only as high as its contents."""
     frame = QFrame()
     frame.setProperty("kind", "panel")
     wide = 2 * theme.GRID
@@ -368,25 +368,25 @@ def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
 
 
 def problem_text(problem: Problem) -> str:
-    """The sentence for a problem beneath its field."""
+    """Return the text of a problem for display below its field."""
     code = f"field.{problem.kind}"
     return say(code, **problem.values) if known(code) else show(problem.what)
 
 
 def problem_text_with_name(problem: Problem) -> str:
-    """The sentence for a problem away from its field, with the field's name."""
+    """Return the text of a problem with the name of its field, for display away from the field."""
     if known(f"field.{problem.kind}") and problem.place:
         return f"{field_name(problem.place)}: {problem_text(problem)}"
     return show(problem.as_text)
 
 
 def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
-    """The values of a choice with their names in the catalogue family ``setting``; numbers as they are."""
+    """Return a function that lists values with their names from the catalogue family ``setting``, numbers as digits."""
     return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else term("setting", f"{name}_{v}")) for v in values]
 
 
 def _schema(kind: str, place: KeyPath) -> FieldInfo | None:
-    """The schema's field at a place, None for a place below a table without a schema."""
+    """Return the schema field at a key path, None below a table without a schema."""
     model: type[BaseModel] | None = editing.MODELS[kind]
     info = None
     for key in place:
@@ -399,7 +399,7 @@ def _schema(kind: str, place: KeyPath) -> FieldInfo | None:
 
 
 def _make_editor(info: FieldInfo | None, name: str) -> Editor:
-    """An input for the type of a field; numbers without a schema."""
+    """Make an input for the type of a field; a number input without a schema."""
     kind = info.annotation if info is not None else float
     if get_origin(kind) is Literal:
         return ChoiceBox(choices_of(name, *get_args(kind)))

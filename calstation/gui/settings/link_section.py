@@ -1,4 +1,4 @@
-"""The link of one device: network or serial line, its settings, and the test beside them with what it found."""
+"""The link to one device: network or serial line, its settings, and a connection test with its findings."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -41,19 +41,19 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import Finding, Report, render
 
-#: Kinds of connection over a network, as schemes of addresses, and the common port number of each.
+#: Address schemes of the network connections, and the usual port number of each.
 _NETWORK = {"tcp": 502, "socket": 4001}
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 _SERIAL_KEYS = {"baud", "data_bits", "parity", "stop_bits"}
 
 
 class LinkSection(Section):
-    """The link of ``table`` or ``imu`` in a station's draft."""
+    """Edits the link to the ``table`` or ``imu`` in the draft of a station."""
 
     def __init__(self, app: AppContext, device: str, draft: Draft) -> None:
         super().__init__()
         self._app, self._device, self._draft = app, device, draft
-        #: The last address typed for each kind of connection.
+        #: The address typed last for each kind of connection.
         self._last: dict[str, str] = {}
         self._searched = False
         self._defaults: LinkDefaults | None = None
@@ -109,12 +109,12 @@ class LinkSection(Section):
         )
 
     def lock(self, reason: str) -> None:
-        """Disable changes with the reason as tooltip; "" enables them."""
+        """Disable changes, with `reason` as the tooltip; "" enables them."""
         super().lock(reason)
-        enable(self.search_button, "")  # looking for ports changes nothing
+        enable(self.search_button, "")  # a search for ports changes nothing
 
     def search(self) -> None:
-        """Look for ports in the background."""
+        """Search for ports in the background."""
         if not self.searching.busy:
             self.search_button.setEnabled(False)
             self.searching.watch(self._app.job_queue.submit(discover_ports))
@@ -157,7 +157,7 @@ class LinkSection(Section):
         return model if isinstance(model, StationConfig) else None
 
     def _choose_way(self) -> None:
-        """Change the kind of connection; the address last typed for it comes back."""
+        """Change the kind of connection; restore the address typed last for it."""
         way = self.way_box.value()
         self._draft.set({(self._device, "port"): self._last.get(way)})
         self.refresh()
@@ -199,14 +199,14 @@ class LinkSection(Section):
         return [(False, self.tr("the profile's") + line), (True, self.tr("this station's own"))]
 
 
-#: Shapes of the states of a finding, and of the whole test.
+#: Symbols for the states of a finding and of the whole test.
 _KINDS = {"ok": "good", "told": "none", "look": "caution", "wrong": "bad", "failed": "bad"}
 #: Findings after which a reset of the table is offered.
 _LATCHED = ("fault", "fault_untold")
 
 
 class TestPanel(QFrame):
-    """The test of ``table`` or ``imu`` at `station`, which gives None while the values typed are wrong."""
+    """Tests the link to the ``table`` or ``imu``; `station` returns None while the typed values are invalid."""
 
     __test__ = False  # not a pytest class
 
@@ -271,12 +271,12 @@ class TestPanel(QFrame):
         )
 
     def start(self) -> None:
-        """Test the settings as typed, saved or not."""
+        """Test the settings as typed, whether saved or not."""
         self.reset.forget()
         self._test()
 
     def refresh(self) -> None:
-        """Enable the button or say why not; drop the findings if the settings have changed."""
+        """Enable the button, or explain why it is disabled; clear the findings if the settings have changed."""
         station = self._station()
         shown = self.report is not None or self.reset.result is not None
         if shown and (station is None or self._settings(station) != self._tested):
@@ -294,7 +294,7 @@ class TestPanel(QFrame):
         enable(self.button, reason)
 
     def _test(self) -> None:
-        """Run the test; the result of an earlier reset stays."""
+        """Run the test; the result of an earlier reset remains visible."""
         request = self._request()
         if request is None or self._app.engine_link.running or self.watch.busy or self.reset.watch.busy:
             return
@@ -305,7 +305,7 @@ class TestPanel(QFrame):
         self._show_running()
 
     def _request(self) -> LinkTestRequest | None:
-        """The station with the product whose IMU is expected; None while the typed values are wrong."""
+        """Return the station and the product whose IMU is expected, None while the typed values are invalid."""
         station = self._station()
         return None if station is None else LinkTestRequest(station, self._product())
 
@@ -313,7 +313,7 @@ class TestPanel(QFrame):
         return library.find("products", self.product_box.value())
 
     def _settings(self, station: StationConfig) -> tuple[object, ...]:
-        """The settings that a test depends on."""
+        """Return the settings that a test depends on."""
         link = station.table if self._device == "table" else (station.imu, station.site, self._product())
         return (link, station.bench)
 
@@ -330,7 +330,7 @@ class TestPanel(QFrame):
         for finding in report.findings:
             self._list.insertWidget(self._list.count() - 1, _Line(finding))
         self._show_running()
-        # Last: the focus that leaves the job's row must not land on the reset button.
+        # This is last, so that the focus does not move from the hidden job row to the reset button.
         self.reset.offer(self._device == "table" and any(map(report.find, _LATCHED)))
 
     def _failed(self, error: CalstationError) -> None:
@@ -362,7 +362,7 @@ class TestPanel(QFrame):
 
 
 class _Line(QWidget):
-    """One finding: shape, sentence, remedy."""
+    """Shows one finding: symbol, message and remedy."""
 
     def __init__(self, finding: Finding) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The station page: which station, how its devices are connected, its site, and all configuration files."""
+"""The Station page: the selected station, the links to its devices, its site, and all configuration files."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,8 +24,8 @@ from calstation.schema import KeyPath
 
 _NAV = 26 * theme.GRID
 _LINK = ("port", "timeout_s", "serial")
-#: Entries of the station file in each of the first sections.
-_PLACES: tuple[tuple[KeyPath, ...], ...] = (
+#: Key paths of the station file that each of the first four sections edits.
+_SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
     (("name",), ("table", "profile"), ("handover",), ("bench",)),
     (*(("table", key) for key in _LINK), ("table", "unit")),
     tuple(("imu", key) for key in _LINK),
@@ -34,13 +34,13 @@ _PLACES: tuple[tuple[KeyPath, ...], ...] = (
 
 
 class StationPage(Page):
-    """Sections on the left, the chosen one on the right; typed values are checked at once and saved on demand."""
+    """Lists the sections, and shows the selected one; edits are checked immediately and saved on demand."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("station_page")
         self.drafts = Drafts(app.settings, self)
-        #: Names of the files saved last, until something is typed again.
+        #: Names of the files saved last; empty after the next edit.
         self._saved_names = ""
         self.notice = NoticeBar()
         self._new_bar = NewFileBar(self.drafts)
@@ -72,7 +72,7 @@ class StationPage(Page):
 
     @staticmethod
     def title() -> str:
-        """The page's name on its tab."""
+        """Return the name of the page on its tab."""
         return QCoreApplication.translate("StationPage", "Station")
 
     def _make_header(self) -> QWidget:
@@ -115,15 +115,15 @@ class StationPage(Page):
         self.nav.setCurrentRow(0)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Read the files again, which may have changed outside the window, unless something is typed here."""
+        """Read the files again, because they may have changed outside the window, unless there are unsaved changes."""
         super().showEvent(event)
         if not self.drafts.dirty:
             self._open()
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """Whether the page may be left now; otherwise it asks, and calls `go` after the answer.
+        """Return whether the page may be left now; if not, ask the user, and call `go` unless the user stays.
 
-        During a run the page may always be left: unsaved changes stay.
+        During a run the page may always be left; unsaved changes are kept.
         """
         if not self.drafts.dirty or self.app.engine_link.running:
             return True
@@ -147,7 +147,7 @@ class StationPage(Page):
         return False
 
     def save(self) -> bool:
-        """Store all changes, or show why not; whether they were stored."""
+        """Save all changes and return whether they were saved; show the error if a file could not be stored."""
         if self.drafts.wrong or self._why_not_save():
             return False
         self.notice.dismiss()
@@ -163,7 +163,7 @@ class StationPage(Page):
         return True
 
     def refresh(self) -> None:
-        """Show unsaved changes, problems, and what may be done about them."""
+        """Show unsaved changes and problems, and update the buttons to save and to discard."""
         dirty, wrong = self.drafts.dirty, self.drafts.wrong
         status = ""
         if dirty:
@@ -190,7 +190,7 @@ class StationPage(Page):
         self._name_sections()
 
     def _lock(self) -> None:
-        """Enable what the role may change; tooltips say why not."""
+        """Enable the inputs that the current role may change; tooltips explain why the others are disabled."""
         for section in self._sections:
             section.lock(self._role_reason())
         held = self._why_not_save()
@@ -206,7 +206,7 @@ class StationPage(Page):
         return self.tr("Only an engineer may change this: press the padlock at the top right.")
 
     def _why_not_save(self) -> str:
-        """Why no file may be changed now, "" if it may."""
+        """Return the reason why no file may be changed now, "" if there is none."""
         if self.app.engine_link.running:
             return self.tr("A run is going on; changes can be saved when it has ended.")
         return self._role_reason()
@@ -226,7 +226,7 @@ class StationPage(Page):
             self.tr("This computer"),
         )
         station, table = self.drafts.station, self.drafts.table
-        typed = [any(station.differs(place) for place in places) for places in _PLACES]
+        typed = [any(station.differs(place) for place in places) for places in _SECTION_KEYS]
         typed += [table.dirty, any(draft not in (station, table) for draft in self.drafts.dirty), False]
         for number, (name, dot) in enumerate(zip(names, typed, strict=True)):
             self.nav.item(number).setText(f"{name} ●" if dot else name)
@@ -238,7 +238,7 @@ class StationPage(Page):
             section.search()
 
     def _open(self) -> None:
-        """Read the current station and its table's profile."""
+        """Read the current station and its table profile."""
         path = self.app.station_path or library.find("stations", DEFAULT_STATION)
         if self.drafts.station.path != path or not self.drafts.station.dirty:
             self.drafts.station.open(path)
@@ -246,13 +246,13 @@ class StationPage(Page):
         self.refresh()
 
     def _follow_profile(self) -> None:
-        """Open the table profile that the station names, unless the present one has unsaved changes."""
+        """Open the table profile that the station names, unless the current one has unsaved changes."""
         name = self.drafts.station.value(("table", "profile"))
         if isinstance(name, str) and name in library.names("tables") and not self.drafts.table.dirty:
             self.drafts.table.open(library.find("tables", name))
 
     def _fill(self) -> None:
-        """Offer all stations and the current one, which may be elsewhere."""
+        """List all stations, and the current one, whose file may be in another folder."""
         current = self.drafts.station.path
         paths = {str(entry.path.absolute()): entry.path for entry in editing.list_files("stations")}
         if current is not None:
@@ -266,7 +266,7 @@ class StationPage(Page):
             self.station_box.setCurrentIndex(self.station_box.findData(chosen))
 
     def _choose(self, index: int) -> None:
-        """Use another station: at once if nothing is unsaved, else after asking."""
+        """Switch to another station; ask the user first if there are unsaved changes."""
         path, now = Path(self.station_box.itemData(index)), self.drafts.station.path
         if now is not None and path == now.absolute():
             return
@@ -284,7 +284,7 @@ class StationPage(Page):
         self.app.settings.setValue("station", path.stem)
 
     def _saved(self, kind: str) -> None:
-        """Notify the other pages of a stored file."""
+        """Notify the other pages that a file has been saved."""
         station = self.drafts.station
         if kind == "stations" and station.path is not None and not station.dirty:
             self._use(station.path)

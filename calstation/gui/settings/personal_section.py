@@ -1,4 +1,4 @@
-"""This computer: language, theme, folder of the runs, the engineer's name and PIN; none changes a result."""
+"""Settings of this computer: language, theme, runs folder, engineer's name and PIN; none of them affects a result."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
 class PersonalSection(QWidget):
-    """Each setting takes effect at once; only PIN and name need the engineer's role."""
+    """Edits the settings of this computer, which take effect immediately; only PIN and name need the engineer role."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -66,13 +66,13 @@ class PersonalSection(QWidget):
         )
 
     def lock(self, reason: str) -> None:
-        """Disable what needs the engineer's role, with the reason as tooltip; "" enables it."""
+        """Disable the inputs that need the engineer role, with `reason` as their tooltip; "" enables them."""
         for widget in (self._author, *self._pins, self._pin_button):
             enable(widget, reason)
         self.refresh()
 
     def refresh(self) -> None:
-        """Show the present settings."""
+        """Show the current settings."""
         with QSignalBlocker(self._language), QSignalBlocker(self._theme):
             self._language.show_value(language.current())
             self._theme.show_value(theme.current())

@@ -1,4 +1,4 @@
-"""All files as text: products, IMUs, tables and stations, edited with marks and compared with older versions."""
+"""Text editor for product, IMU, table and station files, with marked errors and comparison with older versions."""
 
 import difflib
 from collections.abc import Iterable
@@ -32,7 +32,7 @@ class TextView(QPlainTextEdit):
         self.setTabChangesFocus(True)
 
     def shade(self, lines: Iterable[tuple[int, str]]) -> None:
-        """Shade only these whole lines, counted from 1, each in its colour."""
+        """Shade exactly these lines, numbered from 1, each in its colour."""
         selections = []
         for number, colour in lines:
             shade = QColor(colour)
@@ -47,7 +47,7 @@ class TextView(QPlainTextEdit):
         self.setExtraSelections(selections)
 
     def go_to(self, line: int) -> None:
-        """Put the cursor on a line, counted from 1, and show it."""
+        """Move the cursor to a line, numbered from 1, and show it."""
         self.setTextCursor(self._start_of(line))
         self.centerCursor()
         self.setFocus()
@@ -57,7 +57,7 @@ class TextView(QPlainTextEdit):
 
 
 class NewFileBar(QFrame):
-    """Hidden until `ask`; emits `made(kind, path)` when the file exists."""
+    """Creates a file as a copy of another; hidden until `ask`, emits `made(kind, path)` when the file exists."""
 
     made = Signal(str, object)
 
@@ -101,7 +101,7 @@ class NewFileBar(QFrame):
         self._name.setFocus()
 
     def _check(self) -> None:
-        """Show what is wrong with the name once something is typed."""
+        """Show the error in the typed name, if there is one."""
         self._title.setText(term("setting", f"new_{self._kind}"))
         name = self._name.text()
         message = ""
@@ -133,7 +133,7 @@ _TEXT, _COMPARE = range(2)
 
 
 class ProfilesSection(QWidget):
-    """One file at a time, with its versions beside it."""
+    """Edits one file at a time, with its versions listed beside it."""
 
     def __init__(self, app: AppContext, drafts: Drafts) -> None:
         super().__init__()
@@ -193,7 +193,7 @@ class ProfilesSection(QWidget):
         self._about = label(kind="muted")
 
     def _make_versions(self) -> QWidget:
-        """The versions of the file: number, time and author; to compare with the present text or to restore."""
+        """Make the list of versions (number, time, author) to compare with the current text or to restore."""
         title = label(lambda: self.tr("Versions"))
         title.setFont(theme.font(bold=True))
         self._no_versions = label(lambda: say("setting.no_versions"), "muted", wrap=True)
@@ -212,7 +212,7 @@ class ProfilesSection(QWidget):
         return made
 
     def lock(self, reason: str) -> None:
-        """Disable changes with the reason as tooltip; "" enables them."""
+        """Disable changes, with `reason` as the tooltip; "" enables them."""
         self._locked = reason
         self.editor.setReadOnly(bool(reason))
         self.editor.setToolTip(reason)
@@ -229,7 +229,7 @@ class ProfilesSection(QWidget):
         self._open()
 
     def refresh(self) -> None:
-        """Show the present draft."""
+        """Show the current draft."""
         for index, title in enumerate((self.tr("Text"), self.tr("Compare"))):
             self.views.setTabText(index, title)
         draft = self._draft
@@ -251,7 +251,7 @@ class ProfilesSection(QWidget):
         self._show_difference()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Offer files that were added outside the window."""
+        """List files that were added outside the window."""
         super().showEvent(event)
         offered = [self.file_box.itemText(i) for i in range(self.file_box.count())]
         if offered != library.names(self.kind_box.value()):
@@ -266,7 +266,7 @@ class ProfilesSection(QWidget):
         ]
 
     def _fill(self) -> None:
-        """Offer the files of the kind; the present one stays chosen if it is among them."""
+        """List the files of the selected kind; the current file stays selected if it is among them."""
         kind = self.kind_box.value()
         present = self.file_box.currentText()
         self.file_box.clear()
@@ -303,7 +303,7 @@ class ProfilesSection(QWidget):
         self.views.setCurrentIndex(_COMPARE)
 
     def _restore(self) -> None:
-        """Put the text of the version chosen into the editor and show how it differs from the saved one."""
+        """Copy the selected version into the editor and show how it differs from the saved text."""
         if self._draft is None or self._chosen is None:
             return
         self.views.setCurrentIndex(_COMPARE)
@@ -333,7 +333,7 @@ class ProfilesSection(QWidget):
         self._enable()
 
     def _enable(self) -> None:
-        """Enable what may be done with the version chosen; tooltips say why not."""
+        """Enable the actions on the selected version; tooltips explain why an action is disabled."""
         none = "" if self._chosen is not None else self.tr("Choose a version in the list.")
         tip = self.tr("Puts its text into the editor; saving makes it a new version.")
         enable(self._compare_button, none)
@@ -356,7 +356,7 @@ class ProfilesSection(QWidget):
         self.diff.shade((i, colours[line[0]]) for i, line in enumerate(lines, 1) if line[:1] in colours)
 
     def _text_of(self, version: Version) -> str | None:
-        """The text of a version; None if it cannot be read, which the view of the difference shows then."""
+        """Return the text of a version; if it cannot be read, show the error in the difference view and return None."""
         assert self._draft is not None
         try:
             return versions.text(self._draft.kind, self._draft.name, version.number)

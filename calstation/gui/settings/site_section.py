@@ -1,4 +1,4 @@
-"""The site of the table: latitude, longitude, height, azimuth and gravity, with the cost of an error in each."""
+"""The site of the table: latitude, longitude, height, azimuth and gravity, with the effect of an error in each."""
 
 import math
 from functools import partial
@@ -18,19 +18,19 @@ from calstation.schema import KeyPath
 _NAMES = ("latitude_deg", "longitude_deg", "height_m", "azimuth_deg", "gravity_mps2")
 _AZIMUTH, _GRAVITY = ("site", "azimuth_deg"), ("site", "gravity_mps2")
 _CONFIRMED: KeyPath = ("site", "confirmed_on")
-#: Gravity in m/s² shown until the surveyed value is typed: it occurs nowhere, so no run starts with it.
-_NOWHERE = 9.7
+#: Gravity shown until the surveyed value is typed, m/s²; it occurs nowhere on earth, so no run starts with it.
+_PLACEHOLDER_GRAVITY = 9.7
 _COMPASS = 26 * theme.GRID
 
 
 class SiteSection(Section):
-    """`[site]` of a station's draft."""
+    """Edits `[site]` in the draft of a station."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__()
         self._draft = draft
-        #: The last azimuth and gravity given.
-        self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0, _GRAVITY: _NOWHERE}
+        #: The azimuth and gravity entered last.
+        self._last: dict[tuple[str, str], Any] = {_AZIMUTH: 0.0, _GRAVITY: _PLACEHOLDER_GRAVITY}
         azimuth_box = ChoiceBox(
             lambda: [(True, self.tr("given here")), (False, self.tr("found from the data"))], "azimuth_way_combo"
         )
@@ -74,17 +74,17 @@ class SiteSection(Section):
         )
 
     def lock(self, reason: str) -> None:
-        """Disable changes with the reason as tooltip; "" enables them."""
+        """Disable changes, with `reason` as the tooltip; "" enables them."""
         super().lock(reason)
         enable(self._confirmation.button, reason)
 
     def refresh(self) -> None:
-        """Show the draft and what follows from it."""
+        """Show the draft and the quantities derived from it."""
         for place, (box, field) in self._optional.items():
             value = self._draft.value(place)
             if value is not None:
                 self._last[place] = value
-            # An input is empty for a moment while its value is being replaced: it stays.
+            # An input with the focus stays visible, because it is empty for a moment while its value is replaced.
             given = value is not None or field.editor.hasFocus()
             box.show_value(given)
             field.setVisible(given)
@@ -102,18 +102,18 @@ class SiteSection(Section):
         return [self._draft.value(("site", name)) for name in _NAMES]
 
     def _choose(self, place: tuple[str, str]) -> None:
-        """Give a value, starting from the last one, or none."""
+        """Set an optional value to the one entered last, or remove it."""
         box, field = self._optional[place]
         field.editor.clearFocus()
         self._draft.set({place: self._last[place] if box.value() else None})
 
     def _advice(self, *ids: str) -> str:
-        """The first of these findings about the values typed, "" if none applies."""
+        """Return the first of these findings that applies to the typed values, "" if none does."""
         return next((show(found.message) for found in site_advice(*self._values()) if found.id in ids), "")
 
 
 class _Confirmation(QWidget):
-    """On which computers the site was confirmed, and the button that confirms it; hidden for a virtual bench."""
+    """Lists the computers on which the site was confirmed, with a button to confirm it; hidden for a virtual bench."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__()
@@ -139,7 +139,7 @@ class _Confirmation(QWidget):
         return [str(name) for name in value] if isinstance(value, list) else []
 
     def _key(self) -> str:
-        """The key of a confirmation here, "" while something is wrong with the file."""
+        """Return the confirmation key for this computer, "" while the file is invalid."""
         station = self._draft.model
         return confirmation_key(station.site) if isinstance(station, StationConfig) else ""
 
@@ -150,7 +150,7 @@ class _Confirmation(QWidget):
 
 
 class _Compass(QWidget):
-    """North up, with an arrow for body +y, or a question mark if the azimuth is found from the data."""
+    """A compass, north up, with an arrow for body +y, or a question mark if the azimuth is found from the data."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -158,12 +158,12 @@ class _Compass(QWidget):
         self.setFixedSize(QSize(_COMPASS, _COMPASS))
 
     def show_azimuth(self, azimuth: float | None) -> None:
-        """Show an azimuth in degrees, None for an unknown one."""
+        """Show an azimuth in degrees, None if it is unknown."""
         self._azimuth = azimuth
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw rose and arrow."""
+        """Draw the compass rose and the arrow."""
         c = theme.colours()
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -198,5 +198,5 @@ class _Compass(QWidget):
 
 
 def _polar(radius: float, angle: float) -> QPointF:
-    """A point at an angle in degrees, clockwise from north."""
+    """Return the point at a radius and an angle in degrees, clockwise from north."""
     return QPointF(radius * math.sin(math.radians(angle)), -radius * math.cos(math.radians(angle)))

@@ -1,4 +1,4 @@
-"""The station itself: name, table profile, settings of the virtual bench, and the hand-over folder."""
+"""General settings of a station: name, table profile, settings of the virtual bench, and the hand-over folder."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ _FOLDER = ("handover", "folder")
 
 
 class StationSection(Section):
-    """The station's own values, and a summary of its file."""
+    """Edits the general settings of a station, and shows a summary of its file."""
 
     def __init__(self, drafts: Drafts) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ class StationSection(Section):
         self._file.setText(self._about_file())
 
     def _summary_texts(self, bench: bool, by_hand: bool) -> list[tuple[str, str]]:
-        """The other sections, in a line each."""
+        """Return a caption and a one-line summary of each of the other sections."""
 
         def get(*place: str) -> str:
             value = self._draft.value(place)
@@ -84,7 +84,7 @@ class StationSection(Section):
         ]
 
     def _about_file(self) -> str:
-        """Path, origin and version of the file."""
+        """Return the path, origin and version of the file."""
         draft = self._draft
         if draft.path is None:
             return ""

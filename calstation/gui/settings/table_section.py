@@ -1,4 +1,4 @@
-"""The table's profile: travel, rates and accelerations of both joints, their axes, and the accuracy of the angles."""
+"""The table profile: travel, rate and acceleration limits of both joints, their axes, and the accuracy."""
 
 from functools import partial
 from typing import Any
@@ -28,7 +28,7 @@ _NARROW = 14 * theme.GRID
 
 
 class TableSection(Section):
-    """`[outer]`, `[inner]`, `[accuracy]` and the axes of the table profile's draft."""
+    """Edits `[outer]`, `[inner]`, `[accuracy]` and the axes in the draft of the table profile."""
 
     def __init__(self, draft: Draft) -> None:
         super().__init__()
@@ -36,7 +36,7 @@ class TableSection(Section):
         self._file = label(kind="muted", wrap=True)
         self._travel = TravelPlot()
         axes = [Field(draft, (name,)) for name in ("outer_axis", "inner_axis")]
-        axes[0].places += ((),)  # axes that do not fit each other are a problem of the whole file
+        axes[0].places += ((),)  # incompatible axes are a problem of the whole file
         accuracy = [Field(draft, ("accuracy", name), width=_NARROW) for name in _ACCURACY]
         left = column(
             label(lambda: self.tr("Table"), "section"),
@@ -57,7 +57,7 @@ class TableSection(Section):
         on_language_change(self, self.refresh)
 
     def _make_joints(self) -> QGridLayout:
-        """Travel, rate and acceleration of both joints, side by side."""
+        """Make the fields for travel, rate and acceleration of both joints, side by side."""
         headings: tuple[Words, ...] = (lambda: self.tr("Outer axis"), lambda: self.tr("Inner axis"))
         grid = QGridLayout()
         grid.setHorizontalSpacing(2 * theme.GRID)
@@ -71,7 +71,7 @@ class TableSection(Section):
                 field = Field(self._draft, (joint, key), width=_NARROW)
                 field.hide_label(partial(_cell_name, heading, key))
                 if key == "high_deg":
-                    field.places += ((joint,),)  # a lowest angle above the highest is shown once
+                    field.places += ((joint,),)  # a lowest angle above the highest is reported once
                 grid.addWidget(field, line, number, Qt.AlignmentFlag.AlignTop)
         for number, heading in enumerate(headings, start=1):
             title = label(heading)
@@ -91,7 +91,7 @@ class TableSection(Section):
 
 
 class TravelPlot(ThemedPlot):
-    """The travel of both joints as bars on one scale of degrees, with home at 0."""
+    """Plots the travel of both joints as bars on a common scale in degrees, with home at 0."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -105,7 +105,7 @@ class TravelPlot(ThemedPlot):
         theme.themes.changed.connect(self._draw)
 
     def show_travel(self, travel: dict[str, tuple[Any, Any]]) -> None:
-        """Show lowest and highest angle of each joint by its name; what is not a range has no bar."""
+        """Show the lowest and highest angle, degrees, of each joint by its name; an invalid range has no bar."""
         self._travel = travel
         self._draw()
 
@@ -143,7 +143,7 @@ def _cell_name(heading: Words, key: str) -> str:
 
 
 def _span_text(span: float) -> str:
-    """How far a joint may turn altogether, degrees."""
+    """Return the text for the total travel of a joint, degrees."""
     if span >= 720.0:
         return say("setting.travel_turns", turns=round(span / 360.0, 2))
     return say("setting.travel_degrees", degrees=round(span, 3))

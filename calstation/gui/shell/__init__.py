@@ -1,4 +1,4 @@
-"""The main window and what all pages share: application context, engine link, run status and role."""
+"""The main window and the objects that all pages share: application context, engine link, run status and role."""
 
 import lazy_loader as lazy
 

@@ -1,4 +1,4 @@
-"""Starts the window: application, style, language, theme."""
+"""Creation of the application and its main window, with style, language and theme."""
 
 import signal
 import sys
@@ -19,7 +19,7 @@ def create_window(station: Path | None = None) -> MainWindow:
     app = QApplication.instance() or QApplication(sys.argv[:1])
     assert isinstance(app, QApplication)
     app.setApplicationName("calstation")
-    if not app.styleSheet():  # setting the style again would polish every widget, which takes long
+    if not app.styleSheet():  # setting the style again would polish every widget, which is slow
         app.setStyle("Fusion")
     app.setFont(theme.font())
     context = AppContext(station)
@@ -30,7 +30,7 @@ def create_window(station: Path | None = None) -> MainWindow:
 
 
 def main(station: Path | None = None) -> int:
-    """Open the window and return when it is closed. Ctrl-C in its terminal stops a run safely, then closes it."""
+    """Open the window and wait until it is closed; Ctrl-C in the terminal stops a run safely, then closes it."""
     window = create_window(station)
     signal.signal(signal.SIGINT, lambda number, frame: window.stop_and_close())
     signal_timer = QTimer(window, interval=200)  # Python runs its signal handlers between events

@@ -1,4 +1,4 @@
-"""What all pages of a window share: their state, and their base class."""
+"""The shared state of all pages of a window, and their base class."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -26,22 +26,22 @@ class AppContext(QObject):
     open_log = Signal(object)
     open_run = Signal(object)
     resume_run = Signal(object)
-    page_wanted = Signal(str)  #: Object name of a page.
+    page_wanted = Signal(str)  #: Object name of the page to show.
     theme_changed = Signal()
     runs_folder_changed = Signal()
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
         super().__init__()
-        #: Language, theme, recent files; nothing that changes a result.
+        #: Language, theme, recent files; no setting that affects results.
         self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
         self.job_queue = JobQueue(warm_up)
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.role = RoleLock(self)
-        #: None for the default, the virtual bench.
+        #: Station file; None selects the default, the virtual bench.
         self.station_path = station or self._last_station()
         self.product_path: Path | None = None
-        #: An engineer's choice that replaces the product's stages and schedule; None for the product's.
+        #: Stages and schedule chosen by an engineer instead of the product's; None selects those of the product.
         self.stages: tuple[str, ...] | None = None
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None
         self.runs_folder = runs_folder or Path(str(self.settings.value("runs_folder", "runs")))
@@ -58,7 +58,7 @@ class AppContext(QObject):
             self.product_changed.emit()
 
     def choose(self, stages: tuple[str, ...] | None, schedule: Mapping[str, Mapping[str, Any]] | None) -> None:
-        """Run these stages with these changes to the product's schedule from now on; None for the product's."""
+        """Use these stages and these changes to the product's schedule in the next runs; None selects the product's."""
         if (stages, schedule) != (self.stages, self.schedule):
             self.stages, self.schedule = stages, schedule
             self.choice_changed.emit()
@@ -86,7 +86,7 @@ class AppContext(QObject):
         self.job_queue.close()
 
     def _last_station(self) -> Path | None:
-        """The station chosen last on the station page, if it still exists."""
+        """Return the station file last chosen on the station page, or None if it no longer exists."""
         name = str(self.settings.value("station", ""))
         return library.find("stations", name) if name in library.names("stations") else None
 
@@ -94,8 +94,8 @@ class AppContext(QObject):
 class Page(QWidget):
     """A page of the window.
 
-    The main window draws a strip at the top of every page, with STOP at its right end. `header` stands at the left of
-    the strip; without one the strip shows the progress of the run.
+    The main window draws a strip at the top of every page, with STOP at its right end. `header` is shown on the left
+    of the strip; if it is None, the strip shows the progress of the run.
     """
 
     header: QWidget | None = None
@@ -106,9 +106,9 @@ class Page(QWidget):
 
     @staticmethod
     def title() -> str:
-        """The text of the page's tab in the current language."""
+        """Return the title of the page's tab in the current language."""
         raise NotImplementedError
 
     def may_leave(self, go: Callable[[], object]) -> bool:
-        """Whether the page may be left now; a page that asks first returns False and calls `go` when it may."""
+        """Whether the page may be left now; a page that asks first returns False and calls `go` after confirmation."""
         return True

@@ -11,12 +11,12 @@ from calstation.simulation import BenchHooks
 class EngineLink(QObject):
     """Starts runs and register operations and emits their events.
 
-    `event(object)` : an event of the engine; an engine that dies is a `Fault`. `running_changed(bool)` : the engine
-    process has started or ended. `request` is that of the last run, or station and unit of the last register
-    `operation`, which is None after a run.
+    `event(object)` : an event from the engine; if the engine process dies, a `Fault`. `running_changed(bool)` : the
+    engine process has started or ended. `request` describes the last run or register operation. `operation` is the
+    last register operation, or None after a run.
     """
 
-    event = Signal(object)  # type: ignore[assignment] # hides QObject.event, which no listener needs
+    event = Signal(object)  # type: ignore[assignment] # hides QObject.event, which is not used
     running_changed = Signal(bool)
 
     def __init__(self, parent: QObject | None = None) -> None:
@@ -33,7 +33,7 @@ class EngineLink(QObject):
         return self._engine is not None
 
     def start(self, order: RunRequest | RegisterOperation) -> None:
-        """Start a run or a register operation; only one at a time."""
+        """Start a run or a register operation; only one can be in progress."""
         assert self._engine is None, "a run is in progress"
         self.operation = order if isinstance(order, RegisterOperation) else None
         self.request = order if isinstance(order, RunRequest) else order.request
@@ -47,13 +47,13 @@ class EngineLink(QObject):
             self._engine.send(command)
 
     def give_up(self) -> None:
-        """Disconnect: a run in progress stops safely, an engine that does not respond is killed."""
+        """Disconnect; a run in progress stops safely, and an engine that does not respond is killed."""
         if self._engine is not None:
             self._engine.hang_up()
             self._end()
 
     def close(self) -> None:
-        """Disconnect and wait for the safe stop and the result."""
+        """Disconnect and wait for the safe stop and the result of the run."""
         engine = self._engine
         if engine is not None:
             self._end()

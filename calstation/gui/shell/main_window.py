@@ -1,4 +1,4 @@
-"""The main window: top bar, pages, and STOP at the same position on all of them."""
+"""The main window: top bar, pages, and STOP at the same position on every page."""
 
 from collections.abc import Callable
 from functools import partial
@@ -24,7 +24,7 @@ from calstation.gui.text import bind, language, on_language_change
 from calstation.gui.widgets import PANEL, button, column, label, padlock_icon, row, theme, theme_icon
 
 #: Height of the strip with STOP at the top of every page, px.
-_STRIP = theme.BIG_BUTTON + 2 * theme.GRID
+_STRIP_HEIGHT = theme.BIG_BUTTON + 2 * theme.GRID
 _ICON = QSize(24, 24)
 
 _PAGES: dict[str, type[Page]] = {
@@ -34,12 +34,12 @@ _PAGES: dict[str, type[Page]] = {
     "history_page": HistoryPage,
     "station_page": StationPage,
 }
-#: Pages that follow a run from its beginning or that programs reach unseen; the others are made when first shown.
+#: Pages that follow a run from the start or are used before they are shown; others are created when first shown.
 _AT_ONCE = ("operator_page", "engineer_page", "offline_page")
 
 
 class _Tab(QWidget):
-    """Place of a page, below the strip, and of its header; makes the page when it is first needed."""
+    """Container of a page and its header; creates the page below the strip when it is first needed."""
 
     def __init__(self, app: AppContext, kind: type[Page]) -> None:
         super().__init__()
@@ -53,12 +53,12 @@ class _Tab(QWidget):
 
     def make_page(self) -> Page:
         self._page = page = self._kind(self._app)
-        column((page, 1), on=self, margins=(0, _STRIP, 0, 0))
+        column((page, 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
         column((page.header or RunStrip(self._app.run), 1), on=self.header)
         return page
 
     def title(self) -> str:
-        """The text of the tab in the current language."""
+        """Return the tab title in the current language."""
         return self._kind.title()
 
     def may_leave(self, go: Callable[[], object]) -> bool:
@@ -66,14 +66,14 @@ class _Tab(QWidget):
         return self._page is None or self._page.may_leave(go)
 
     def setVisible(self, visible: bool) -> None:
-        """Make the page before it is shown."""
+        """Create the page before it is first shown."""
         if visible and self._page is None:
             self.make_page()
         super().setVisible(visible)
 
 
 class MainWindow(QMainWindow):
-    """All pages, the language, the theme, the role and STOP."""
+    """The main window with all pages, STOP, and the controls for language, theme and role."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -148,7 +148,7 @@ class MainWindow(QMainWindow):
         return cast("OfflinePage", self._tabs["offline_page"].page)
 
     def show_page(self, name: str) -> None:
-        """Show a page by its object name."""
+        """Show the page with the given object name."""
         self.page_tabs.setCurrentWidget(self._tabs[name])
 
     def _open_log(self, log: Path) -> None:
@@ -156,7 +156,7 @@ class MainWindow(QMainWindow):
         self.offline_page.open(log)
 
     def _may_leave(self, go: Callable[[], object]) -> bool:
-        """Whether the page shown may be left; see `Page.may_leave`."""
+        """Whether the current page may be left; see `Page.may_leave`."""
         return list(self._tabs.values())[self._shown].may_leave(go)
 
     def _show_titles(self) -> None:
@@ -174,18 +174,18 @@ class MainWindow(QMainWindow):
         self._set_icons()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
-        """Keep the strip at the top of the page shown."""
+        """Keep the strip at the top of the current page."""
         if event.type() in (QEvent.Type.Resize, QEvent.Type.Move, QEvent.Type.Show):
             self._move_strip()
         return super().eventFilter(watched, event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Take a key that no widget has used as the start of a scan."""
+        """Treat a key that no widget has handled as the start of a barcode scan."""
         if self._role_panel.isVisible() or not self.operator_page.header.take_key(event):
             super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        """Ask while a run is in progress; otherwise end the engine and the job process."""
+        """Ask for confirmation during a run; otherwise end the engine and the job process."""
         if self.app.engine_link.running and not self._closing:
             event.ignore()
             self.show_page("operator_page")
@@ -199,7 +199,7 @@ class MainWindow(QMainWindow):
         super().closeEvent(event)
 
     def stop_and_close(self) -> None:
-        """Stop a run in progress and close when it has ended."""
+        """Stop a run in progress and close the window when it has ended."""
         self._closing = True
         self.app.run.stop()
         self._running_changed(self.app.engine_link.running)
@@ -231,7 +231,7 @@ class MainWindow(QMainWindow):
         return corner
 
     def _order_tabs(self) -> None:
-        """Tab order as read: the top bar, the header, STOP, the page."""
+        """Set the Tab order to the reading order: top bar, header, STOP, page."""
         header = self.operator_page.header
         top = (self.page_tabs.tabBar(), self.language_combo, self._theme_button, self._role_button)
         fields = (header.operator_edit, header.serial_edit, header.product_combo)
@@ -251,11 +251,11 @@ class MainWindow(QMainWindow):
         page = self.page_tabs.currentWidget()
         if page is not None:
             top = page.mapTo(self.page_tabs, QPoint(0, 0))
-            self._strip.setGeometry(top.x(), top.y(), page.width(), _STRIP)
+            self._strip.setGeometry(top.x(), top.y(), page.width(), _STRIP_HEIGHT)
             self._strip.raise_()
 
     def _move_role_panel(self) -> None:
-        """Below the padlock and beside STOP, which nothing may cover."""
+        """Move the role panel below the padlock and beside STOP, which must never be covered."""
         stop = self.stop_button.mapTo(self, QPoint(0, 0))
         self._role_panel.move(stop.x() - self._role_panel.width() - theme.GRID, stop.y() - theme.GRID // 2)
 
@@ -282,7 +282,7 @@ class MainWindow(QMainWindow):
     def _show_station(self) -> None:
         try:
             _, station = load_station(self.app.station_path)
-        except CalstationError:  # shown where it can be corrected, on the operator and the station page
+        except CalstationError:  # the operator and station pages show the error
             self._station.setText(self.tr("no station"))
             return
         virtual = station.bench is not None

@@ -1,4 +1,4 @@
-"""Button that resets the fault latched by the table, with the result beside it."""
+"""Button that resets the fault latched by the table, with a display of the result."""
 
 from collections.abc import Callable
 
@@ -13,10 +13,10 @@ from calstation.gui.widgets import JobWatch, StateIcon, button, column, enable, 
 
 
 class ResetBar(QWidget):
-    """The button and the result of the last reset.
+    """The reset button and the result of the last reset.
 
-    `changed()` : a reset has started or ended; `ended(result)` : with its `TableReset`. `order` gives the station of
-    the table when the button is pressed, None if there is none; `name` is the object name of the button.
+    `changed()` : a reset has started or ended; `ended(result)` : a reset has returned a `TableReset`. `order` is called
+    when the button is pressed and returns the request for the table, or None. `name` is the button's object name.
     """
 
     changed = Signal()
@@ -40,12 +40,12 @@ class ResetBar(QWidget):
         on_language_change(self, self._show)
 
     def offer(self, offered: bool) -> None:
-        """Show or hide the button; the result of the last reset stays."""
+        """Show or hide the button; the result of the last reset remains visible."""
         self._offered = offered
         self._show()
 
     def forget(self) -> None:
-        """Remove the result of the last reset."""
+        """Clear the result of the last reset."""
         self.result = self._error = None
         self._show()
 
@@ -90,7 +90,7 @@ class ResetBar(QWidget):
         self.setVisible(self._offered or bool(text))
 
     def _result_text(self) -> tuple[str, str]:
-        """State and sentence of the last reset, or of the one in progress."""
+        """Return the badge state and the text of the last reset, or of the one in progress."""
         if self.watch.busy:
             return "", self.tr("Asking the table.")
         if self._error is not None:

@@ -1,4 +1,4 @@
-"""The role of the user, and the panel in which the engineer's PIN is entered or first set."""
+"""The role of the user, and the panel in which the engineer's PIN is set for the first time or entered."""
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QFrame, QGridLayout, QLineEdit, QPushButton, QWidget
@@ -10,10 +10,10 @@ from calstation.gui.widgets import button, column, grid, label, row, show_text, 
 
 
 class RoleLock(QObject):
-    """The current role, at first the operator."""
+    """The current role, initially operator."""
 
     changed = Signal(str)
-    wanted = Signal()  #: The user wants to enter the engineer's PIN.
+    wanted = Signal()  #: The engineer's PIN is to be requested from the user.
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -26,27 +26,27 @@ class RoleLock(QObject):
 
     @property
     def new(self) -> bool:
-        """Whether no PIN has been set yet: the first user sets it."""
+        """Whether no PIN has been set yet; the first user sets it."""
         return not access.has_pin()
 
     def ask(self) -> None:
-        """Let the user enter the PIN."""
+        """Request the PIN from the user."""
         self.wanted.emit()
 
     def unlock(self, pin: str) -> bool:
-        """Switch to the engineer if `pin` is right. Raises ConfigurationError if it cannot be checked."""
+        """Switch to the engineer role if `pin` is correct. Raises ConfigurationError if it cannot be checked."""
         if not access.check(pin):
             return False
         self._set("engineer")
         return True
 
     def set_first_pin(self, pin: str) -> None:
-        """Set the first PIN and switch to the engineer. Raises ConfigurationError if the PIN cannot be used."""
+        """Set the first PIN and switch to the engineer role. Raises ConfigurationError if the PIN cannot be set."""
         access.set_pin("", pin)
         self._set("engineer")
 
     def lock(self) -> None:
-        """Switch to the operator."""
+        """Switch to the operator role."""
         self._set("operator")
 
     def _set(self, role: str) -> None:
@@ -56,7 +56,7 @@ class RoleLock(QObject):
 
 
 class RolePanel(QFrame):
-    """Panel below the padlock with keys for touch; hidden until it is wanted, closes when the engineer is unlocked."""
+    """Panel below the padlock with a touch keypad; opens on request and closes when the engineer role is unlocked."""
 
     def __init__(self, role: RoleLock, parent: QWidget) -> None:
         super().__init__(parent)
@@ -91,7 +91,7 @@ class RolePanel(QFrame):
         self.hide()
 
     def open(self) -> None:
-        """Ask for the PIN."""
+        """Open the panel and ask for the PIN."""
         self.pin_edit.clear()
         self._again_edit.clear()
         self._wrong = ""
@@ -125,7 +125,7 @@ class RolePanel(QFrame):
         return keys
 
     def _type(self, text: str) -> None:
-        """Type a key into the field that has the focus, by default the first."""
+        """Enter a key into the field that has the focus, by default the first field."""
         field = self._again_edit if self._again_edit.hasFocus() else self.pin_edit
         if text == "⌫":
             field.backspace()
@@ -154,7 +154,7 @@ class RolePanel(QFrame):
         self._show_wait()
 
     def _show_wait(self) -> None:
-        """Show the error; disable Unlock while the next try has to wait after wrong PINs."""
+        """Show the error; disable Unlock during the waiting time that follows wrong PINs."""
         wait = 0.0 if self._role.new else access.wait()
         waiting = self.tr("Wait {seconds:.0f} s.").format(seconds=max(1.0, wait)) if wait > 0.0 else ""
         text = f"{self._wrong} {waiting}".strip()

@@ -51,41 +51,41 @@ _REMARKS = (
     "handover_waiting",
 )
 
-#: Name of the last row: registers written and verified.
+#: Name of the last row, in which the registers are written and verified.
 _TRANSFER = "transfer"
-#: Messages that start the transfer, and those that end it.
+#: Messages that mark the start and the end of the transfer.
 _TRANSFER_STARTS = ("reference", "registers_transfer", "registers_writing")
 _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
 
 
 @dataclass
 class StageState:
-    """A stage as it is shown, or the transfer after the stages."""
+    """Display state of a stage, or of the register transfer that follows the stages."""
 
     name: str
-    duration: float  #: Of its plan, s of device time.
-    state: str = "waiting"  #: Or active, solving, good, bad, stopped, fault; kept if no register is written.
+    duration: float  #: Planned duration, s of device time.
+    state: str = "waiting"  #: waiting, active, solving, good, bad, stopped, fault; kept if no register is written.
     fraction: float = 0.0
-    remaining: float = 0.0  #: s of device time.
-    took: float | None = None  #: Host time from start to solution, s; None until solved, and in an earlier run.
-    begun: float | None = field(default=None, repr=False)  #: Host time of its start; None in an earlier run.
+    remaining: float = 0.0  #: Remaining device time, s.
+    took: float | None = None  #: Host time from start to solution, s; None until solved or if solved in an earlier run.
+    begun: float | None = field(default=None, repr=False)  #: Host time at its start, s; None in an earlier run.
 
     def start(self, now: float) -> None:
-        """Mark it as started at host time `now`."""
+        """Mark the stage as started at host time `now`, s."""
         self.state, self.begun = "active", now
         self.fraction, self.remaining = 0.0, self.duration
 
     def solve(self, state: str) -> None:
-        """Mark it as solved now."""
+        """Mark the stage as solved now."""
         self.state, self.fraction, self.remaining = state, 1.0, 0.0
         self.took = None if self.begun is None else time.monotonic() - self.begun
 
 
 class RunStatus(QObject):
-    """Status after the events so far."""
+    """Status of the run after the events received so far."""
 
-    changed = Signal()  #: Shortly after events that change it, once for many.
-    stop_pressed = Signal()  #: In any state.
+    changed = Signal()  #: Emitted shortly after a change, once for several events.
+    stop_pressed = Signal()  #: Emitted in every state.
 
     def __init__(self, link: EngineLink, parent: QObject | None = None) -> None:
         super().__init__(parent)
@@ -95,22 +95,22 @@ class RunStatus(QObject):
         self.run_summary: RunSummary | None = None
         self.register_operation = False
         self.serial = ""
-        #: In order, then the transfer if the unit has registers.
+        #: Stages in order, followed by the transfer if the unit has registers.
         self.stages: list[StageState] = []
-        #: Message or step, ("message", id, values) or ("step", kind, label); a dwell has the label of its move.
+        #: Latest message ("message", id, values) or step ("step", kind, label); a dwell has the label of its move.
         self.latest: tuple[str, str, Any] | None = None
         #: Messages shown again with the verdict, each (id, values).
         self.remarks: list[tuple[str, Mapping[str, Any]]] = []
-        #: Values of a register transfer interrupted before this run that needs a decision; None for none.
+        #: Values of a register transfer interrupted before this run that requires a decision, or None.
         self.transfer: Mapping[str, Any] | None = None
         self.verdict: Verdict | None = None
-        #: Of the last run, until `acknowledge`.
+        #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
         self._begun = self._done_before = 0.0
         self._changed_timer = QTimer(self, singleShot=True, interval=0)
         self._changed_timer.timeout.connect(self.changed)
         link.running_changed.connect(self._running_changed)
-        link.event.connect(self._take)
+        link.event.connect(self._handle_event)
 
     @property
     def going(self) -> bool:
@@ -124,7 +124,7 @@ class RunStatus(QObject):
 
     @property
     def shown(self) -> str:
-        """`state` as it is shown: a running register operation is ``writing``."""
+        """The state to display: `state`, or ``writing`` during a register operation."""
         return "writing" if self.register_operation and self.state == "running" else self.state
 
     @property
@@ -139,39 +139,39 @@ class RunStatus(QObject):
 
     @property
     def done(self) -> float:
-        """Planned device time that is done, s."""
+        """Completed part of the planned device time, s."""
         return sum(s.duration - self.left(s) for s in self.stages)
 
     @property
     def fraction(self) -> float:
-        """Fraction of the planned time that is done, 0..1."""
+        """Completed fraction of the planned time, 0 to 1."""
         total = sum(s.duration for s in self.stages)
         return self.done / total if total > 0.0 else 0.0
 
     @property
     def pace(self) -> float | None:
-        """Device time per host time: 1 on hardware, measured on a virtual bench; None until known."""
+        """Ratio of device time to host time: 1 on hardware, measured on a virtual bench; None until known."""
         if self.run_summary is not None and not self.run_summary.virtual:
             return 1.0
         elapsed, done = time.monotonic() - self._begun, self.done - self._done_before
-        return done / elapsed if self._begun and elapsed > 2.0 and done > 0.0 else None  # known well enough after 2 s
+        return done / elapsed if self._begun and elapsed > 2.0 and done > 0.0 else None  # accurate enough after 2 s
 
     @property
     def remaining(self) -> float | None:
-        """Host time left, s; None until it can be estimated."""
+        """Remaining host time, s; None until it can be estimated."""
         pace = self.pace
         if pace is None or not self.going:
             return None
         return sum(self.left(s) for s in self.stages) / pace
 
     def left(self, stage: StageState) -> float:
-        """Device time left of a stage, s."""
+        """Return the remaining device time of a stage, s."""
         if stage.state == "waiting":
             return stage.duration
         return stage.remaining if stage.state == "active" else 0.0
 
     def stop(self) -> None:
-        """Stop safely; shown at once, before the engine confirms it. Does nothing if nothing runs."""
+        """Stop a run in progress safely; the state changes to ``stopping`` before the engine confirms it."""
         self._link.send(Command.STOP)
         self.stop_pressed.emit()
         if self.going and self.state != "stopping":
@@ -179,7 +179,7 @@ class RunStatus(QObject):
             self.changed.emit()
 
     def acknowledge(self) -> None:
-        """Clear the fault, so that a run can start; disconnect from an engine that does not end."""
+        """Clear the fault so that a run can start; disconnect from the engine if it has not ended."""
         if self.fault is not None:
             self._link.give_up()
             self.fault = None
@@ -199,13 +199,13 @@ class RunStatus(QObject):
                 self.run_summary = run_summary(self._link.request)
                 rows = planned(self.run_summary)
                 self.stages = [row for row in rows if row.name == _TRANSFER or not self.register_operation]
-            except CalstationError:  # the engine meets the same error and reports it as a fault
+            except CalstationError:  # the engine encounters the same error and reports it as a fault
                 self.stages = []
         elif self.going:
             self.state = "idle" if self.register_operation else "incomplete"
         self.changed.emit()
 
-    def _take(self, event: Event) -> None:
+    def _handle_event(self, event: Event) -> None:
         match event:
             case StateChanged():
                 self._change_state(event.state)
@@ -222,7 +222,7 @@ class RunStatus(QObject):
             case StageSolved():
                 self._row(event.stage).solve("good" if event.consistency["passed"] else "bad")
             case Message():
-                self._take_message(event.id, event.values)
+                self._handle_message(event.id, event.values)
             case Settled():
                 self.state = "idle"
                 self._end_stage("stopped")
@@ -239,16 +239,16 @@ class RunStatus(QObject):
 
     def _change_state(self, state: str) -> None:
         if self.state == "stopping" and state not in _ENDED:
-            return  # sent before the stop
+            return  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
-            return  # its result follows
+            return  # the result of the operation follows
         self.state = state
         if state in ("stopped", "fault"):
             self._end_stage(state)
 
     def _start_stage(self, event: StageStarted) -> None:
         now = time.monotonic()
-        if not self._begun:  # stages of a resumed run say nothing about the pace
+        if not self._begun:  # stages completed before a resume are excluded from the pace
             self._begun, self._done_before = now, self.done
         row = self._row(event.stage)
         if row not in self.stages:
@@ -261,10 +261,10 @@ class RunStatus(QObject):
         self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
         row = self._row(_TRANSFER)
         if event.label[:1] == ("verify",) and row.state == "active":
-            row.fraction = min(1.0, row.fraction + 1.0 / 18.0)  # 17 moves verify; they may be repeated
+            row.fraction = min(1.0, row.fraction + 1.0 / 18.0)  # verification takes 17 moves, which may be repeated
             row.remaining = row.duration * (1.0 - row.fraction)
 
-    def _take_message(self, message: str, values: Mapping[str, Any]) -> None:
+    def _handle_message(self, message: str, values: Mapping[str, Any]) -> None:
         self.latest = ("message", message, values)
         if message in _REMARKS:
             self.remarks.append((message, values))
@@ -287,12 +287,12 @@ class RunStatus(QObject):
                 stage.state = state
 
     def _row(self, name: str) -> StageState:
-        """The row of a stage; a new one, not yet shown, if there is none."""
+        """Return the row of a stage, or a new row that is not yet in `stages`."""
         return next((s for s in self.stages if s.name == name), StageState(name, 0.0))
 
 
 def planned(run_summary: RunSummary) -> list[StageState]:
-    """The rows of a run before it starts."""
+    """Return the rows of a run before it starts."""
     rows = [StageState(s.name, s.duration) for s in run_summary.stages]
     if run_summary.transfer is not None:
         rows.append(StageState(_TRANSFER, run_summary.transfer))

@@ -1,4 +1,4 @@
-"""State, stage, progress and time left in one line beside STOP, for pages without a header of their own."""
+"""A line beside STOP with state, stage, progress and time left, for pages without their own header."""
 
 from PySide6.QtWidgets import QWidget
 
@@ -8,7 +8,7 @@ from calstation.gui.widgets import STEPS, StateBadge, column, label, progress_ba
 
 
 class RunStrip(QWidget):
-    """Follows the run."""
+    """Shows the status of the current run."""
 
     def __init__(self, run: RunStatus, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -22,7 +22,7 @@ class RunStrip(QWidget):
     def _refresh(self) -> None:
         run = self._run
         state = term("badge", run.shown)
-        if run.ended or run.fault is not None:  # nothing else on the page names the unit
+        if run.ended or run.fault is not None:  # the serial number is not shown elsewhere on the page
             state = f"{run.serial}  ·  {state}"
         self._badge.show_state(KINDS.get(run.shown, "none"), state)
         parts = []

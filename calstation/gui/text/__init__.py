@@ -1,4 +1,4 @@
-"""Texts in the language of the window: catalogue sentences, checks, bindings to the language; no widgets."""
+"""Translated texts of the window: catalogue sentences, check texts and language bindings; no widget classes."""
 
 import lazy_loader as lazy
 

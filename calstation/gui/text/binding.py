@@ -1,4 +1,4 @@
-"""Texts that follow the language: bound once, shown again whenever the language changes."""
+"""Text bindings: a bound text is shown again whenever the language changes."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,7 +16,7 @@ languages = _Languages()
 
 
 class _Binding(QObject):
-    """Calls `show` now and after each change of language, as long as its owner lives."""
+    """Calls `show` when created and after each language change until its owner is destroyed."""
 
     def __init__(self, owner: QObject, show: Callable[[], Any]) -> None:
         super().__init__(owner)
@@ -30,7 +30,7 @@ class _Binding(QObject):
 
 
 def bind(target: QLabel | QAbstractButton | QGroupBox | Callable[[str], Any], text: Callable[[], str]) -> None:
-    """Show a text in the current language, ``lambda: self.tr("Load the unit")``, and again after each change of it.
+    """Show `text`, such as ``lambda: self.tr("Load the unit")``, in the current language and after each change of it.
 
     `target` is a label, button or group box, or a bound setter of any Qt object such as ``button.setToolTip``.
     """
@@ -46,5 +46,5 @@ def bind(target: QLabel | QAbstractButton | QGroupBox | Callable[[str], Any], te
 
 
 def on_language_change(owner: QObject, show: Callable[[], Any]) -> None:
-    """Call `show` now and after each change of language, as long as `owner` lives: for views made from data."""
+    """Call `show` now and after each language change until `owner` is destroyed; meant for views built from data."""
     _Binding(owner, show)

@@ -1,4 +1,4 @@
-"""Checks of a result as texts in the language of the window."""
+"""Texts of a result's checks in the current language."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from calstation.gui.text.messages import say, term
 from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, pair_parameter
 from calstation.records import Check, Where
 
-#: Kinds of the checks that a product's ``[checks]`` ask for.
+#: Kinds of the checks that a product's ``[checks]`` section can request.
 _PRODUCT_KINDS = (
     "gravity_at_rest",
     "improvement_at_rest",
@@ -20,13 +20,13 @@ _PRODUCT_KINDS = (
     "previous",
 )
 
-#: Units shown for checks that compare no parameter, with their size in the unit of the check.
-_SHOWN = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
+#: Display unit and its size in the check's own unit, by that unit; for checks that do not compare a parameter.
+_DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
 
 
 @dataclass(frozen=True)
 class CheckText:
-    """A check as the cells of a row; `state` is the shape of its verdict (`widgets.badge.KINDS`)."""
+    """Texts of a check for a table row; `state` is the badge shape of its verdict (`widgets.badge.KINDS`)."""
 
     sentence: str
     value: str
@@ -39,7 +39,7 @@ class CheckText:
 
 
 def check_text(check: Check) -> CheckText:
-    """The cells of a check."""
+    """Return the texts of a check in the current language."""
     unit, size = _unit(check)
     verdict = "failed" if not check.passed else "near_miss" if check.near_miss else "passed"
     return CheckText(
@@ -55,22 +55,22 @@ def check_text(check: Check) -> CheckText:
 
 
 def check_name(check: Check) -> str:
-    """What a check of a product's ``[checks]`` compares, in a few words."""
+    """Return a short text that states what a check of a product's ``[checks]`` compares."""
     return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject))
 
 
 def of_product(check: Check) -> bool:
-    """Whether a product's ``[checks]`` ask for a check."""
+    """Whether a check belongs to a product's ``[checks]``."""
     return check.kind in _PRODUCT_KINDS
 
 
 def of_parameter(check: Check) -> bool:
-    """Whether a check compares one parameter with its limit; the table of parameters shows those."""
+    """Whether a check compares one parameter with its limit; the parameter table shows these checks."""
     return check.kind in ("within", "sigma_below")
 
 
 def parameter_text(name: str) -> str:
-    """The name of a parameter, its group and axis, or of a group."""
+    """Return the display name of a parameter (group and axis) or of a group."""
     if name not in INDEX:
         return term("group", name)
     group = PARAMETERS[INDEX[name]].group
@@ -88,7 +88,7 @@ def _sentence(check: Check) -> str:
 
 
 def _unit(check: Check) -> tuple[str, float]:
-    """The unit in which a check is shown, and its size in the unit of the check."""
+    """Return the unit in which a check is shown and the size of that unit in the check's own unit."""
     if check.kind == "latitude":
         return "°", DEGREE
     name = check.subject
@@ -97,7 +97,7 @@ def _unit(check: Check) -> tuple[str, float]:
     if name in INDEX or pair_parameter(name) is not None:
         factor, unit = display(name, 1.0)
         return unit if unit != "1" else "", 1.0 / factor
-    return _SHOWN.get(check.unit, (check.unit, 1.0))
+    return _DISPLAY_UNITS.get(check.unit, (check.unit, 1.0))
 
 
 def _number(value: float, size: float) -> str:

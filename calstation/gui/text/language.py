@@ -1,4 +1,4 @@
-"""The language of the window: English or Simplified Chinese, switched while it is open."""
+"""The language of the window, English or Simplified Chinese, which can be switched while the window is open."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QComboBox
 from calstation.gui.text.binding import languages
 from calstation.messages import Language
 
-#: Code and own name of each language; English first.
+#: Code and native name of each language, English first.
 LANGUAGES: tuple[tuple[Language, str], ...] = (("en", "English"), ("zh_CN", "中文"))
 
 _FOLDER = Path(__file__).parents[1] / "translations"
@@ -17,17 +17,17 @@ _current: Language = "en"
 
 
 def current() -> Language:
-    """Code of the current language."""
+    """Return the code of the current language."""
     return _current
 
 
 def system_language() -> Language:
-    """The language of the computer if the window has it, else English."""
+    """Return the code of the operating system's language if the window supports it, otherwise that of English."""
     return "zh_CN" if QLocale.system().language() == QLocale.Language.Chinese else "en"
 
 
 def use(code: str) -> None:
-    """Switch to a language and show all bound texts again; an unknown code is English."""
+    """Switch to a language and show all bound texts again; an unknown code selects English."""
     global _current
     app = QCoreApplication.instance()
     assert app is not None
@@ -39,8 +39,8 @@ def use(code: str) -> None:
         app.removeTranslator(translator)
     _installed.clear()
     QLocale.setDefault(QLocale(QLocale.Language.C))
-    theirs = Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)) / f"qtbase_{chosen}.qm"
-    for file in (theirs, *sorted(_FOLDER.glob(f"*_{chosen}.qm"))) if chosen != "en" else ():
+    qt_file = Path(QLibraryInfo.path(QLibraryInfo.LibraryPath.TranslationsPath)) / f"qtbase_{chosen}.qm"
+    for file in (qt_file, *sorted(_FOLDER.glob(f"*_{chosen}.qm"))) if chosen != "en" else ():
         translator = QTranslator(app)
         if file.exists() and translator.load(str(file)):
             app.installTranslator(translator)
@@ -49,7 +49,7 @@ def use(code: str) -> None:
 
 
 def language_combo() -> QComboBox:
-    """A box with the languages under their own names; the data of its entries are the codes."""
+    """Create a combo box that lists the languages by native name; the data of each item is the code."""
     combo = QComboBox()
     combo.setObjectName("language_combo")
     for code, name in LANGUAGES:

@@ -9,7 +9,7 @@ from calstation.gui.text import language
 from calstation.messages import Text, entry, event_text, rendering, step_text
 from calstation.sequencer import Fault
 
-#: Shape (`widgets.badge.KINDS`) of each state and outcome of a run.
+#: Badge shape (`widgets.badge.KINDS`) of each state and outcome of a run.
 KINDS = {
     "idle": "none",
     "starting": "waiting",
@@ -29,10 +29,10 @@ KINDS = {
 
 @dataclass(frozen=True)
 class ErrorText:
-    """An error in the language of the window.
+    """An error text in the current language.
 
-    `source` is where its cause is, a name of the catalogue family ``source`` or "", and `where` the same in words;
-    an operator may reset a `resettable` fault on the device.
+    `source` names the origin of the error in the catalogue family ``source``, or is "", and `where` is its display
+    text. An operator may reset a `resettable` fault on the device.
     """
 
     source: str
@@ -43,54 +43,54 @@ class ErrorText:
 
     @property
     def sentences(self) -> str:
-        """What happened and what to do."""
+        """The reason followed by the remedy."""
         return f"{self.reason} {self.remedy}".strip()
 
 
 def say(code: str, **values: Any) -> str:
-    """The sentences of a catalogue entry."""
+    """Return the text of a catalogue entry in the current language."""
     return show(Text(code, values))
 
 
 def show(message: Text) -> str:
-    """The sentences of a message."""
+    """Return the text of a message in the current language."""
     return rendering.render(message.code, message.values, language.current(), window=True).sentences
 
 
 def term(family: str, name: str, **values: Any) -> str:
-    """A term of a catalogue family, such as the stage ``rate``."""
+    """Return a term of a catalogue family, such as the stage ``rate``."""
     return rendering.term(family, name, language.current(), **values)
 
 
 def event_sentence(event_id: str, values: Mapping[str, Any]) -> str:
-    """The sentence of a progress event."""
+    """Return the sentence that describes a progress event."""
     return show(event_text(event_id, values))
 
 
 def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
-    """What a step does; a dwell after a labelled move names the position."""
+    """Return the description of a step; for a dwell after a labelled move, the position is included."""
     if kind == "dwell" and label:
         return f"{show(step_text('move', label))}  ·  {show(step_text(kind, ()))}"
     return show(step_text(kind, label))
 
 
 def fault_text(fault: Fault) -> ErrorText:
-    """The text of a run's fault."""
+    """Return the error text of a run's fault."""
     return _coded(fault.code, fault.values) if fault.code else free_text(fault.text)
 
 
 def error_text(error: CalstationError) -> ErrorText:
-    """The text of an error."""
+    """Return the error text of an exception."""
     return _coded(error.code, error.values)
 
 
 def free_text(text: str) -> ErrorText:
-    """A text without a code, such as one of an older result."""
+    """Return the error text of a message without a code, such as one from an older result."""
     return ErrorText("", "", text, "")
 
 
 def duration_text(seconds: float) -> str:
-    """A duration as ``m:ss`` or ``h:mm:ss``."""
+    """Format a duration, s, as ``m:ss`` or ``h:mm:ss``."""
     minutes, rest = divmod(max(0, round(seconds)), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

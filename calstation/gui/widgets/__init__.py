@@ -1,4 +1,4 @@
-"""Widgets that several pages share, and the theme; nothing here knows a run, a station or a device."""
+"""Widgets shared by several pages, and the theme; this package does not depend on runs, stations or devices."""
 
 import lazy_loader as lazy
 

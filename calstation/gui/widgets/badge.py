@@ -1,4 +1,4 @@
-"""States as a shape and a word, and the icons of the top bar; a colour only repeats what the shape says."""
+"""States as a symbol and a word, and the icons of the top bar; colour only repeats the meaning of the symbol."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -10,15 +10,15 @@ from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import row
 
-#: Kinds of state: ring, ring with a dot, filled triangle, tick, cross, triangle with a mark, two bars, square.
+#: Kinds of state: ring, ring with dot, filled triangle, tick, cross, triangle with exclamation mark, two bars, square.
 KINDS = ("none", "waiting", "active", "good", "bad", "caution", "paused", "stopped")
 
-#: Size of the top bar's icons, px, and pixels per px.
+#: Size of the icons of the top bar, px, and device pixels per px.
 _SIZE, _RATIO = 24, 2
 
 
 def state_colour(kind: str) -> QColor:
-    """The colour of a kind of state in the current theme."""
+    """Return the colour of a kind of state in the current theme."""
     c = theme.colours()
     return QColor(
         {"good": c.good, "bad": c.bad, "caution": c.caution, "active": c.accent, "paused": c.caution}.get(kind, c.muted)
@@ -26,7 +26,7 @@ def state_colour(kind: str) -> QColor:
 
 
 def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None = None) -> None:
-    """Draw the shape of one of `KINDS` in the largest square in the middle of a box; its own colour by default."""
+    """Draw the symbol of one of `KINDS` in the largest centred square of a box, by default in its own colour."""
     colour = colour or state_colour(kind)
     side = min(box.width(), box.height())
     box = QRectF(box.center().x() - side / 2, box.center().y() - side / 2, side, side)
@@ -68,13 +68,13 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
 
 
 def state_icon(kind: str, size: int = theme.BODY) -> QIcon:
-    """The shape of a state for cells and menus, also on a selected row."""
+    """Return the symbol of a state as an icon for cells and menus, with a variant for selected rows."""
     return _state_icon(kind, size, theme.current())
 
 
 @cache
 def _state_icon(kind: str, size: int, theme_name: str) -> QIcon:
-    """One icon per theme: a table asks for it at every repaint."""
+    """Return an icon, cached per theme because tables request it at every repaint."""
     icon = QIcon()
     on_selected = QColor(theme.colours().on_accent)
     for mode, colour in ((QIcon.Mode.Normal, None), (QIcon.Mode.Selected, on_selected)):
@@ -84,7 +84,7 @@ def _state_icon(kind: str, size: int, theme_name: str) -> QIcon:
 
 
 def padlock_icon(*, closed: bool) -> QIcon:
-    """A padlock: closed for the operator, open for the engineer."""
+    """Return a padlock icon: closed for the operator, open for the engineer."""
 
     def draw(painter: QPainter) -> None:
         painter.setBrush(QColor(theme.colours().text))
@@ -102,7 +102,7 @@ def padlock_icon(*, closed: bool) -> QIcon:
 
 
 def theme_icon() -> QIcon:
-    """A disc half light, half dark: the other theme."""
+    """Return the icon for switching the theme, a disc half light and half dark."""
 
     def draw(painter: QPainter) -> None:
         painter.drawEllipse(QRectF(4, 4, 16, 16))
@@ -122,7 +122,7 @@ def _text_icon(draw: Callable[[QPainter], None]) -> QIcon:
 
 
 def painted_pixmap(size: int, draw: Callable[[QPainter], None]) -> QPixmap:
-    """A transparent square that `draw` paints on, at twice the resolution for fine screens."""
+    """Return a transparent square on which `draw` paints, at twice the resolution for high-DPI screens."""
     pixmap = QPixmap(_RATIO * size, _RATIO * size)
     pixmap.setDevicePixelRatio(_RATIO)
     pixmap.fill(Qt.GlobalColor.transparent)
@@ -133,7 +133,7 @@ def painted_pixmap(size: int, draw: Callable[[QPainter], None]) -> QPixmap:
 
 
 class StateIcon(QWidget):
-    """The shape of a state, without a word."""
+    """The symbol of a state, without a word."""
 
     def __init__(self, size: int = 20) -> None:
         super().__init__()
@@ -147,12 +147,12 @@ class StateIcon(QWidget):
             self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the shape."""
+        """Draw the symbol."""
         draw_state(QPainter(self), self._kind, QRectF(self.rect()).adjusted(1, 1, -1, -1))
 
 
 class StateBadge(QWidget):
-    """Shape and word side by side."""
+    """The symbol and the word of a state, side by side."""
 
     def __init__(self, size: int = theme.BODY, name: str = "") -> None:
         super().__init__()
@@ -174,5 +174,5 @@ class StateBadge(QWidget):
         self._word.setFont(theme.font(size, bold=True))
 
     def text(self) -> str:
-        """The word shown."""
+        """Return the word shown."""
         return self._word.text()

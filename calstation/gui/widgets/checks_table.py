@@ -1,4 +1,4 @@
-"""The checks of a result as a table: sentence, value, limit, margin and verdict."""
+"""Table of the checks of a result: description, value, limit, margin and verdict."""
 
 from collections.abc import Callable, Sequence
 
@@ -15,7 +15,7 @@ _ORDER = {"bad": 0, "caution": 1, "good": 2}
 
 
 class ChecksTable(QWidget):
-    """Failed checks first, then near-misses, then the rest, each in the order of the result."""
+    """Lists failed checks first, then near-misses, then the others, each group in the order of the result."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -47,7 +47,7 @@ class ChecksTable(QWidget):
         self.model.set_names([str(k) for k in range(len(checks))])
 
     def height_of_rows(self) -> int:
-        """Height that shows all rows, px."""
+        """Return the height at which all rows are visible, px."""
         return self.table.horizontalHeader().sizeHint().height() + _ROW * len(self._checks) + theme.GRID
 
     def _refresh(self) -> None:

@@ -1,4 +1,4 @@
-"""Follows background jobs from a timer, and shows their progress in a row with a Cancel button."""
+"""Polls background jobs with a timer, and shows their progress in a row with a Cancel button."""
 
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
@@ -8,15 +8,15 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import STEPS, Words, button, label, progress_bar, row
 from calstation.jobs import Job
 
-#: Fraction from which the time left is shown.
-_RELIABLE = 0.05
+#: Minimum progress, as a fraction, at which the remaining time is shown.
+_MIN_FRACTION = 0.05
 
 
 class JobWatch(QObject):
-    """Polls one job after another.
+    """Polls one job at a time.
 
-    `busy_changed()` when a job begins and after it has ended; `progress(fraction, remaining)` with seconds left or
-    None; `done(result)`; `failed(error)` with a `CalstationError`; `cancelled()`.
+    Signals: `busy_changed()` when a job begins and after it has ended; `progress(fraction, remaining)` with the
+    remaining seconds or None; `done(result)`; `failed(error)` with a `CalstationError`; `cancelled()`.
     """
 
     busy_changed = Signal()
@@ -33,11 +33,11 @@ class JobWatch(QObject):
 
     @property
     def busy(self) -> bool:
-        """Whether a job is being followed."""
+        """Whether a job is being polled."""
         return self.job is not None
 
     def watch(self, job: Job) -> None:
-        """Follow `job` in place of the one before."""
+        """Poll `job` instead of the previous one."""
         self.job = job
         self._timer.start()
         self.busy_changed.emit()
@@ -70,7 +70,7 @@ class JobWatch(QObject):
 
 
 class JobRow(QWidget):
-    """Follows one `JobWatch`: what is done, how far it is, and a Cancel button with an object name."""
+    """Shows the text and progress of a `JobWatch`, and a Cancel button with the object name `cancel_name`."""
 
     def __init__(self, watch: JobWatch, cancel_name: str = "", words: Words | None = None) -> None:
         super().__init__()
@@ -103,7 +103,7 @@ class JobRow(QWidget):
         percent = f"{100 * self._fraction:.0f} %"
         if job is not None and job.state == "waiting":
             self.left_label.setText(self.tr("waiting for other work"))
-        elif self._remaining is None or self._fraction < _RELIABLE:
+        elif self._remaining is None or self._fraction < _MIN_FRACTION:
             self.left_label.setText(percent)
         else:
             left = self.tr("{0} left").format(duration_text(self._remaining))
@@ -112,7 +112,7 @@ class JobRow(QWidget):
 
 
 class JobStack(QStackedWidget):
-    """The row of the job that is running, else an idle widget."""
+    """Shows the row of the running job, or an idle widget if no job is running."""
 
     def __init__(self, idle: QWidget, *rows: JobRow) -> None:
         super().__init__()

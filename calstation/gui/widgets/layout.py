@@ -1,4 +1,4 @@
-"""Builds layouts, labels, buttons and bars in one call each; their texts follow the language."""
+"""Functions that build layouts, labels, buttons and bars; their texts change with the language."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -26,7 +26,7 @@ from PySide6.QtWidgets import (
 from calstation.gui.text import bind
 from calstation.gui.widgets import theme
 
-#: Gives a text in the current language.
+#: Returns a text in the current language.
 Words = Callable[[], str]
 
 #: A widget or layout, alone or with its stretch and alignment; a distance in px; None for a stretch.
@@ -47,21 +47,21 @@ Box = TypeVar("Box", bound=QBoxLayout)
 def column(
     *items: Item, on: QWidget | None = None, spacing: int = theme.GRID, margins: Margins = (0, 0, 0, 0)
 ) -> QVBoxLayout:
-    """Lay out items one below the other, `on` a widget if given; distances in px."""
+    """Lay out items vertically, `on` a widget if given; distances in px."""
     return _filled(QVBoxLayout(), items, on, spacing, margins)
 
 
 def row(
     *items: Item, on: QWidget | None = None, spacing: int = theme.GRID, margins: Margins = (0, 0, 0, 0)
 ) -> QHBoxLayout:
-    """Lay out items side by side, as `column` does."""
+    """Lay out items horizontally, with the same arguments as `column`."""
     return _filled(QHBoxLayout(), items, on, spacing, margins)
 
 
 def grid(
     on: QWidget | None = None, *, across: int = theme.GRID, down: int = theme.GRID, stretch: int | None = None
 ) -> QGridLayout:
-    """Make a grid, `on` a widget if given, with distances in px; column `stretch` takes what is left of the width."""
+    """Make a grid layout, `on` a widget if given, with distances in px; column `stretch` fills the remaining width."""
     made = QGridLayout()
     made.setContentsMargins(0, 0, 0, 0)
     made.setHorizontalSpacing(across)
@@ -74,7 +74,7 @@ def grid(
 
 
 def panel(*items: Item) -> QFrame:
-    """Frame items, one below the other."""
+    """Lay out items vertically in a framed panel."""
     frame = QFrame()
     frame.setProperty("kind", "panel")
     column(*items, on=frame, margins=PANEL)
@@ -82,7 +82,7 @@ def panel(*items: Item) -> QFrame:
 
 
 def scroll_area(content: QWidget) -> QScrollArea:
-    """A frameless area with scroll bars that appear if the content is too large."""
+    """Make a frameless scroll area whose scroll bars appear if the content is too large."""
     area = QScrollArea()
     area.setWidgetResizable(True)
     area.setFrameShape(QFrame.Shape.NoFrame)
@@ -92,7 +92,7 @@ def scroll_area(content: QWidget) -> QScrollArea:
 
 
 def stack(*pages: QWidget) -> QStackedWidget:
-    """Lay out widgets of which one is visible at a time."""
+    """Stack widgets, of which one is visible at a time."""
     stacked = QStackedWidget()
     for page in pages:
         stacked.addWidget(page)
@@ -127,7 +127,7 @@ def label(
 ) -> QLabel:
     """Make a label.
 
-    `words` is its text (None if the caller sets it), `kind` of the style sheet, `buddy` the input that it names.
+    `words` returns its text (None if the caller sets it), `kind` selects its style, and `buddy` is the labelled input.
     """
     made = QLabel()
     made.setObjectName(name)
@@ -149,7 +149,7 @@ def button(
     kind: str = "",
     tip: Words | None = None,
 ) -> QPushButton:
-    """Make a button: object name, text (None if the caller sets it), what a click calls or emits, kind and tooltip."""
+    """Make a button; `words` returns its text (None if the caller sets it), and a click calls or emits `pressed`."""
     made = QPushButton()
     made.setObjectName(name)
     if kind:
@@ -164,7 +164,7 @@ def button(
 
 
 def progress_bar(height: int, name: str = "") -> QProgressBar:
-    """Make a thin bar without a text, with `STEPS` steps."""
+    """Make a thin progress bar without a text, with `STEPS` steps."""
     bar = QProgressBar()
     bar.setObjectName(name)
     bar.setRange(0, STEPS)
@@ -204,7 +204,7 @@ class ElidedLabel(QLabel):
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
 
     def minimumSizeHint(self) -> QSize:
-        """No minimum width."""
+        """Return a size without a minimum width."""
         return QSize(0, super().minimumSizeHint().height())
 
     def setText(self, text: str) -> None:
@@ -221,7 +221,7 @@ class ElidedLabel(QLabel):
 
 
 class EmptyState(QWidget):
-    """What will be here and how to get it: a centred title, a sentence or two, and widgets below them."""
+    """A placeholder for an empty page: a centred title, a short explanation, and widgets below them."""
 
     def __init__(self, *widgets: QWidget) -> None:
         super().__init__()
@@ -242,7 +242,7 @@ class EmptyState(QWidget):
         return self._title.text()
 
     def say(self, title: str, text: str) -> None:
-        """Show a title and a text (may be empty)."""
+        """Show a title and a text, which may be empty."""
         self._title.setText(title)
         show_text(self._text, text)
 

@@ -16,7 +16,7 @@ from calstation.gui.widgets.layout import Words, button, clear, column, label, r
 
 @dataclass(frozen=True)
 class Choice:
-    """An answer to a question: its button, what a press does after the bar has closed, whether it has the focus."""
+    """A reply to a question: its button, the action after the bar has closed, and whether the button has the focus."""
 
     name: str
     words: Words
@@ -25,7 +25,7 @@ class Choice:
 
 
 class NoticeBar(QFrame):
-    """Hidden while there is nothing to show; a new question replaces the one before."""
+    """A bar for one notice or question, which replaces the previous one; hidden while there is nothing to show."""
 
     def __init__(self, name: str = "") -> None:
         super().__init__()
@@ -55,7 +55,7 @@ class NoticeBar(QFrame):
         return bool(self._choices) and not self.isHidden()
 
     def ask(self, kind: str, title: Words, text: Words, choices: Sequence[Choice] = ()) -> None:
-        """Show a notice of a kind of `badge.KINDS` with its answers, from left to right; an empty text is hidden."""
+        """Show a notice of one of `badge.KINDS` with its choices from left to right; an empty text is hidden."""
         self.dismiss()
         self._kind, self._title, self._text, self._choices = kind, title, text, choices
         self._icon.set_kind(kind)
@@ -70,15 +70,15 @@ class NoticeBar(QFrame):
                 self.button(choice.name).setFocus()
 
     def inform(self, kind: str, title: Words, text: Words, then: Callable[[], None]) -> None:
-        """Show a notice with a Close button; `then` is called after it."""
+        """Show a notice with a Close button; `then` is called after the notice is closed."""
         self.ask(kind, title, text, (Choice(f"{self.objectName()}_close", lambda: self.tr("Close"), then),))
 
     def report(self, title: Words, error: CalstationError, then: Callable[[], None]) -> None:
-        """Show an error with a Close button; `then` is called after it."""
+        """Show an error with a Close button; `then` is called after the notice is closed."""
         self.inform("bad", title, lambda: error_text(error).sentences, then)
 
     def button(self, name: str) -> QPushButton:
-        """The button of an answer."""
+        """Return the button of a choice by its object name."""
         found = self.findChild(QPushButton, name)
         assert found is not None, name
         return found
@@ -90,7 +90,7 @@ class NoticeBar(QFrame):
         clear(self._buttons)
 
     def refresh(self) -> None:
-        """Show title, text and answers again after they have changed."""
+        """Update the title, text and buttons after their texts have changed."""
         show_text(self.title_label, self._title())
         show_text(self.text_label, self._text())
         for choice in self._choices:

@@ -1,4 +1,4 @@
-"""Tables whose rows are parameters: a model made of columns, and a view that copies rows as text."""
+"""Tables with one parameter per row: a model defined by its columns, and a view that copies rows as text."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ Index = QModelIndex | QPersistentModelIndex
 
 @dataclass(frozen=True)
 class Column:
-    """A column; its functions take the name of a parameter."""
+    """A column of a parameter table; its functions are called with the name of a parameter."""
 
     heading: Callable[[], str]
     text: Callable[[str], str]
-    number: bool = True  #: Cells are right-aligned.
-    state: Callable[[str], str | None] | None = None  #: Shape before the text, one of `badge.KINDS` or None.
+    number: bool = True  #: Whether cells are right-aligned.
+    state: Callable[[str], str | None] | None = None  #: Symbol before the text, one of `badge.KINDS` or None.
     hint: Callable[[str], str] | None = None  #: Tooltip.
 
     @property
@@ -33,13 +33,13 @@ class Column:
 
 
 def ordered(parameters: Iterable[str]) -> list[str]:
-    """Parameters in the order of the contract; those it does not name come last."""
+    """Return parameters in the order of the contract, followed by those that it does not name."""
     found = list(parameters)
     return [*(name for name in NAMES if name in found), *(name for name in found if name not in INDEX)]
 
 
 def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -> None:
-    """Align the decimal points of columns of numbers in place; `cells` are by row and column, some may be missing."""
+    """Align the decimal points of numeric columns in place; `cells` maps rows to columns and may lack some of them."""
     for column in columns:
         rows = [row for row in cells.values() if column in row]
         for row, text in zip(rows, aligned([row[column] for row in rows]), strict=True):
@@ -72,7 +72,7 @@ class ParameterModel(QAbstractTableModel):
         self.endResetModel()
 
     def tsv(self, rows: Sequence[int]) -> str:
-        """Headings and rows as tab-separated text with the parameter names first."""
+        """Return headings and rows as tab-separated text, with the parameter names in the first column."""
         lines = [["parameter", *(column.heading() for column in self._columns)]]
         for row in rows:
             name = self._names[row]
@@ -87,15 +87,15 @@ class ParameterModel(QAbstractTableModel):
         self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, max(0, len(self._columns) - 1))
 
     def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008 - Qt's own signature
-        """Number of parameters."""
+        """Return the number of parameters."""
         return 0 if parent.isValid() else len(self._names)
 
     def columnCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008
-        """Number of columns."""
+        """Return the number of columns."""
         return 0 if parent.isValid() else len(self._columns)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """A cell's text, alignment, colour, icon or tooltip."""
+        """Return the text, alignment, colour, icon or tooltip of a cell."""
         name, column = self._names[index.row()], self._columns[index.column()]
         match role:
             case Qt.ItemDataRole.DisplayRole:
@@ -117,7 +117,7 @@ class ParameterModel(QAbstractTableModel):
         return None
 
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
-        """Parameter names at the side, headings at the top."""
+        """Return the parameter name of a row, or the heading of a column."""
         if orientation == Qt.Orientation.Vertical:
             return self._names[section] if role == Qt.ItemDataRole.DisplayRole else None
         if role == Qt.ItemDataRole.DisplayRole:
@@ -145,7 +145,7 @@ class ParameterTable(QTableView):
         model.headerDataChanged.connect(self.spread)
 
     def spread(self) -> None:
-        """Fit the columns to their contents and share the rest of the width among them."""
+        """Fit the columns to their contents and distribute the remaining width among them."""
         header = self.horizontalHeader()
         self.resizeColumnsToContents()
         widths = [self.columnWidth(i) for i in range(header.count())]

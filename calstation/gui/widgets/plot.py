@@ -29,7 +29,7 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
         theme.themes.changed.connect(self.apply_theme)
 
     def apply_theme(self) -> None:
-        """Take the colours of the current theme."""
+        """Apply the colours of the current theme."""
         c = theme.colours()
         self.setBackground(QColor(c.panel))
         for side in ("left", "bottom"):
@@ -42,7 +42,7 @@ _NOTE = 28
 
 
 class PlotNote(pg.TextItem):  # type: ignore[misc]
-    """A line of words at the top of a plot, each with its colour."""
+    """A line of texts at the top of a plot, each in its own colour."""
 
     def __init__(self, view_box: pg.ViewBox) -> None:
         super().__init__(anchor=(0, 0))
@@ -51,7 +51,7 @@ class PlotNote(pg.TextItem):  # type: ignore[misc]
         self.setPos(4, 0)
 
     def say(self, parts: Sequence[tuple[str, str]]) -> None:
-        """Show words, each with its colour."""
+        """Show texts; `parts` are pairs of text and colour."""
         spans = (f'<span style="color:{colour}">{word}</span>' for word, colour in parts)
         self.setHtml("&nbsp;&nbsp; ".join(spans))
 
@@ -70,7 +70,7 @@ _LEADER = 2 * theme.GRID
 
 @dataclass(frozen=True)
 class LineLabel:
-    """A label at height `y`, px from the top, with the shape of a state before it (`badge.KINDS`, "" for none)."""
+    """A label at `y` px from the top, with the symbol of a state before it (`badge.KINDS`, "" for none)."""
 
     y: float
     text: str
@@ -80,7 +80,7 @@ class LineLabel:
 
 
 def spread(wanted: Sequence[float], distance: float, top: float, bottom: float) -> list[float]:
-    """Move ascending positions apart until they keep a distance, if they fit between `top` and `bottom`, all in px."""
+    """Space ascending positions at least `distance` apart, or less if `top` to `bottom` is too short, all in px."""
     if len(wanted) > 1:
         distance = min(distance, (bottom - top) / (len(wanted) - 1))
     positions = []
@@ -97,7 +97,7 @@ def spread(wanted: Sequence[float], distance: float, top: float, bottom: float) 
 
 
 class LineLabels(QWidget):
-    """Labels at the right of a plot, of the same height."""
+    """Labels to the right of a plot, in a widget of the same height."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -113,7 +113,7 @@ class LineLabels(QWidget):
             self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw labels and leader lines."""
+        """Draw the labels and leader lines."""
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         line = theme.BODY + 4.0

@@ -89,12 +89,12 @@ themes = _Themes()
 
 
 def colours() -> Colours:
-    """Colours of the current theme."""
+    """Return the colours of the current theme."""
     return COLOURS[_current]
 
 
 def current() -> str:
-    """Name of the current theme."""
+    """Return the name of the current theme."""
     return _current
 
 
@@ -105,7 +105,7 @@ def apply(name: str) -> None:
     assert isinstance(app, QApplication)
     name = name if name in COLOURS else "light"
     if name == _current and app.styleSheet():
-        return  # a new style sheet polishes every widget again, which takes long
+        return  # a new style sheet polishes every widget again, which is slow
     _current = name
     app.setPalette(palette(colours()))
     app.setStyleSheet(style_sheet(colours()))
@@ -119,14 +119,14 @@ def on_appearance_change(owner: QObject, show: Callable[[], object]) -> None:
 
 
 def faint(colour: str, alpha: int) -> QColor:
-    """A colour with an opacity of 0..255."""
+    """Return a colour with an opacity `alpha` of 0..255."""
     made = QColor(colour)
     made.setAlpha(alpha)
     return made
 
 
 def palette(c: Colours) -> QPalette:
-    """The Qt palette of a theme."""
+    """Return the Qt palette of a theme."""
     made = QPalette()
     for colour, roles in (
         (c.window, "Window"),
@@ -149,7 +149,7 @@ def palette(c: Colours) -> QPalette:
 
 
 def style_sheet(c: Colours) -> str:
-    """Heights, borders and fills, which a palette cannot set."""
+    """Return the style sheet that sets heights, borders and fills, which a palette cannot set."""
     return f"""
     QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox {{ min-height: {BUTTON - 2 * GRID}px; }}
     QLineEdit {{ padding: 0 {GRID // 2}px; }}
@@ -230,7 +230,7 @@ def style_sheet(c: Colours) -> str:
 
 
 def font(size: int = BODY, *, bold: bool = False) -> QFont:
-    """The font of the window at a size in px, with tabular figures."""
+    """Return the font of the window at a size in px, with tabular figures."""
     return QFont(_font(size, bold))
 
 
@@ -246,7 +246,7 @@ def _font(size: int, bold: bool) -> QFont:
 
 
 def set_kind(widget: QWidget, kind: str) -> None:
-    """Give a widget a kind of the style sheet: primary, panel, section, muted, error."""
+    """Set the kind of a widget in the style sheet: primary, panel, section, muted or error."""
     widget.setProperty("kind", kind)
     widget.style().unpolish(widget)
     widget.style().polish(widget)

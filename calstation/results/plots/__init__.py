@@ -1,4 +1,4 @@
-"""Data that plots are drawn from, computed by jobs; no drawing."""
+"""Computation of plot data in jobs, without drawing."""
 
 import lazy_loader as lazy
 

@@ -12,7 +12,7 @@ from calstation.physics import RATE, FloatArray, normal_gravity
 from calstation.records import context_from_meta, open_log
 
 _COLUMNS = 2000
-#: Shortest averaging time of the curves, s; single samples would show noise only.
+#: Minimum averaging time of the curves, s; single samples would show only noise.
 _MEAN_OVER = 0.25
 _SHORTEST_REST = 1.0
 
@@ -23,19 +23,19 @@ class Applied:
 
     path: Path | None  #: Recording; None for samples of the connected unit.
     serial: str
-    time: FloatArray  #: Since the start, s, shape (k,).
+    time: FloatArray  #: Time since the start, s, shape (k,).
     length_before: FloatArray  #: Mean magnitude of the force minus gravity, m/s², shape (k,).
     length_after: FloatArray  #: Mean magnitude of the force minus gravity, m/s², shape (k,).
     rate_before: FloatArray  #: Magnitude of the mean rate, rad/s, shape (k,).
     rate_after: FloatArray  #: Magnitude of the mean rate, rad/s, shape (k,).
-    rests: FloatArray  #: Start and end of each, s, shape (r, 2).
-    rest_length: FloatArray  #: Mean of each rest before and after, m/s², shape (r, 2).
-    rest_rate: FloatArray  #: Mean of each rest before and after, rad/s, shape (r, 2).
-    length_rms: tuple[float, float]  #: Over all rests, before and after, m/s².
-    rate_rms: tuple[float, float]  #: Over all rests, before and after, including earth rate, rad/s.
+    rests: FloatArray  #: Start and end of each rest, s, shape (r, 2).
+    rest_length: FloatArray  #: Mean force error of each rest, before and after, m/s², shape (r, 2).
+    rest_rate: FloatArray  #: Mean rate of each rest, before and after, rad/s, shape (r, 2).
+    length_rms: tuple[float, float]  #: Rms force error over all rests, before and after, m/s².
+    rate_rms: tuple[float, float]  #: Rms rate over all rests, before and after, including earth rate, rad/s.
     earth: float = RATE  #: Earth rate, rad/s.
-    corrected: bool = False  #: The unit's registers have corrected the samples; before and after are equal.
-    named: bool = True  #: The unit reported its serial number itself.
+    corrected: bool = False  #: Whether the unit's registers corrected the samples; then before and after are equal.
+    named: bool = True  #: Whether the unit itself reported its serial number.
 
 
 def apply_to_recording(report: ProgressCallback, path: Path, before: FloatArray, found: FloatArray) -> Applied:

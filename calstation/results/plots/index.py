@@ -14,12 +14,12 @@ from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, o
 from calstation.results.plots.min_max_pyramid import Columns, MinMaxPyramid, PyramidWriter, group_of, joined
 from calstation.results.result import Result
 
-#: Largest number of marks of a kind; further ones are only counted.
+#: Maximum number of stored marks of a kind; any more are only counted.
 MOST_MARKS = 20_000
-#: Rows read in advance to find the angles last polled.
+#: Number of rows read before the requested ones to find the last polled angles.
 _LOOK_BACK = 4096
-#: File with first row and length of each range of damaged rows, shape (n, 2).
-_HOLES = "holes.npy"
+#: File with the first row and the length of each range of damaged rows, shape (n, 2).
+_DAMAGED_ROWS = "holes.npy"
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class StageSpan:
     samples: int
 
     def within(self, first: int, last: int) -> int:
-        """Approximate number of its samples between two sequence numbers, both included."""
+        """Return the approximate number of its samples between two sequence numbers, both included."""
         width = self.last_seq - self.first_seq + 1
         inside = min(last, self.last_seq) - max(first, self.first_seq) + 1
         return max(0, round(self.samples * inside / width))
@@ -40,7 +40,7 @@ class StageSpan:
 
 @dataclass(frozen=True)
 class Marks:
-    """Marks of one kind: (first, last) sequence numbers, shape (n, 2), at most `MOST_MARKS` of all `count`."""
+    """Marks of one kind: (first, last) sequence numbers, shape (n, 2), for at most `MOST_MARKS` of `count`."""
 
     ranges: IntArray
     count: int
@@ -48,20 +48,20 @@ class Marks:
 
 @dataclass(frozen=True)
 class LogIndex:
-    """Contents of a log as the log page needs them."""
+    """Contents of a log for the log page."""
 
     path: Path
     meta: LogMeta
     outcome: str | None
-    stored: Result | None  #: Result JSON of its run.
+    stored: Result | None  #: Result of its run, if stored.
     facts: LogFacts
     folder: Path  #: Folder of the min-max pyramid.
     spans: tuple[StageSpan, ...]  #: Stages in order.
-    steps: Marks  #: First sequence number of each move, twice.
+    steps: Marks  #: First sequence number of each move, as both first and last.
     gaps: Marks  #: Samples before and after each gap.
     spoilt: Marks  #: First and last sample of each invalid range.
     spoilt_samples: int  #: Number of invalid samples.
-    scale: FloatArray  #: Unit of `CHANNELS` per count, shape (6,).
+    scale: FloatArray  #: Units of `CHANNELS` per count, shape (6,).
 
     @property
     def rate(self) -> float:
@@ -93,7 +93,7 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
             report(min(done / total, 0.99))
         writer.close()
         holes = np.array([(part.row, part.count) for part in log.damaged_rows], np.int64).reshape(-1, 2)
-        np.save(folder / _HOLES, holes)
+        np.save(folder / _DAMAGED_ROWS, holes)
     except OSError as exc:
         raise ConfigurationError("solution.index_not_written", folder=folder, reason=os_reason(exc)) from exc
     return builder.log_index(log, folder, scale)
@@ -105,7 +105,7 @@ def samples(
     """Job: read rows `start` to `stop` of a log as at most `count` columns, with angles held from poll to poll."""
     before = max(0, start - _LOOK_BACK)
     if path.suffix == SUFFIX:
-        rows = raw_rows(path, before, stop, np.load(folder / _HOLES))
+        rows = raw_rows(path, before, stop, np.load(folder / _DAMAGED_ROWS))
         seq = rows["seq"]
         angles = _held(np.rad2deg(rows["angles"]), seq, np.full(2, np.nan), -1)
         values = np.hstack([rows["counts"] * scale, angles]).astype(np.float32)

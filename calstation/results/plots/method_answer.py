@@ -1,4 +1,4 @@
-"""Solves a recording by a method that needs no table and computes its plot data from the same samples and result."""
+"""Solves a recording with a method that needs no table and computes its plot data from the same samples and result."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_
 from calstation.schema import validate
 from procedures import method
 
-#: Fractions of the work after reading and after solving.
+#: Progress fractions after reading and after solving.
 _READ, _SOLVED = 0.3, 0.8
 
 
@@ -37,28 +37,28 @@ class PositionPlotData:
     """Rests and motions of a recording, with the parameters before and after the calibration."""
 
     gravity: float
-    up: FloatArray  #: Direction of gravity's reaction in b at each rest, unit vectors, shape (n, 3).
+    up: FloatArray  #: Unit vector opposite to gravity in the body frame at each rest, shape (n, 3).
     force_before: FloatArray  #: Magnitude of the force at each rest minus gravity, m/s², shape (n,).
     force_after: FloatArray  #: Magnitude of the force at each rest minus gravity, m/s², shape (n,).
-    angle_before: FloatArray  #: Between gravity after each motion and its propagation by the gyros, rad, shape (m,).
-    angle_after: FloatArray  #: Between gravity after each motion and its propagation by the gyros, rad, shape (m,).
-    force_limit: float | None  #: Of the product's checks, m/s².
-    angle_limit: float | None  #: Of the product's checks, rad.
+    angle_before: FloatArray  #: Angle between measured and propagated gravity after each motion, rad, shape (m,).
+    angle_after: FloatArray  #: Angle between measured and propagated gravity after each motion, rad, shape (m,).
+    force_limit: float | None  #: Limit from the product's checks, m/s².
+    angle_limit: float | None  #: Limit from the product's checks, rad.
 
 
 @dataclass(frozen=True)
 class GimbalAxis:
-    """Turns of one axis."""
+    """Turns about one axis."""
 
     axis: str
     angle: float
     drift: FloatArray  #: Larger drift of the other two joints in each turn, rad, shape (turns,).
-    predicted: FloatArray  #: Drift predicted from the first one and the gain, rad, shape (turns,).
-    gain: float  #: Used, rad/rad.
+    predicted: FloatArray  #: Drift predicted from the first turn and the gain, rad, shape (turns,).
+    gain: float  #: Gain used, rad/rad.
     largest: float  #: Largest convergent gain, rad/rad.
-    best: float  #: Fastest convergent gain, rad/rad; 0 without one.
-    contraction: float  #: Remaining share of the error per turn at `gain`.
-    done: bool  #: The last drift is below the threshold.
+    best: float  #: Gain with the fastest convergence, rad/rad; 0 if there is none.
+    contraction: float  #: Remaining fraction of the error after each turn at `gain`.
+    done: bool  #: Whether the last drift is below the threshold.
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ class GimbalPlotData:
     """All axes in the order of their turns."""
 
     axes: tuple[GimbalAxis, ...]
-    threshold: float  #: Of the drift, rad.
-    #: Value and sigma of each misalignment from all samples at once, rad.
+    threshold: float  #: Threshold of the drift, rad.
+    #: Value and sigma of each misalignment from a joint fit to all samples, rad.
     least_squares: Mapping[str, tuple[float, float]]
 
 
@@ -78,7 +78,7 @@ class Recording:
     path: Path
     serial: str
     rate: float
-    duration: float  #: Seconds.
+    duration: float  #: Duration, s.
     truth: Mapping[str, float]  #: True parameters, SI, of a recording of the virtual bench.
 
 
@@ -91,7 +91,7 @@ class MethodAnswer:
     resolved: Resolved
     #: Previous value and sigma of each parameter, SI; no sigma for a stored value.
     before: Mapping[str, tuple[float, float | None]]
-    schedule: Mapping[str, Any]  #: Of the method, as in a product file.
+    schedule: Mapping[str, Any]  #: Schedule of the method, as in a product file.
     picture: PositionPlotData | GimbalPlotData | PairPlotData  #: Plot data of the method.
 
     @property
@@ -101,7 +101,7 @@ class MethodAnswer:
 
 
 def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnswer:
-    """Job: solve a whole recording by the stage ``multi_position``, ``gimbal`` or ``cross_calibration``.
+    """Job: solve a whole recording as the stage ``multi_position``, ``gimbal`` or ``cross_calibration``.
 
     Raises InputError or ConfigurationError.
     """

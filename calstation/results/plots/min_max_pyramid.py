@@ -1,7 +1,7 @@
-"""Min-max pyramid of a log: lowest and highest values of its channels over bins of samples, in files.
+"""Min-max pyramid of a log: files with the lowest and highest values of its channels over bins of samples.
 
 Three levels of bins are stored; columns between them are merged while reading, so that at most 16 times the drawn data
-is read, whatever the log's length.
+is read, regardless of the log's length.
 """
 
 from dataclasses import dataclass
@@ -28,8 +28,8 @@ class Columns:
     """Lowest and highest values of consecutive columns of samples."""
 
     seq: IntArray  #: First sequence number of each column, shape (k,).
-    low: Values  #: In the units of `CHANNELS`, NaN if unknown, shape (k, 8).
-    high: Values  #: In the units of `CHANNELS`, NaN if unknown, shape (k, 8).
+    low: Values  #: Lowest values in the units of `CHANNELS`, NaN if unknown, shape (k, 8).
+    high: Values  #: Highest values in the units of `CHANNELS`, NaN if unknown, shape (k, 8).
     samples: int  #: Number of samples in a column; the last may have fewer.
 
     def __len__(self) -> int:
@@ -51,7 +51,7 @@ def joined(seq: IntArray, low: Values, high: Values, group: int, samples: int) -
 
 
 def group_of(bins: int, count: int) -> int:
-    """Bins in a column, a power of two, so that at most `count` and at least half as many columns result."""
+    """Return the number of bins per column, a power of two, for at most `count` and at least half as many columns."""
     return 1 << max(0, -(-bins // max(count, 1)) - 1).bit_length()
 
 
@@ -66,13 +66,13 @@ class _Level:
         self._held = 0
 
     def add(self, columns: Columns) -> Columns | None:
-        """Add columns; returns the bins completed by them."""
+        """Add columns; return the bins completed by them."""
         self._rest.append(columns)
         self._held += len(columns)
         return self._take(self._held // FACTOR * FACTOR)
 
     def close(self) -> Columns | None:
-        """Close the files; returns the last, incomplete bin."""
+        """Close the files; return the last, incomplete bin."""
         last = self._take(self._held)
         self._values.close()
         self._seq.close()
@@ -94,7 +94,7 @@ class _Level:
 
 
 class PyramidWriter:
-    """Writes the files of consecutive samples; with `keep_samples` the samples too, for logs without random access."""
+    """Writes the files from consecutive samples; with `keep_samples`, also the samples if a log lacks random access."""
 
     def __init__(self, folder: Path, keep_samples: bool) -> None:
         self._levels = [_Level(folder, samples) for samples in BINS]
@@ -124,7 +124,7 @@ class PyramidWriter:
 
 
 class MinMaxPyramid:
-    """Reads the files."""
+    """Reads the files of a pyramid."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -132,9 +132,9 @@ class MinMaxPyramid:
         self._coarse = self._seq(BINS[-1], 0, self._bins[BINS[-1]])
 
     def columns(self, first_seq: int, last_seq: int, count: int) -> Columns:
-        """Read at most `count` columns from `first_seq` to `last_seq`, with one more at either side.
+        """Read at most `count` columns from `first_seq` to `last_seq`, plus one on either side.
 
-        Fewer than `count` // 2 columns mean that the finest bins are too wide; `samples` has more detail then.
+        If there are fewer than `count` // 2 columns, the finest bins are too wide; `samples` then gives more detail.
         """
         level = len(BINS) - 1
         start, stop = self._range(level, first_seq, last_seq)
@@ -148,19 +148,19 @@ class MinMaxPyramid:
         return joined(seq, values[:, 0], values[:, 1], group, BINS[level])
 
     def rows(self, first_seq: int, last_seq: int) -> tuple[int, int]:
-        """Range (start, stop) of the log's rows with these sequence numbers, extended to whole bins."""
+        """Return the range (start, stop) of the log's rows with these sequence numbers, extended to whole bins."""
         start, stop = self._range(0, first_seq, last_seq)
         return start * BINS[0], stop * BINS[0]
 
     def samples(self, start: int, stop: int) -> np.ndarray:
-        """Read stored samples of a range of rows, structured as `SAMPLE`."""
+        """Read the stored samples of a range of rows; the dtype is `SAMPLE`."""
         return np.fromfile(self.folder / _SAMPLES, SAMPLE, stop - start, offset=start * SAMPLE.itemsize)
 
     def _range(self, level: int, first_seq: int, last_seq: int) -> tuple[int, int]:
         return self._find(level, first_seq), self._find(level, last_seq) + 1
 
     def _find(self, level: int, seq: int) -> int:
-        """The last bin of a level that starts at or before `seq`, or 0; searched from the coarsest level down."""
+        """Return the last bin of a level that starts at or before `seq`, or 0, searching from the coarsest level."""
         found = max(0, int(self._coarse.searchsorted(seq, side="right")) - 1)
         for samples in reversed(BINS[level:-1]):
             found *= FACTOR

@@ -33,12 +33,12 @@ _COLUMNS = 800
 
 @dataclass(frozen=True)
 class PairResiduals:
-    """Residuals of a secondary's sensor against the primary: rms over time bins."""
+    """Residuals of a secondary's sensor relative to the primary, rms per time bin."""
 
-    time: FloatArray  #: Centres of the bins since the recording's start, s, shape (k,).
-    before: FloatArray  #: With the stored calibration, rad/s or m/s², shape (k,).
-    after: FloatArray  #: With the new calibration, rad/s or m/s², shape (k,).
-    rms: tuple[float, float]  #: Over the whole recording, before and after.
+    time: FloatArray  #: Bin centres, time since the start of the recording, s, shape (k,).
+    before: FloatArray  #: Rms with the stored calibration, rad/s or m/s², shape (k,).
+    after: FloatArray  #: Rms with the new calibration, rad/s or m/s², shape (k,).
+    rms: tuple[float, float]  #: Rms over the whole recording, before and after.
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,9 @@ class StoredPairFile:
     number: int
     serial: str
     file: Path
-    utc: str  #: Time of the calibration; empty without one.
+    utc: str  #: Time of the calibration; empty if there is none.
     values: int  #: Number of stored values.
-    #: Residuals of gyro (rad/s) and accel (m/s²) at rest right after the calibration, None if unknown.
+    #: Residuals of gyro (rad/s) and accel (m/s²) at rest immediately after the calibration, None if unknown.
     static: Mapping[str, float | None]
 
 
@@ -61,7 +61,7 @@ class SecondaryPlotData:
     number: int
     serial: str
     residuals: Mapping[str, PairResiduals]
-    #: As `estimation.pairs.watch.check_values` gives it; None if the body never rested.
+    #: As returned by `estimation.pairs.watch.check_values`; None if the body was never at rest.
     check: Mapping[str, Any] | None
     #: Residuals of gyro (rad/s) and accel (m/s²) at rest with the new values, None if unknown.
     static: Mapping[str, float | None]
@@ -74,8 +74,8 @@ class PairPlotData:
     primary: str
     secondaries: tuple[SecondaryPlotData, ...]
     stored: tuple[StoredPairFile, ...]
-    events: tuple[WatchEvent, ...]  #: Of a calibration by triggers, with the time since the recording's start.
-    duration: float  #: Of the recording, s.
+    events: tuple[WatchEvent, ...]  #: Events of a triggered calibration, with the time since the start.
+    duration: float  #: Duration of the recording, s.
 
 
 def pair_plot_data(data: StageData, context: SolveContext, prior: Belief, details: Mapping[str, Any]) -> PairPlotData:
@@ -103,7 +103,7 @@ def pair_plot_data(data: StageData, context: SolveContext, prior: Belief, detail
 
 
 def stored_values(context: SolveContext) -> dict[str, float]:
-    """Stored values of a recording's secondaries by contract name, SI; neutral values where it has none."""
+    """Return the stored values of a recording's secondaries by contract name, SI; missing ones are neutral."""
     return {
         pair_name(p.name, s.number): float(s.stored.values.get(p.name, p.neutral))
         for s in context.secondaries
@@ -112,7 +112,7 @@ def stored_values(context: SolveContext) -> dict[str, float]:
 
 
 def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, ...]:
-    """The calibrations in `folder` of a recording's pairs. Raises InputError for a damaged file."""
+    """Return the calibrations of a recording's pairs in `folder`. Raises InputError for a damaged file."""
     kept = []
     for s in context.secondaries:
         file = pair_path(folder, context.imu.serial, s.imu.serial)
@@ -124,7 +124,7 @@ def stored_pairs(context: SolveContext, folder: Path) -> tuple[StoredPairFile, .
 
 
 def _residuals(data: PairData, c: Compensation, before: FloatArray, after: FloatArray) -> dict[str, PairResiduals]:
-    """Residuals in the band of the fit, with the stored and the new values."""
+    """Return the residuals in the frequency band of the fit, with the stored and the new values."""
     rows, parts = [], []
     for value in (before, after):
         read = signals(data, float(value[OFFSET]), c)
@@ -145,7 +145,7 @@ def _residuals(data: PairData, c: Compensation, before: FloatArray, after: Float
 
 
 def _rms(time: FloatArray, square: FloatArray, edges: FloatArray) -> FloatArray:
-    """Square root of the mean of `square` in each bin, NaN without samples, shape (k,)."""
+    """Return the square root of the mean of `square` in each bin, NaN without samples, shape (k,)."""
     total, _ = np.histogram(time, edges, weights=square)
     count, _ = np.histogram(time, edges)
     mean = np.divide(total, count, out=np.full(len(total), np.nan), where=count > 0)

@@ -1,4 +1,4 @@
-"""Methods that need no rate table, as panels of the Offline page; they themselves are in `procedures`."""
+"""Panels of the Offline page for the methods that need no rate table; `procedures` contains the methods."""
 
 import lazy_loader as lazy
 

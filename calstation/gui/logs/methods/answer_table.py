@@ -1,4 +1,4 @@
-"""A method's parameters: value and sigma, their previous values, and what else they can be compared with."""
+"""Table of a method's parameters: value, sigma, previous value, and other values for comparison."""
 
 from collections.abc import Callable
 
@@ -9,16 +9,16 @@ from calstation.results import Parameter
 from calstation.results.plots import GimbalPlotData, MethodAnswer
 
 _NONE = "–"
-#: A difference of more than so many sigmas is marked.
+#: Differences above this number of sigmas are highlighted.
 _NOTABLE = 3.0
 _NUMBERS = ("value", "sigma", "before", "before_sigma", "other", "other_sigma", "apart", "truth", "truth_in_sigma")
 
 
 class AnswerTable(ParameterTable):
-    """Parameters by their contract names.
+    """Table of the estimated parameters, with their contract names as row headers.
 
-    Beside value and sigma stand the previous value, or for a gimbal the least-squares solution, and for a recording of
-    the virtual bench the truth.
+    Beside value and sigma it shows the previous value, or the least-squares solution for a gimbal, and the true value
+    for a recording of the virtual bench.
     """
 
     def __init__(self) -> None:
@@ -27,12 +27,12 @@ class AnswerTable(ParameterTable):
         self.setObjectName("method_table")
         self._cells: dict[str, dict[str, str]] = {}
         self._in_sigma: dict[str, dict[str, float]] = {}
-        self._lost: frozenset[str] = frozenset()
+        self._unobservable: frozenset[str] = frozenset()
         self._outside: frozenset[str] = frozenset()
         bind(self.setAccessibleName, lambda: self.tr("Parameters found"))
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Show the parameters of an answer."""
+        """Show the parameters of a solution."""
         result, truth = answer.resolved.result, answer.recording.truth
         other = answer.picture.least_squares if isinstance(answer.picture, GimbalPlotData) else {}
         self._in_sigma, self._cells = {}, {}
@@ -43,7 +43,7 @@ class AnswerTable(ParameterTable):
             for column, sigmas in self._in_sigma[name].items():
                 self._cells[name][column] = f"{sigmas:+.2f}".replace("-", "−")
         align_columns(self._cells, _NUMBERS)
-        self._lost = frozenset(result.unobservable)
+        self._unobservable = frozenset(result.unobservable)
         self._outside = frozenset(check.subject for check in result.failed_checks)
         self._parameters.set_columns(self._columns(bool(other), bool(truth)))
         self._parameters.set_names(list(self._cells))
@@ -84,10 +84,10 @@ class AnswerTable(ParameterTable):
         return "bad" if name in self._outside else None
 
     def _sigma_state(self, name: str) -> str | None:
-        return "caution" if name in self._lost else None
+        return "caution" if name in self._unobservable else None
 
     def _sigma_hint(self, name: str) -> str:
-        return self.tr("Not determined by this recording") if name in self._lost else ""
+        return self.tr("Not determined by this recording") if name in self._unobservable else ""
 
 
 def _cells(
@@ -97,7 +97,7 @@ def _cells(
     other: tuple[float, float] | None,
     truth: float | None,
 ) -> dict[str, str]:
-    """The cells of a parameter, each with the digits that its sigma allows."""
+    """Return the cells of a parameter, each with as many digits as its sigma justifies."""
     sigma, unit = display(name, row.sigma)
     value = display(name, row.value)[0]
     cells = {"unit": unit if unit != "1" else "", "value": _signed(value, sigma), "sigma": number(sigma, sigma)}
@@ -121,7 +121,7 @@ def _cells(
 
 
 def _in_sigma(row: Parameter, other: tuple[float, float] | None, truth: float | None) -> dict[str, float]:
-    """Differences in sigmas: from the other solution in the larger of both sigmas, from the truth in its own."""
+    """Return the differences in sigma from the other solution (larger of the two) and from the true value (own)."""
     apart = {}
     if other is not None:
         apart["other_in_sigma"] = (row.value - other[0]) / max(row.sigma, other[1], 1e-300)

@@ -1,4 +1,4 @@
-"""The tabs of a method: how it is carried out, and the views of its answer."""
+"""The tabs of a method: guidance on how to carry it out, and the views of its solution."""
 
 from PySide6.QtWidgets import QPushButton, QStackedWidget, QWidget
 
@@ -28,7 +28,7 @@ from calstation.results.plots import GimbalPlotData, MethodAnswer, PairPlotData,
 
 
 class AnswerViews(QWidget):
-    """Guidance first, then the views of the method, and those that every method has: parameters and checks."""
+    """Shows the guidance, the views specific to the method, and those common to all methods: parameters and checks."""
 
     def __init__(self, app: AppContext, stage: str, export_button: QPushButton) -> None:
         super().__init__()
@@ -63,7 +63,7 @@ class AnswerViews(QWidget):
         self._refresh()
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Fill all views and show the first one of the answer."""
+        """Fill all views with a solution and show the first of them."""
         self._answered = True
         data = answer.picture
         if self.positions is not None and isinstance(data, PositionPlotData):
@@ -97,7 +97,7 @@ class AnswerViews(QWidget):
 
 
 class _AnswerHead(QWidget):
-    """Verdict, recording and remarks; hidden without an answer."""
+    """Shows the verdict, recording and remarks of a solution; hidden until there is one."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -108,7 +108,7 @@ class _AnswerHead(QWidget):
         on_language_change(self, self._refresh)
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Show an answer."""
+        """Show a solution."""
         self._answer = answer
         self._refresh()
         self.show()

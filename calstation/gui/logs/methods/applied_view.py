@@ -1,4 +1,4 @@
-"""An answer applied to a recording or to the unit's stream: force and rate before and after, over time."""
+"""View of a solution applied to a recording or to live data of the unit: force and rate over time, before and after."""
 
 from pathlib import Path
 
@@ -31,9 +31,9 @@ from calstation.results.plots import Applied, MethodAnswer, apply_to_recording
 
 
 class AppliedView(QWidget):
-    """Applies an answer to its own recording first; the user may choose another, or the connected unit."""
+    """Applies a solution to its own recording; the user may then select another recording or the connected unit."""
 
-    #: Earlier notices are out of date.
+    #: Emitted when a job starts; earlier notices are then out of date.
     began = Signal()
 
     def __init__(self, app: AppContext) -> None:
@@ -68,19 +68,19 @@ class AppliedView(QWidget):
         theme.on_appearance_change(self, self._refresh)
 
     def show_answer(self, answer: MethodAnswer) -> None:
-        """Show another answer, applied to its own recording."""
+        """Show a solution, applied to its own recording."""
         self._answer = answer
         self.applied = self._other = None
         self._refresh()
         self.apply(answer.recording.path)
 
     def apply(self, path: Path) -> None:
-        """Show a recording with the answer, before and after."""
+        """Apply the solution to a recording, and show the data before and after."""
         if self._answer is not None and not self._at_device:
             self._begin(self._app.job_queue.submit(apply_to_recording, path, *self._vectors(self._answer)))
 
     def _apply_to_unit(self) -> None:
-        """Show some seconds of the unit's stream with the answer, before and after."""
+        """Apply the solution to some seconds of live data of the unit, and show the data before and after."""
         if self._answer is None or self._at_device or self._app.engine_link.running:
             return
         files = self._answer.recording.path, self._app.station_path, self._app.product_path
@@ -93,13 +93,13 @@ class AppliedView(QWidget):
 
     @property
     def _at_device(self) -> bool:
-        """Whether the job reads the unit; it cannot be cancelled or replaced."""
+        """Whether the running job reads the unit; such a job cannot be cancelled or replaced."""
         job = self.watch.job
         return job is not None and not job.cancellable
 
     @staticmethod
     def _vectors(answer: MethodAnswer) -> tuple[FloatArray, FloatArray]:
-        """All parameters before and found; those that the method does not find keep their values."""
+        """Return all parameters before and after; those that the method does not estimate keep their values."""
         before = {name: answer.before[name][0] for name in NAMES}
         found = {name: row.value for name, row in answer.parameters.items() if name in before}
         return np.array(list(before.values())), np.array(list((before | found).values()))
@@ -136,7 +136,7 @@ class AppliedView(QWidget):
         enable(self.choose_button, busy)
 
     def _caution(self) -> str:
-        """What the user must know about the unit that the samples belong to."""
+        """Return a warning about the unit that the samples come from, "" if there is none."""
         a, serial = self.applied, self._answer.recording.serial if self._answer is not None else ""
         if self._other is not None:
             return say("applied.other_unit", connected=self._other.serial, serial=serial)
@@ -173,7 +173,7 @@ class AppliedView(QWidget):
         self.rate_plot.finish([(self.tr("Rate, °/h"), c.text), *note, earth_note])
 
     def _fill(self, plot: MethodPlot, a: Applied, curves: FloatArray, means: FloatArray) -> list[tuple[str, str]]:
-        """Draw curves and means of the rests, both with the columns before and after; returns their note."""
+        """Draw the curves and the means at rest, each with columns before and after, and return their legend."""
         c = theme.colours()
         plot.empty()
         at_rest = np.zeros(len(a.time), bool)

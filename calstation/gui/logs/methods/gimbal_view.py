@@ -1,4 +1,4 @@
-"""A gimbal's answer drawn: drift of every turn, the drift predicted from the gain, and the gain in its stable range."""
+"""View of a gimbal solution: drift in every turn, drift predicted from the gain, and the gain in its stable range."""
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
@@ -12,7 +12,7 @@ from calstation.results.plots import GimbalAxis, GimbalPlotData
 
 
 class GimbalView(QWidget):
-    """Dots are the drift measured in each turn; the thin line is predicted; the threshold is dashed."""
+    """Plots the drift measured in each turn (dots), the predicted drift (thin line), and the threshold (dashed)."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,7 +27,7 @@ class GimbalView(QWidget):
         theme.on_appearance_change(self, self._refresh)
 
     def show_data(self, data: GimbalPlotData) -> None:
-        """Show an answer."""
+        """Show a solution."""
         self._data = data
         self._refresh()
 
@@ -71,12 +71,12 @@ class GimbalView(QWidget):
 
 
 _BAR_TOP, _BAR = 10.0, 14.0
-#: Length of the bar in terms of the largest stable gain, or of the gain if that is larger.
+#: Length of the bar relative to the largest stable gain, or to the gain / 1.1 if that is larger.
 _EXTENT = 1.35
 
 
 class _GainBar(QWidget):
-    """Filled: stable. Ticks: fastest, and largest stable. A triangle above: the gain."""
+    """A bar filled over the stable gains, with ticks at the fastest and largest, and a triangle at the gain used."""
 
     def __init__(self, axis: GimbalAxis) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""How a method is carried out: numbered steps, what it needs and finds, and a picture with the names of its parts."""
+"""Guidance for a method: numbered steps, what it needs and estimates, and an illustration with labelled parts."""
 
 from functools import cache, partial
 from pathlib import Path
@@ -13,22 +13,22 @@ from calstation.gui.text import on_language_change, term
 from calstation.gui.widgets import column, grid, label, row, scroll_area, spread, theme
 
 _FOLDER = Path(__file__).parent / "images"
-#: Colours of the files by the theme's names for them.
-_DRAWN = {"text": "#14191d", "muted": "#55616a", "line": "#c3ccd2", "field": "#ffffff", "accent": "#1f5f8b"}
-#: Half of a picture's width, in its own units.
+#: Colours in the SVG files, by the names of the theme colours that replace them.
+_SVG_COLOURS = {"text": "#14191d", "muted": "#55616a", "line": "#c3ccd2", "field": "#ffffff", "accent": "#1f5f8b"}
+#: Half the width of an illustration, in its own units.
 _EXTENT = 1.3
-#: Position of each part, in the same units from the centre, right and down.
+#: Position of each part from the centre, right and down, in the same units.
 _PARTS = {
     MULTI_POSITION: {"outer": (-0.914, -0.126), "inner": (-0.524, -0.533), "unit": (0.208, 0.183)},
     GIMBAL: {"z": (-0.687, -0.722), "x": (0.802, 0.053), "y": (-0.218, -0.278), "unit": (-0.248, 0.235)},
     CROSS_CALIBRATION: {"primary": (-0.787, 0.195), "secondary": (0.752, 0.182), "lever": (0.092, 0.043)},
 }
-#: Share of the width that is kept for names on either side.
+#: Fraction of the width that is reserved for the names on both sides.
 _NAMES_SHARE = 0.3
 
 
 def guidance(stage: str) -> QScrollArea:
-    """Make the view that explains a method."""
+    """Make the view that explains how to carry out a method."""
     wide = 2 * theme.GRID
     steps, foot = (grid(across=wide, down=wide, stretch=1) for _ in range(2))
     for number in (1, 2, 3, 4):
@@ -47,7 +47,7 @@ def guidance(stage: str) -> QScrollArea:
 
 
 class MethodPicture(QWidget):
-    """The picture of a method with the names of its parts."""
+    """The illustration of a method with the names of its parts."""
 
     def __init__(self, stage: str) -> None:
         super().__init__()
@@ -57,11 +57,11 @@ class MethodPicture(QWidget):
         on_language_change(self, self.update)
 
     def sizeHint(self) -> QSize:
-        """Wider than high, because of the names."""
+        """Return a size wider than high, with space for the names."""
         return QSize(380, 280)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw picture and names."""
+        """Draw the illustration and the names."""
         box = QRectF(self.rect())
         half = min(box.width() * (1.0 - _NAMES_SHARE), box.height()) / 2.0
         square = QRectF(box.center().x() - half, box.center().y() - half, 2.0 * half, 2.0 * half)
@@ -71,7 +71,7 @@ class MethodPicture(QWidget):
         self._write_names(painter, box, half)
 
     def _write_names(self, painter: QPainter, box: QRectF, half: float) -> None:
-        """Write the names at both sides, with thin lines to their parts."""
+        """Write the names on both sides, with thin lines to the parts."""
         painter.setFont(theme.font())
         metrics = QFontMetricsF(painter.font())
         colours, centre = theme.colours(), box.center()
@@ -94,7 +94,7 @@ class MethodPicture(QWidget):
 @cache
 def _renderer(stage: str, theme_name: str) -> QSvgRenderer:
     text, colours = (_FOLDER / f"{stage}.svg").read_text(encoding="utf-8"), theme.colours()
-    for name, drawn in _DRAWN.items():
+    for name, drawn in _SVG_COLOURS.items():
         dark_field = name == "field" and theme_name != "light"
         text = text.replace(drawn, colours.line if dark_field else getattr(colours, name))
     return QSvgRenderer(QByteArray(text.encode()))

@@ -1,4 +1,4 @@
-"""The methods that need no rate table, and the bar that chooses one."""
+"""The methods that need no rate table, and the tab bar that selects one."""
 
 from PySide6.QtCore import Signal
 
@@ -6,15 +6,15 @@ from calstation.gui.text import on_language_change, term
 from calstation.gui.widgets import ViewTabs
 
 MULTI_POSITION, GIMBAL, CROSS_CALIBRATION = "multi_position", "gimbal", "cross_calibration"
-#: The methods by the names of their stages, in the page's order.
+#: Stage names of the methods, in the order of the tabs.
 STAGES = (MULTI_POSITION, GIMBAL, CROSS_CALIBRATION)
 
-#: The kind of recording (`simulation.recordings.Kind`) that each of them solves.
+#: The kind of recording (`simulation.recordings.Kind`) that each method solves.
 RECORDED_AS = {MULTI_POSITION: "hand", GIMBAL: "gimbal", CROSS_CALIBRATION: "pair"}
 
 
 class MethodBar(ViewTabs):
-    """Tabs of the stages ("") and of each method. `chosen(method)`: another one was chosen."""
+    """Tabs for the stages of the log ("") and for each method; emits `chosen(method)` when another is selected."""
 
     chosen = Signal(str)
 
@@ -27,11 +27,11 @@ class MethodBar(ViewTabs):
 
     @property
     def chosen_method(self) -> str:
-        """The chosen method; "" for the stages."""
+        """The selected method; "" for the stages."""
         return ("", *STAGES)[self.currentIndex()]
 
     def choose(self, method: str) -> None:
-        """Choose a method as a click on its tab does."""
+        """Select a method, like a click on its tab."""
         self.setCurrentIndex(("", *STAGES).index(method))
 
     def _show_texts(self) -> None:

@@ -1,4 +1,4 @@
-"""Widgets of the pair check: deviations against their thresholds, and the events of a replayed recording over time."""
+"""Widgets of the pair check: bars of deviations against thresholds, and a timeline of the events of a replay."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import StateBadge, clear, draw_state, label, state_colour, theme
 from calstation.results import PairProgress
 
-#: Share of a bar's width at which its threshold is; a longer bar is cut.
+#: Position of the threshold as a fraction of the full width; longer bars are clipped at the full width.
 _LIMIT_AT = 0.5
 
 
 @dataclass(frozen=True)
 class CheckBar:
-    """The deviation of one sensor; share : of its threshold; state : shape of the verdict (`badge.KINDS`)."""
+    """The deviation of one sensor; `share` is its ratio to the threshold, `state` the symbol (`badge.KINDS`)."""
 
     name: str
     share: float
@@ -28,7 +28,7 @@ class CheckBar:
 
 
 class CheckBars(QWidget):
-    """A row for each sensor; the thresholds are at the same position in all bars."""
+    """Shows a row per sensor, with the thresholds at the same position in all bars."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class CheckBars(QWidget):
 
 
 class _Bar(QWidget):
-    """A bar of a share of the threshold, which is a vertical line."""
+    """A bar proportional to the deviation, with a vertical line at the threshold."""
 
     def __init__(self, share: float) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ class _Bar(QWidget):
         self.setMinimumSize(8 * theme.GRID, 26)
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw track, bar and threshold; two slanted cuts mark a bar that is too long."""
+        """Draw the track, bar and threshold; two slanted cuts mark a clipped bar."""
         c, width, middle = theme.colours(), float(self.width()), self.height() / 2.0
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -82,7 +82,7 @@ class _Bar(QWidget):
 
 _TOP, _MARK, _LANE = 26.0, 16.0, 22.0
 _LANES = 2
-#: The shape of each event (`badge.KINDS`), in ascending order of importance.
+#: Symbol of each kind of event (`badge.KINDS`), in ascending order of importance.
 _STATES = {
     "triggered": "waiting",
     "checked": "none",
@@ -94,7 +94,7 @@ _STATES = {
 
 
 class Timeline(QWidget):
-    """A line of time with a mark and a text at every event; marks that would touch are joined."""
+    """A timeline with a symbol and a text at every event; symbols that would overlap are merged."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -108,7 +108,7 @@ class Timeline(QWidget):
         self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw line, marks, texts, and the motion collected during the replay."""
+        """Draw the line, symbols, texts, and the motion collected during the replay."""
         p = self.progress
         if p is None:
             return
@@ -145,13 +145,13 @@ class Timeline(QWidget):
 
 
 def _state_text(progress: PairProgress) -> str:
-    """What the replay waits for now."""
+    """Return the text for the current state of the replay."""
     state = "axes" if progress.state == "calibrating" and progress.motion >= 1.0 else progress.state
     return term("pair", f"state_{state}", percent=100.0 * progress.motion)
 
 
 def _joined(marks: list[tuple[float, str, str]]) -> list[tuple[float, str, str]]:
-    """Positions, kinds and texts, with marks that would touch joined in the shape of the most important."""
+    """Merge marks (position, kind, text) that would overlap; a merged mark has its most important kind."""
     joined: list[tuple[float, str, str]] = []
     for x, kind, text in marks:
         if joined and x - joined[-1][0] < 1.5 * _MARK:

@@ -1,4 +1,4 @@
-"""IMUs on one body: the check at rest against thresholds, the replay, what is stored, and the residuals."""
+"""Views for IMUs on one body: check at rest against thresholds, replay, stored calibrations, and residuals."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -17,12 +17,12 @@ from calstation.results import PairCheckResult, PairProgress, Parameter
 from calstation.results.plots import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile
 
 _SENSORS = ("gyro", "accel")
-#: Unit of a deviation at rest.
+#: Display unit of a deviation at rest, and its size in SI.
 _UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
 
 
 class PairCheckView(QWidget):
-    """The check at rest, the replay and what is stored. `check_wanted()`: the button was pressed."""
+    """Shows the check at rest, the replay and the stored calibrations; its button emits `check_wanted()`."""
 
     check_wanted = Signal()
 
@@ -62,14 +62,14 @@ class PairCheckView(QWidget):
         on_language_change(self, self._refresh)
 
     def show_data(self, data: PairPlotData, schedule: Mapping[str, Any]) -> None:
-        """Show the rests of a solved recording, and what its triggers led to if it has any."""
+        """Show the check of a solved recording at rest, and the events of its triggers if there are any."""
         self._data, self._schedule, self._checked = data, schedule, None
         end = PairProgress(data.duration, data.duration, "waiting", 0.0, data.events)
         self.timeline.show_progress(end if data.events else None)
         self._refresh()
 
     def show_progress(self, progress: PairProgress | None) -> None:
-        """Show how far the replay is."""
+        """Show the progress of the replay."""
         self.timeline.show_progress(progress)
         self._explanation.setVisible(progress is None)
         self.timeline.setVisible(progress is not None)
@@ -77,7 +77,7 @@ class PairCheckView(QWidget):
         show_text(self._why, self.tr("Abandoned: {0}").format(show(reasons[-1])) if reasons else "")
 
     def show_checked(self, checked: PairCheckResult) -> None:
-        """Show the end of the replay."""
+        """Show the result of the replay."""
         self._checked = checked
         self.timeline.show_progress(checked.progress)
         self._refresh()
@@ -91,7 +91,7 @@ class PairCheckView(QWidget):
         self.show_progress(self.timeline.progress)
 
     def _bars(self, data: PairPlotData) -> list[CheckBar]:
-        """A row for each sensor of every secondary, and last of the primary, as the last check found it."""
+        """Return a row for each sensor of every secondary and then of the primary, from the last check."""
         bars = []
         check: Mapping[str, Any] | None = None
         by_trigger = {h.number for h in data.events if h.kind == "calibrated"}
@@ -105,7 +105,7 @@ class PairCheckView(QWidget):
         return bars + [self._bar(self.tr("primary"), s, check and check["primary"][s], None) for s in _SENSORS]
 
     def _bar(self, unit: str, sensor: str, check: Mapping[str, Any] | None, after: float | None) -> CheckBar:
-        """The row of a sensor; `after` is its deviation after a calibration."""
+        """Return the row of a sensor; `after` is its deviation after a calibration, None without one."""
         name = f"{unit}  {term('sensor', sensor)}"
         if check is None:
             return CheckBar(name, 0.0, "–", "", self.tr("no rest to check at"), "none")
@@ -127,7 +127,7 @@ class PairCheckView(QWidget):
 
 
 def _shown(sensor: str, value: float) -> str:
-    """A deviation at rest in the unit people read."""
+    """Format a deviation at rest in its display unit."""
     unit, size = _UNITS[sensor]
     return f"{three_digits(value / size)} {unit}"
 
@@ -163,7 +163,7 @@ def _threshold(sensor: str, rule: Mapping[str, Any]) -> Text:
 
 
 class PairResidualsView(QWidget):
-    """Residuals of a secondary against the primary over the recording, its clock offset and its lever arm."""
+    """Shows a secondary's residuals against the primary over the recording, its clock offset and its lever arm."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -180,7 +180,7 @@ class PairResidualsView(QWidget):
         theme.on_appearance_change(self, self._refresh)
 
     def show_data(self, data: PairPlotData, parameters: Mapping[str, Parameter]) -> None:
-        """Show the first calibrated secondary; the others can be chosen."""
+        """Show the first calibrated secondary; the user can select the others."""
         self._parameters = parameters
         self._calibrated = [s for s in data.secondaries if s.residuals]
         with QSignalBlocker(self.secondary_combo):
@@ -219,7 +219,7 @@ class PairResidualsView(QWidget):
         plot.finish([(title, c.text), *legend])
 
     def _values(self, names: list[str], imu: int) -> str:
-        """Values with their unit; one value alone with its sigma; a dash if they were not fitted."""
+        """Format values with their unit, and a single value with its sigma; a dash if one was not estimated."""
         texts, unit = [], ""
         for name in names:
             fitted = self._parameters.get(pair_name(name, imu))

@@ -1,4 +1,4 @@
-"""One method: its recording, the work on it, its guidance and the views of its answer."""
+"""Panel of one method: its recording, the jobs on it, the guidance, and the views of the solution."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from calstation.simulation import record_on_bench, recordings_folder
 
 
 class MethodPanel(QWidget):
-    """A recording, the work on it, and its answer."""
+    """Opens, makes, solves and exports a recording, and shows its solution."""
 
     def __init__(self, app: AppContext, stage: str, source: SourceBar) -> None:
         super().__init__()
@@ -49,22 +49,22 @@ class MethodPanel(QWidget):
 
     @property
     def busy(self) -> bool:
-        """Whether work on a recording is in progress."""
+        """Whether a job on a recording is running."""
         return any(watch.busy for watch in self._watches)
 
     def open(self, path: Path) -> None:
-        """Take a recording and solve it; an earlier answer is discarded."""
+        """Select a recording and solve it; an earlier solution is discarded."""
         if not self.busy:
             self.take(path)
             self.solve()
 
     def take(self, path: Path) -> None:
-        """Take a recording without solving it yet."""
+        """Select a recording without solving it."""
         self.path = path.absolute()
         self.source.show_path(self.path)
 
     def refresh(self) -> None:
-        """Show what is allowed now, in the shared bar of the log as well."""
+        """Update the path in the shared source bar and the enabled controls."""
         if self.path is not None:
             self.source.show_path(self.path)
         self._update()
@@ -83,13 +83,13 @@ class MethodPanel(QWidget):
             self.solver.watch(self.app.job_queue.submit(solve_method, self.path, self.stage))
 
     def _check(self) -> None:
-        """Replay the recording: check it, calibrate what is out of tolerance, store the result."""
+        """Replay the recording: check the IMUs, calibrate those out of tolerance, and store the results."""
         if not self.busy and self.path is not None:
             self.notice.dismiss()
             self.checker.watch(self.app.job_queue.submit(check_pair, self.path))
 
     def _guide_live(self) -> None:
-        """Go to the operator page, with the product that is calibrated by hand."""
+        """Open the operator page with the product that is calibrated manually."""
         product = manual_product()
         if product is not None and uses_manual_rig(self.app.station_path):
             self.app.set_product(product)
@@ -143,7 +143,7 @@ class MethodPanel(QWidget):
             self.answers.check.show_progress(None if job is None else progress_from_note(job.note))
 
     def _update(self) -> None:
-        """Allow what is possible now; tooltips say why the rest is not."""
+        """Enable the controls that can be used now; tooltips explain why the others are disabled."""
         wait = say("window.busy_job") if self.busy else ""
         if self.isVisible():
             enable(self.source, wait)
@@ -169,7 +169,7 @@ class MethodPanel(QWidget):
 
 
 class BenchBox(QWidget):
-    """`wanted(grade, seed)`: a recording is to be made."""
+    """Selects the grade and seed of a simulated recording; emits `wanted(grade, seed)` to request it."""
 
     wanted = Signal(str, int)
 

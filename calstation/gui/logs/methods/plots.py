@@ -1,4 +1,4 @@
-"""Plots of the methods, with a note at the top that names what is drawn, and numbers before and after."""
+"""Plots of the methods with a legend at the top, and large numbers that compare values before and after."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,15 +16,15 @@ _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class _PlainLog(pg.AxisItem):  # type: ignore[misc]
-    """Powers of ten as people write them: 0.01, 1, 100; very large and small ones as 10⁵."""
+    """A logarithmic axis with labels such as 0.01, 1 and 100, and powers of ten for very large and small values."""
 
     def logTickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
-        """One text per tick."""
+        """Return one label per tick."""
         return [_plain(value) for value in values]
 
 
 def _plain(exponent: float) -> str:
-    """Label of a tick; only 1, 2 and 5 of each decade have one."""
+    """Return the label of a tick; it is empty unless the mantissa is 1, 2 or 5."""
     power = int(np.floor(exponent + 1e-9))
     mantissa = round(float(10.0 ** (exponent - power)), 6)
     if mantissa not in (1.0, 2.0, 5.0):
@@ -35,7 +35,7 @@ def _plain(exponent: float) -> str:
 
 
 class MethodPlot(ThemedPlot):
-    """One plot, whose vertical axis may be logarithmic."""
+    """A plot whose vertical axis may be logarithmic."""
 
     def __init__(self, *, log: bool = False) -> None:
         super().__init__()
@@ -55,22 +55,22 @@ class MethodPlot(ThemedPlot):
         self.apply_theme()
 
     def empty(self) -> None:
-        """Draw nothing."""
+        """Clear the plot."""
         self.getPlotItem().clear()
         self._values = []
 
     def finish(self, note: Sequence[tuple[str, str]]) -> None:
-        """Show words with their colours at the top, and fit the vertical range to what is drawn."""
+        """Show the legend `note`, pairs of text and colour, and fit the vertical range to the data."""
         self._note.say(note)
         self._fit()
 
     def line(self, x: FloatArray, y: FloatArray, colour: str, *, faint: bool = False, bold: bool = False) -> None:
-        """Draw a line, interrupted at NaN."""
+        """Draw a line, with a break at each NaN."""
         shade = theme.faint(colour, 110 if faint else 255)
         self._add(x, y, pen=pg.mkPen(shade, width=2.5 if bold else 1), connect="finite")
 
     def dots(self, x: FloatArray, y: FloatArray, colour: str, *, hollow: bool = False) -> None:
-        """Draw dots; hollow ones are values before."""
+        """Draw dots; hollow dots are for values before the calibration."""
         brush = QColor(theme.colours().panel) if hollow else QColor(colour)
         size = 8 if hollow else 7
         pen = pg.mkPen(colour, width=1.5)
@@ -84,7 +84,7 @@ class MethodPlot(ThemedPlot):
         self._values.append(np.array([value]))
 
     def shade(self, begin: float, end: float) -> None:
-        """Shade a stretch of time behind everything."""
+        """Shade a time range behind the curves."""
         colour = theme.faint(theme.colours().accent, 26)
         region = pg.LinearRegionItem((begin, end), movable=False, brush=colour, pen=pg.mkPen(None))
         region.setZValue(-20)
@@ -104,7 +104,7 @@ class MethodPlot(ThemedPlot):
 
 
 class Figure(QWidget):
-    """Large enough to be read from two metres: a caption over a number, or over two with an arrow between."""
+    """A caption above a number, or two with an arrow between them, legible from a distance of two metres."""
 
     def __init__(self, size: int = 28) -> None:
         super().__init__()
@@ -114,17 +114,17 @@ class Figure(QWidget):
         column(self._caption, self.number, on=self, spacing=0)
 
     def show_change(self, caption: str, before: float, after: float, unit: str) -> None:
-        """Show a number before and after, with three digits each."""
+        """Show the values before and after, each with three significant digits."""
         self.show_text(caption, f"{three_digits(before)} → {three_digits(after)} {unit}")
 
     def show_text(self, caption: str, text: str) -> None:
-        """Show any text."""
+        """Show a caption and a text."""
         self._caption.setText(caption)
         self.number.setText(text)
 
 
 def three_digits(value: float) -> str:
-    """A number with three digits, never as a power of ten."""
+    """Format a number with three significant digits, without an exponent up to 1e15."""
     if value == 0.0 or not abs(value) < 1e15:
         return f"{value:g}"
     digits = 2 - int(f"{abs(value):.2e}".partition("e")[2])

@@ -1,4 +1,4 @@
-"""A multi-position answer drawn: the sphere of positions, and residuals of every rest and of every motion's angle."""
+"""View of a multi-position solution: sphere of positions, force residuals at rest, and angle residuals of motions."""
 
 import numpy as np
 from PySide6.QtCore import QLineF, QPointF, QSize, Qt
@@ -12,7 +12,7 @@ from calstation.results.plots import PositionPlotData
 
 
 class PositionsView(QWidget):
-    """Hollow dots are before, filled ones after; a product's limit is dashed."""
+    """Plots residuals before (hollow dots) and after (filled dots), with the limit of the product as a dashed line."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -27,7 +27,7 @@ class PositionsView(QWidget):
         theme.on_appearance_change(self, self._refresh)
 
     def show_data(self, data: PositionPlotData) -> None:
-        """Show an answer."""
+        """Show a solution."""
         self._data = data
         self._refresh()
 
@@ -79,7 +79,7 @@ _PER_PIXEL = 0.008
 
 
 class PositionSphere(QWidget):
-    """Dots are the positions, filled on the near side, hollow on the far one."""
+    """A sphere with a dot for each position, filled on the near side and hollow on the far side."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -91,11 +91,11 @@ class PositionSphere(QWidget):
         self.setCursor(Qt.CursorShape.OpenHandCursor)
 
     def sizeHint(self) -> QSize:
-        """Square."""
+        """Return a square size."""
         return QSize(280, 280)
 
     def show_positions(self, up: FloatArray) -> None:
-        """Show directions against gravity in b, unit vectors, shape (n, 3)."""
+        """Show the directions opposite to gravity in the body frame b, unit vectors, shape (n, 3)."""
         self._up = up
         self.update()
 
@@ -118,7 +118,7 @@ class PositionSphere(QWidget):
         self._drag = None
 
     def paintEvent(self, event: QPaintEvent) -> None:
-        """Draw the far side, then the near one."""
+        """Draw the far side, then the near side."""
         azimuth, elevation = self._azimuth, self._elevation
         eye = np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
         right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
