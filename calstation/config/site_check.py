@@ -1,7 +1,8 @@
 """Checks of a station's site: latitude and gravity determine the accelerometer scale factors.
 
-Rests reveal the latitude if the gyros resolve earth rate; otherwise gravity must be surveyed and agree with it. A
-station file copied from elsewhere is self-consistent; therefore it lists the computers on which it was confirmed.
+Rests reveal the latitude if the gyros resolve earth rate; a run that contradicts the file ends before anything is
+written. Otherwise gravity must be surveyed and agree with the latitude. A station file copied from elsewhere is
+self-consistent; therefore it lists the computers on which it was confirmed.
 """
 
 import platform
@@ -138,9 +139,10 @@ def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
 
 
 def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:
-    """Return the first inconsistent stage and the latitude it assumed if no rest has confirmed it; None otherwise.
+    """Return the first inconsistent stage and the latitude it assumed if no rest has confirmed it.
 
-    The unit may still be good: rests in one attitude, as in `rate`, cannot separate earth rate from a bias.
+    The unit may still be good: rests in one attitude, as in `rate`, cannot separate earth rate from a bias. None if
+    the latitude was confirmed, if the gyros cannot resolve earth rate, or if every stage is consistent.
     """
     inconsistent = [s.stage for s in solutions if not (s.consistency.passed or method(s.stage).needs_no_table)]
     if not inconsistent or _seen(solutions) is not None or not resolves_earth_rate(context_from_meta(meta).imu):

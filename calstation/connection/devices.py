@@ -41,7 +41,10 @@ class Endpoints:
 
 @contextmanager
 def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Devices]:
-    """Open the clock, table and IMU, identify both devices, and close all on exit; `check_cancelled` may raise."""
+    """Open the clock, table and IMU, identify both devices, and close all on exit; `check_cancelled` may raise.
+
+    Raises ConfigurationError, or DeviceFaultError if a port cannot be used or a device is not the expected one.
+    """
     with ExitStack() as stack:
         at = stack.enter_context(endpoints(setup, check_cancelled))
         check_cancelled()
@@ -64,7 +67,11 @@ def connected(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
 
 @contextmanager
 def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] = lambda: None) -> Iterator[Endpoints]:
-    """Lock and yield a station's ports, or yield those of a virtual bench that runs as long as the context."""
+    """Lock and yield a station's ports, or yield those of a virtual bench that runs as long as the context.
+
+    Raises DeviceFaultError if another program uses a port or the bench does not start, ConfigurationError for a
+    `port_conflict`; `check_cancelled` is called while the bench starts and may raise.
+    """
     config = setup.bench_config()
     if config is None:
         table, imu = setup.station.table.port, setup.station.imu.port

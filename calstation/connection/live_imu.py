@@ -59,6 +59,7 @@ def apply_to_unit(
     with open_imu_session(progress, setup) as unit:
         if unit.identity.serial != serial:
             return OtherUnit(unit.identity.serial)
+        # progress is 0.4 at the first sample and 0.95 at the last
         parts = read_contiguous(
             unit, setup.imu.status.ready, count, lambda taken: progress(0.4 + (0.95 - 0.4) * taken / count)
         )

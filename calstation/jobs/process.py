@@ -71,7 +71,8 @@ class PipeReader:
     def take(self, wait: float = 0.0) -> Any:
         """Return the next message, waiting at most `wait` s for it.
 
-        Raises queue.Empty if no message is complete yet, EOFError at the end of the pipe, and any error of unpickling.
+        Raises queue.Empty if no message is complete yet, EOFError if the other end is closed and no message is left,
+        and any error of unpickling.
         """
         if self._at_end:
             raise EOFError

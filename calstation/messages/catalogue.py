@@ -1,5 +1,5 @@
-"""Read the catalogue: one TOML file per family and one table per code (``table.no_answer`` is ``[no_answer]`` in
-``catalogue/table.toml``)."""
+"""Read the catalogue: one TOML file per family and one table per code (``modbus.no_answer`` is ``[no_answer]`` in
+``catalogue/modbus.toml``)."""
 
 import re
 import tomllib
@@ -15,7 +15,7 @@ Severity = Literal["info", "warning", "error"]
 class Entry:
     """One message of the catalogue."""
 
-    code: str  #: Family and name, such as ``table.no_answer``.
+    code: str  #: Family and name, such as ``modbus.no_answer``.
     text: str  #: What happened, with the names of its values in braces.
     remedy: str = ""  #: What to do; may be empty.
     window: str = ""  #: Remedy in the window if it differs from that of the command line; empty otherwise.

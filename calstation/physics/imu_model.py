@@ -38,7 +38,7 @@ def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
 
 
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return angular rate, rad/s, and specific force, m/s², at the reference point from raw output, shape (n, 3).
+    """Return angular rate, rad/s, and specific force, m/s², at the reference point from raw mean rates, shape (n, 3).
 
     The second-order term is found by three fixed-point iterations, whose relative error is (2 K2 f)³.
     """

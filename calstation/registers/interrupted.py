@@ -29,6 +29,7 @@ class UnverifiedTransfer:
     open: bool = True
 
     def verify_output(self, data: VerificationData, run_in_background: RunInBackground) -> None:
+        """Verify the output; if it is wrong, restore the old registers and raise DeviceFaultError."""
         self.open = False
         finish_verification(self.setup, self.imu, self.done, data, run_in_background)
         self.on_verified()

@@ -139,7 +139,10 @@ class _ActiveOperation:
         return self.entry is not None and self.operation.what == "restore"
 
     def unchanged(self, imu: Imu) -> Settled | None:
-        """Return the last event for a unit that still has its old registers; None if there is something to do."""
+        """Return the last event for a unit that still has its old registers; None if there is something to do.
+
+        Raises DeviceFaultError for another unit, or for a unit with another open transfer.
+        """
         request = self.operation.request
         check_serial(imu, request.serial)
         self.identity = imu.identify()

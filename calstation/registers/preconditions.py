@@ -23,7 +23,10 @@ def register_map(setup: ResolvedConfiguration) -> RegisterMap:
 
 
 def check_flash(setup: ResolvedConfiguration, runs: Path, emit: Emit) -> None:
-    """Check, before any device is opened, that the unit's flash may be written again; warn near the limit."""
+    """Check, before any device is opened, that the unit's flash may be written again; warn near the limit.
+
+    Raises ConfigurationError if the profile's `flash_cycles_max` is reached or the journal is damaged.
+    """
     serial = setup.request.serial
     site = journal_folder(setup.station)
     used = journal.cycles(runs, serial, site)

@@ -82,8 +82,8 @@ def draw_imu(
 ) -> ImuTruth:
     """Draw one unit of a grade.
 
-    For output "rate", LSBs are multiplied by the sample rate (rad/s, m/s²). `outer_lever` is "estimated", or "fixed" at
-    0. `out_of_limits` sets the x gyro's bias and the y accelerometer's scale factor to twenty sigmas.
+    For output "rate", LSBs are multiplied by `sample_rate`, Hz (rad/s, m/s²). `outer_lever` is "estimated", or "fixed"
+    at 0. `out_of_limits` sets the x gyro's bias and the y accelerometer's scale factor to twenty sigmas.
     """
     size = GRADES[grade]
     per_count = sample_rate if output == "rate" else 1.0

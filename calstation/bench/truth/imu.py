@@ -171,9 +171,11 @@ def digitise(
 ) -> tuple[FloatArray, BoolArray]:
     """Add noise to the increments and quantise them; return counts, shape (n, 6), and saturation, shape (n,).
 
-    `normals` are standard normals for white noise, then the bank, shape (n, 6 or 6 + 6m). The Gauss-Markov bank has
-    `decay`, `driven` and `bias` of shapes (m,), (6, m), (6, m). With `as_rate`, sample means are rounded independently;
-    otherwise increments are rounded with the remainder carried on. Updates `bias` and `remainder` (counts).
+    `increments` are in rad and m/s, shape (n, 6); the noise sigma `white`, the count size `lsb`, the largest count
+    `limit` and `remainder` have shape (6,). `normals` are standard normals for white noise, then the bank, shape
+    (n, 6 or 6 + 6m). The Gauss-Markov bank has `decay`, `driven` and `bias` of shapes (m,), (6, m), (6, m). With
+    `as_rate`, sample means are rounded independently; otherwise increments are rounded with the remainder carried on.
+    Updates `bias` and `remainder` (counts).
     """
     count, bank = increments.shape[0], decay.shape[0]
     counts = np.empty((count, 6))

@@ -36,8 +36,9 @@ _DAMPED = DRIVE_FREQUENCY * np.sqrt(1.0 - DRIVE_DAMPING**2)
 def joint_state(segments: FloatArray, still: float, time: float) -> tuple[float, float, float]:
     """Return angle, rate and acceleration of a joint at one time; rad, rad/s, rad/s².
 
-    Rows of `segments`, shape (k, 6): start time, s, and at this time the command's angle, rate and acceleration, the
-    deviation and its rate. From time `still`, s, the joint is completely at rest at the last row's angle.
+    Rows of `segments`, shape (k, 6): start time, s, and at this time the command's angle, rad, rate, rad/s, and
+    acceleration, rad/s², the deviation, rad, and its rate, rad/s. From time `still`, s, the joint is completely at rest
+    at the last row's angle.
     """
     last = segments.shape[0] - 1
     if time >= still:

@@ -136,7 +136,10 @@ def put_back(imu: Imu, registers: RegisterMap, entry: Entry) -> Transferred:
 
 
 def recognise(imu: Imu, entry: Entry, registers: RegisterMap) -> Holds:
-    """Restart the unit and determine which values its flash contains; raises DeviceFaultError for another unit."""
+    """Restart the unit and determine which values its flash contains.
+
+    Raises DeviceFaultError if another unit replies or the link fails.
+    """
     check_serial(imu, entry.serial)
     found = flash_registers(imu)
     if not registers.differing(entry.new, found):
@@ -145,6 +148,7 @@ def recognise(imu: Imu, entry: Entry, registers: RegisterMap) -> Holds:
 
 
 def check_serial(imu: Imu, serial: str) -> None:
+    """Raise DeviceFaultError if another unit is on the link."""
     found = imu.identify().serial
     if found != serial:
         raise DeviceFaultError("imu.other_unit", found=found, serial=serial)

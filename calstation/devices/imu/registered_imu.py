@@ -63,6 +63,7 @@ class RegisteredImu(StreamedImu):
             time.sleep(POLL)
 
     def identify(self) -> ImuIdentity:
+        """Return the model, serial number and firmware. Raises OtherModelError if another model replies."""
         identity = self._ask_identity()
         if self._profile.model not in identity.model:
             raise OtherModelError("imu.other_model", found=identity.model, expected=self._profile.model)

@@ -79,7 +79,10 @@ class ModbusLink:
         return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read registers of the link's own unit, or of another unit on the line; a lost transfer is repeated."""
+        """Read registers of the link's own unit, or of another unit on the line; a lost transfer is repeated.
+
+        Raises DeviceFaultError if the device refuses or does not reply.
+        """
         at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
         try:
             return self._transfer(lambda again: self._carrier.read(at["unit"], address, count), _ATTEMPTS)
@@ -90,7 +93,7 @@ class ModbusLink:
             raise NoAnswerError("table.read_unanswered", **at, port=self._port, reason=exc.reason) from exc
 
     def write(self, address: int, values: list[int], repeat: bool = True, unit: int | None = None) -> None:
-        """Write registers of the same units as `read`; a lost transfer is repeated only if `repeat`."""
+        """Write registers of the same units as `read`; repeat a lost transfer only if `repeat`. Raises like `read`."""
         at = {"unit": self._unit if unit is None else unit, "address": address}
         attempts = _ATTEMPTS if repeat else 1
         try:
@@ -147,7 +150,10 @@ class ModbusLink:
 
 
 class TcpConnection:
-    """A connection to a Modbus server, `tcp://host:port`. Any error closes it; the next request opens a new one."""
+    """A connection to a Modbus server, `tcp://host:port`. Any error closes it; the next request opens a new one.
+
+    `timeout` is the host time for a reply, s; pymodbus matches replies to requests by transaction number.
+    """
 
     def __init__(self, port: str, timeout: float) -> None:
         address = host_and_port(port)

@@ -163,7 +163,10 @@ class Barriers:
 
 
 class RtuLine:
-    """A serial line with Modbus units; not thread-safe. `received` are the bytes received last."""
+    """A serial line with Modbus units; not thread-safe.
+
+    `timeout` is the host time for a reply, s; `received` are the bytes received last, valid or not.
+    """
 
     def __init__(self, port: str, timeout: float, settings: SerialSettings) -> None:
         self.received = b""
@@ -183,6 +186,7 @@ class RtuLine:
         self._link = SerialLink(self._port, self._settings, "table")
 
     def close(self) -> None:
+        """Close the port; never raises."""
         if self._link is not None:
             self._link.close()
         self._link = None

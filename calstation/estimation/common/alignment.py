@@ -98,7 +98,8 @@ def _heading_offset(rate_level: FloatArray) -> float:
 def gyrocompass(rate_b: FloatArray, up_b: FloatArray, latitude: float, belief: Belief) -> tuple[FloatArray, float]:
     """Return C_bn from the mean specific force (level) and the mean rate (north), and the azimuth's sigma, rad.
 
-    The sigma is that of the gyro bias divided by Ω cos φ (IEEE Std 1780).
+    The sigma is that of the gyro bias divided by Ω cos φ (IEEE Std 1780). `rate_b` is in rad/s, `up_b` in m/s², shape
+    (3,) each, and `latitude` in rad.
     """
     level = level_attitude(up_b)
     attitude = axis_rotation((0.0, 0.0, 1.0), _heading_offset(level @ rate_b)) @ level

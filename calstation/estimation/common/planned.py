@@ -143,7 +143,7 @@ class PlannedSamples:
 
 
 def profile(time: FloatArray, start: float, end: float, rate: float, acceleration: float) -> FloatArray:
-    """Return the joint angle, rad, at times since the start of a move, s, for a trapezoidal or triangular profile."""
+    """Return the joint angle, rad, shape (n,), in a trapezoidal or triangular move at times since its start, s."""
     distance = abs(end - start)
     ramp = min(rate / acceleration, float(np.sqrt(distance / acceleration)))
     cruise = max(distance - acceleration * ramp**2, 0.0) / rate

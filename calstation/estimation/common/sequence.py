@@ -40,7 +40,8 @@ class SequenceUnwrapper:
         """Unwrap the next chunk of counter and clock (s).
 
         Return the increasing counter and clock, shape (n,), and the indices of restarts, where counter and clock of
-        the unit were reset together. Raises SequenceError for the first row out of order or with decreasing time.
+        the unit were reset together. Raises SequenceError with the index of the first row that repeats, is out of order
+        or has decreasing time.
         """
         if len(seq) == 0:
             return seq.astype(np.int64), time.astype(np.float64), []

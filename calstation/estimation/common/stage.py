@@ -90,6 +90,7 @@ def find_rests(
     noise, `SLOWEST`) and constant is the rate at rest, the sum of bias and earth rate. A rest is an interval in which
     no window differs from that rate by more than noise plus 0.03 °/s (earth rate is 0.004 °/s), which excludes table
     creep. A step of the specific force (`FORCE_STEP`) separates two rests even without a recorded rotation.
+    `gyro_bias`, shape (3,), and `bias_sigma` are in rad/s.
     """
     start, stop = segment
     width = max(round(REST_WINDOW / data.dt), 2)

@@ -264,7 +264,8 @@ def observe(
     c, s : constants of the assumed parameters and of the pass
     gyro, accel : raw mean rates of all samples, rad/s and m/s², shape (n, 3)
     start : index of the first sample
-    follow_attitude, follow_velocity : the reference (C_bn; m/s) at the ends of the intervals; empty for closed loop
+    follow_attitude, follow_velocity : reference C_bn and velocity, m/s, at the ends of the intervals, shapes (k, 3, 3)
+        and (k, 3); empty for closed loop
     arm_velocity : C(ω_nb × r) at the last observation, m/s, shape (3,); updated in place
     work : navigation state; updated in place
     group : output

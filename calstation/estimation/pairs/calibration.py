@@ -73,12 +73,15 @@ def _as_primary(pair: FloatArray, gyro2: FloatArray, accel2: FloatArray) -> tupl
 def compensate_secondary(
     pair: FloatArray, c: Compensation, gyro2: FloatArray, accel2: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return a secondary's rate, rad/s, and specific force, m/s², without its stored and the primary's errors."""
+    """Return a secondary's rate, rad/s, and specific force, m/s², from raw mean rates, each of shape (n, 3).
+
+    Its stored errors `pair`, shape (28,), are removed first, then those of the primary.
+    """
     return compensate(c, *_as_primary(pair, gyro2, accel2))
 
 
 def static_figures(omega: FloatArray, force: FloatArray, gravity: float) -> dict[str, float]:
-    """Return the deviations of gyro, rad/s, and accelerometer, m/s², from mean output, shape (3,), and `gravity`."""
+    """Return deviations of gyro, rad/s, and accelerometer, m/s², at rest from means, shape (3,), and gravity, m/s²."""
     return {"gyro": float(np.linalg.norm(omega)), "accel": abs(float(np.linalg.norm(force)) - gravity)}
 
 

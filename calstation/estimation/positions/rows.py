@@ -110,7 +110,8 @@ def positions(data: StageData, still: Stillness, context: SolveContext) -> list[
 def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> float:
     """Return the additional standard deviation with which chi-square equals the degrees of freedom `redundancy`.
 
-    It is 0 if the known variances explain the residuals or if `redundancy` is below 1.
+    It is 0 if the known variances explain the residuals or if `redundancy` is below 1. `variance` is that
+    of each element of `residual`, shape (m,).
     """
     total = float(np.sum(residual**2 / variance))
     if redundancy < 1.0 or total <= chi_square_quantile(SIGNIFICANT, redundancy):

@@ -63,7 +63,7 @@ class SourceBar(QWidget):
 
     def remember(self, path: Path) -> None:
         """Add a log at the top of the recent logs."""
-        recent = [path, *(p for p in self.recent() if p != path)][:8]
+        recent = [path, *(p for p in self.recent() if p != path)][:8]  # number of recent logs
         self._settings.setValue(_KEY, [str(p) for p in recent])
         self._fill()
 

@@ -85,7 +85,7 @@ class Convergence(QFrame):
             line = self.lines.get(group)
             if line is not None and value > 0.0:
                 line.add(self._now, value / line.target)
-        if time.monotonic() - self._drawn >= 0.25:
+        if time.monotonic() - self._drawn >= 0.25:  # host time between two drawings, s
             self.draw()
 
     def draw(self) -> None:
