@@ -3,7 +3,7 @@
 PYTHON ?= python3
 VENV := .venv
 
-.PHONY: run test rehearse check docs benchmarks study fuzz translations clean
+.PHONY: run test rehearse exhaustive check docs benchmarks study fuzz translations clean
 
 run: $(VENV)/installed
 	$(VENV)/bin/calstation
@@ -13,7 +13,10 @@ test: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest -n 3 --dist worksteal $$($(VENV)/bin/python tests/without_window.py)
 
 rehearse: $(VENV)/installed-dev
-	$(VENV)/bin/python -m pytest -m long -n 3 --dist worksteal
+	$(VENV)/bin/python -m pytest -m "long and not exhaustive" -n 3 --dist worksteal
+
+exhaustive: $(VENV)/installed-dev
+	$(VENV)/bin/python -m pytest -m exhaustive -n 3 --dist worksteal
 
 check: $(VENV)/installed-dev
 	$(VENV)/bin/ruff check .

@@ -11,6 +11,7 @@ corrected = true holds exactly, not only to first order.
 """
 
 from collections.abc import Iterable, Mapping
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -48,11 +49,13 @@ class Convention(StrictModel):
         return self
 
 
+@cache
 def matrix_slots(sensor: str) -> tuple[str, ...]:
     """Return the names of a sensor's matrix elements in registers, row by row."""
     return tuple(f"{sensor}_matrix_{a}{b}" for a in AXES for b in AXES)
 
 
+@cache
 def offset_slots(sensor: str) -> tuple[str, ...]:
     """Return the names of a sensor's offsets in registers."""
     return tuple(f"{sensor}_offset_{axis}" for axis in AXES)
@@ -62,6 +65,7 @@ def offset_slots(sensor: str) -> tuple[str, ...]:
 SLOTS: tuple[str, ...] = tuple(name for sensor in SENSORS for name in (*matrix_slots(sensor), *offset_slots(sensor)))
 
 
+@cache
 def parameter_of(name: str) -> str | None:
     """Return the parameter of a slot, or `name` if not a slot; None for an element that is 0 in the error model."""
     if name not in SLOTS:
