@@ -1,9 +1,9 @@
-"""The clock service: JSON lines over TCP that advance or query the bench's time, or order a fault.
+"""The clock service: JSON lines over TCP that advance or query the bench's time, or inject a fault.
 
     {"advance": seconds}                 -> {"now": s, "samples": n, "bytes": n}
     {"now": null}                        -> the same, immediately
     {"order": name, "value": number}     -> the same, once carried out
-    {"carry": [outer, inner], "rest": s} -> the same; requests rail angles, rad, from the operator of the manual rig
+    {"carry": [outer, inner], "rest": s} -> the same; asks the simulated operator to set the rails to angles, rad
     anything else                        -> {"error": text}
 
 `samples` counts all samples produced, `bytes` the bytes sent to the current client of the IMU link.

@@ -20,7 +20,7 @@ from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.sequencer import JOINTS, StagePlan, check_limits, move_time, named, planned, step_time
 from procedures import method
 
-#: Maximum number of rounds of a stage that only its targets can end.
+#: Maximum number of rounds of a stage that ends only when its targets are reached.
 MOST_ROUNDS = 20
 
 #: Number of points per drawn move, enough to show its ramps.

@@ -179,7 +179,7 @@ class Acquisition:
 
     @property
     def recent(self) -> tuple[tuple[float, ...], float | None] | None:
-        """Mean output (rad/s, m/s²; NaN if not numeric) and temperature (°C) of the last drain; None before it."""
+        """Mean output (rad/s, m/s²; NaN if not numeric), temperature (°C) of the last drain; None before the first."""
         if self._latest is None:
             return None
         counts = self._latest.counts[np.isfinite(self._latest.counts).all(axis=1)]

@@ -121,7 +121,7 @@ class TableLink:
                 return ExcCodes.DEVICE_FAILURE
             # The server stores `values` itself; the next read shows the registers after the command.
             return None
-        # A single write reads back the value that it echoes.
+        # The reply to a single write is read from the registers as well: refresh them only for a read.
         if function_code == READ:
             registers.refresh()
             current[: len(registers.words)] = registers.words

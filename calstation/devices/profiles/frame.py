@@ -40,7 +40,7 @@ class FrameField(StrictModel):
     item : id of the item that contains the field, in hexadecimal; only in frames of items
     word_order : order of its 16-bit words, if it differs from the byte order
     per_sample : increment of a counter per sample, e.g. the ticks of a clock
-    reach : absolute value from which on a channel is saturated, in addition to the bounds of its type
+    reach : absolute value at and above which a channel is saturated, in addition to the bounds of its type
     prefix, base : in a text frame, the letters before the number, and 16 for hexadecimal numbers
     """
 
@@ -71,11 +71,11 @@ class FrameField(StrictModel):
 
 
 class CrcSection(StrictModel):
-    """The check of a frame, computed over all bytes from `start` up to the check.
+    """The checksum of a frame, computed over all bytes from `start` up to the checksum.
 
-    kind : name of a check in `frame_checks`, or "crc" with the parameters below (Rocksoft model)
+    kind : name of a checksum in `frame_checks`, or "crc" with the parameters below (Rocksoft model)
     pad : zero bytes appended to the checked bytes
-    byte_order : order of the check itself, that of the frame if absent; in a text frame the check is hexadecimal
+    byte_order : order of the checksum itself, by default the frame's; in a text frame the checksum is hexadecimal
     """
 
     kind: str

@@ -86,7 +86,7 @@ class ImuProfile(StrictModel):
     @model_validator(mode="before")
     @classmethod
     def _addresses(cls, data: Any) -> Any:
-        """Set the span of each register entry that has none to the number of addresses per number in this protocol."""
+        """Set the protocol's default span (addresses per number) where a register entry gives none."""
         if not isinstance(data, dict) or not isinstance(data.get("registers"), list):
             return data
         protocol = data.get("protocol")

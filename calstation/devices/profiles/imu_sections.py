@@ -9,7 +9,7 @@ from calstation.devices.profiles.entries import Address, Word, hex_bytes
 from calstation.devices.profiles.frame import FrameSection
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
-#: Op codes of the framed link and their usual numbers; the `..._words` ops are for systems with their own axes.
+#: Op codes of the framed link and their usual numbers; `..._words` are for systems with their own indexing unit.
 OPS = {
     "identify": 1,
     "read": 2,
@@ -27,7 +27,7 @@ FLASH_BUSY = 3
 
 
 def check_lines(lines: list[str]) -> list[str]:
-    """Check command lines for a VectorNav, without $ and check; raises EntryError naming the line."""
+    """Check command lines for a VectorNav, without $ and checksum; raises EntryError naming the line."""
     for i, line in enumerate(lines):
         if not line or not line.isascii() or not line.isprintable() or set(line) & set("$*"):
             raise EntryError("profile.not_a_command_line", i, value=line)
@@ -76,7 +76,7 @@ class CommandSection(CommandTimes):
     """`[commands]`: request and reply frames, sync | op u8 | n u8 | n bytes | check over op to payload.
 
     ops : numbers of the ops that differ from `OPS`; errors : meanings of the codes in an error reply
-    busy : error codes of a unit that is busy; if absent, 3 unless `errors` is given
+    busy : error codes of a unit that is busy; by default 3, or none if `errors` is given
     """
 
     request_sync: str

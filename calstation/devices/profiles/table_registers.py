@@ -27,7 +27,7 @@ TEXTS = ("model", "serial")
 #: Registers without a unit: integers without a scale.
 WORDS = ("controlword", "statusword", "fault", "interlock", "heartbeat", "command", "mode", "status2")
 STATUS_BITS = ("enabled", "fault", "settled", "homed")
-#: The last three are 0 during a quick stop, 0 under local control, and 1 at a limit.
+#: `quick_stop` is 0 during a quick stop, `remote` is 0 under local control, `limit` is 1 at a limit.
 OPTIONAL_BITS = ("moving", "interlock", "quick_stop", "remote", "limit")
 COMMANDS = ("move", "stop", "home")
 #: Optional command: rotate continuously at the target rates.
@@ -35,7 +35,7 @@ RATE_COMMAND = "rate"
 #: Registers that a command may write.
 WRITTEN = ("command", "controlword", "mode", "turn_rate", "target_rate")
 
-#: Largest angle step, in standard deviations of the encoder, whose error cannot be smaller than its step.
+#: Coarsest allowed resolution of an angle register, in standard deviations of the encoder.
 _MAX_STEP = 3.0
 
 
@@ -46,7 +46,7 @@ def _table_type(name: str) -> str:
 
 
 class ModbusRegister(StrictModel):
-    """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s; text has `words`.
+    """A holding register with a 0-based address; value = raw × scale in degrees, °/s, °/s² or s; a text has `words`.
 
     scale : negative if the table counts in the opposite sense
     word_order : order of its 16-bit words; that of the link if absent

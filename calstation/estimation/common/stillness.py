@@ -15,7 +15,7 @@ from calstation.physics import FloatArray
 
 #: Fraction of all windows, the quietest ones, whose noise defines the noise at rest.
 QUIETEST = 0.1
-#: A window whose noise is larger by up to this factor also counts as quiet.
+#: Windows with noise up to this multiple of the quietest windows' noise also count as quiet.
 ALIKE = 1.5
 #: A window with more gyro noise than this, rad/s rms, is in motion.
 LOUDEST = np.deg2rad(1.0)
@@ -46,7 +46,7 @@ class Stillness:
     gyro_noise: float  #: White noise at rest, rad/√s.
     accel_noise: float  #: White noise at rest, m/s/√s.
     rate: FloatArray  #: Mean raw rate at rest, rad/s, shape (3,).
-    cuts: tuple[int, ...] = ()  #: Samples before which samples were cut out without a gap in the counter.
+    cuts: tuple[int, ...] = ()  #: Index of the first sample after each cut, which leaves no gap in the counter.
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:

@@ -1,4 +1,4 @@
-"""The joint problem of rests and motions as whitened least-squares rows.
+"""The combined least-squares problem of rests and motions, as whitened rows.
 
     rest       accel = (I + M_a) f + K2∘f² + b_a,  f = C_bnᵀ (0, 0, g);      gyro = (I + M_g) C_bnᵀ Ω + b_g
     motion     C_second = Exp(−Ω T) C_first B,  B the body rotation from the compensated gyros
@@ -156,7 +156,7 @@ class PositionRows:
         durations = np.array([(link.stop - link.start) * data.dt for link in links])
         self.force_noise = np.array([r.force_variance for r in rests])
         self.rate_noise = np.array([r.rate_variance for r in rests])
-        # a bias that differs from rest to rest also differs throughout each motion
+        # the scatter of a bias between rests also acts as a constant error during each motion
         self.turn_noise = noise.rate * durations + (scatter.rate * durations) ** 2
         self.force_variance = self.force_noise + scatter.force**2
         self.rate_variance = self.rate_noise + scatter.rate**2
@@ -254,7 +254,7 @@ class PositionRows:
 
 
 def gyro_derivative(start: FloatArray, c: Compensation, time: FloatArray, rate: FloatArray) -> FloatArray:
-    """Return the derivative of a rotation vector in the frame of `start` by `GYRO_COLUMNS`, shape (3, 12).
+    """Return the derivative of a rotation vector in the frame of `start` with respect to `GYRO_COLUMNS`, shape (3, 12).
 
     δφ = −∫ C (I + M_g)⁻¹ (δb + δM ω) dt, with C = `start` C_b(start)←b(t) and the integrals of `integrate_rotation`.
     """
@@ -274,7 +274,7 @@ def square_root(P: FloatArray) -> FloatArray:
 def integrate_rotation(
     gyro_inverse: FloatArray, bias: FloatArray, dt: float, gyro: FloatArray, start: int, stop: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Integrate the body rotation between two samples, and the terms of its derivative by the gyro parameters.
+    """Integrate the rotation between two samples, and the terms of its derivative with respect to the gyro parameters.
 
     Returns
     -------

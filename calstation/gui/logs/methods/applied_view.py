@@ -1,4 +1,4 @@
-"""View of a solution applied to a recording or to live data of the unit: force and rate over time, before and after."""
+"""View of a solution applied to a recording or to live data: force and rate over time, before and after it."""
 
 from pathlib import Path
 
@@ -75,12 +75,12 @@ class AppliedView(QWidget):
         self.apply(answer.recording.path)
 
     def apply(self, path: Path) -> None:
-        """Apply the solution to a recording, and show the data before and after."""
+        """Apply the solution to a recording, and show the data before and after it."""
         if self._answer is not None and not self._at_device:
             self._begin(self._app.job_queue.submit(apply_to_recording, path, *self._vectors(self._answer)))
 
     def _apply_to_unit(self) -> None:
-        """Apply the solution to some seconds of live data of the unit, and show the data before and after."""
+        """Apply the solution to some seconds of live data of the unit, and show the data before and after it."""
         if self._answer is None or self._at_device or self._app.engine_link.running:
             return
         files = self._answer.recording.path, self._app.station_path, self._app.product_path
