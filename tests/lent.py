@@ -17,6 +17,7 @@ import sys
 import time
 import traceback
 from contextlib import suppress
+from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext, ForkServerProcess
 from pathlib import Path
 from types import ModuleType
@@ -131,6 +132,7 @@ def install() -> None:
     engines.set_forkserver_preload(["lent_engine"])  # found by this path; one that is not found is left out silently
     here = str(Path(__file__).parent)
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (here, os.environ.get("PYTHONPATH"))))
+    forkserver.ensure_running()  # importing takes long on a busy computer, and an engine is expected to begin soon
     real = multiprocessing.get_context
 
     def get_context(method: str | None = None) -> Any:

@@ -19,7 +19,7 @@ from calstation.devices.profiles.imu_sections import ModbusUnitSection
 from calstation.errors import DeviceFaultError
 from tests.helpers import raises_code
 
-PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_timeout(0.15)
+PROFILE = load_imu_profile(Path(__file__).parents[2] / "data" / "imus" / "dsp_modbus.toml").with_timeout(0.4)
 MAP = RegisterMap(tuple(PROFILE.registers))
 Pair = tuple[bytes, bytes]
 
