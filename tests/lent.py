@@ -14,6 +14,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import traceback
 from contextlib import suppress
@@ -127,12 +128,15 @@ def install() -> None:
     if not hasattr(os, "fork") or "forkserver" not in multiprocessing.get_all_start_methods():
         return
     owner = os.getppid() if "PYTEST_XDIST_WORKER" in os.environ else os.getpid()
-    lend_benches(Path("/tmp") / f"calstation-benches-{owner}")
+    path = Path("/tmp") / f"calstation-benches-{owner}"
+    lend_benches(path)
+    # Both servers take long to import everything on a busy computer, and an engine is expected to begin soon.
+    threading.Thread(target=lambda: _connect(path).close(), daemon=True).start()
     engines = _EngineContext()
     engines.set_forkserver_preload(["lent_engine"])  # found by this path; one that is not found is left out silently
     here = str(Path(__file__).parent)
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (here, os.environ.get("PYTHONPATH"))))
-    forkserver.ensure_running()  # importing takes long on a busy computer, and an engine is expected to begin soon
+    forkserver.ensure_running()
     real = multiprocessing.get_context
 
     def get_context(method: str | None = None) -> Any:
@@ -231,6 +235,8 @@ def _keep(line: socket.socket, main: Any) -> None:
     """In a process between server and bench: start the bench, tell its number, and at its end the exit code."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     size, descriptors, _, _ = socket.recv_fds(line, 4, 3)
+    if not size:  # only asked whether the server is there
+        os._exit(0)
     request = json.loads(_read(line, int.from_bytes(size, "big")))
     pid = os.fork()
     if pid == 0:
