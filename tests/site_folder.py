@@ -13,6 +13,7 @@ from calstation.sequencer.events import Event, Fault, Verdict
 from calstation.simulation.hooks import BenchHooks
 
 QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
+#: A whole calibration in a few minutes of device time, a few seconds on the bench.
 PRODUCT: dict[str, Any] = {
     "name": "short",
     "imu": "bench_nav",
@@ -35,6 +36,8 @@ STATION: dict[str, Any] = {
     "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "azimuth_deg": 0.0},
     "table": {"profile": "bench"},
 }
+#: The bench's settings. Its watchdog runs in host time, and a busy computer may stand still for a second.
+BENCH: dict[str, Any] = {"seed": 5, "start_deg": [1.0, -1.0], "watchdog_ms": 10_000}
 
 
 def behind_registers(profile: str) -> str:
@@ -57,12 +60,10 @@ class SiteFolder:
     def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
         """Write both files, with changes to the product and the bench's settings."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        patient = {"watchdog_ms": 10_000}  # host time, and a busy computer may stand still for a second
-        settings = {"seed": 5, "start_deg": [1.0, -1.0], **patient, **bench}
         site = dict(STATION["site"])
         if (product or {}).get("bench_grade", "nav") != "nav":
             site["gravity_mps2"] = 9.7955  # surveyed, where gyros do not feel the earth turn
-        self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": settings}), encoding="utf-8")
+        self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {**BENCH, **bench}}), encoding="utf-8")
 
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:
         """A run of these stages here."""

@@ -22,34 +22,9 @@ from calstation.jobs.queue import JobQueue
 from calstation.results.resolving import warm_up
 from calstation.results.result import Result
 from tests.gui.shared_jobs import use_folder
+from tests.site_folder import BENCH, PRODUCT, STATION
 
-QUICK = {"rate_dps": 100.0, "acceleration_dps2": 100.0}
 SERIAL = "SN-000042"
-#: A whole calibration in a few minutes of device time, a few seconds on the bench.
-PRODUCT: dict[str, Any] = {
-    "name": "short",
-    "imu": "bench_nav",
-    "serial_pattern": r"SN-\d{6}",
-    "schedule": {
-        "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
-        "six_position": {"dwell_s": 3.0, **QUICK},
-        "excitation": {"rounds": 1, "dwell_s": 3.0, "place_dwell_s": 2.0, **QUICK},
-        "azimuth_flip": {"rounds": 1, "dwell_s": 8.0, **QUICK},
-    },
-    "limits": {
-        "gyro_bias": {"within": 1.5e-5, "sigma_below": 1e-5},
-        "gyro_scale": {"within": 2e-3, "sigma_below": 1e-3},
-        "accel_bias": {"within": 0.0074, "sigma_below": 6e-3},
-        "accel_scale": {"within": 1e-3, "sigma_below": 1e-4},
-    },
-}
-
-STATION: dict[str, Any] = {
-    "name": "test bench",
-    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "azimuth_deg": 0.0},
-    "table": {"profile": "bench"},
-}
-
 #: Required keys of a result JSON.
 RESULT: dict[str, Any] = {
     "schema": "calstation.result/1",
@@ -83,9 +58,7 @@ class SiteFolder:
     def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
         """Write both files, with changes to the product and to the settings of the bench."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        patient = {"watchdog_ms": 10_000}  # host time, and a busy computer may stand still for a second
-        settings = {"seed": 5, "start_deg": [1.0, -1.0], **patient, **bench}
-        self.station.write_text(tomli_w.dumps({**STATION, "bench": settings}), encoding="utf-8")
+        self.station.write_text(tomli_w.dumps({**STATION, "bench": {**BENCH, **bench}}), encoding="utf-8")
 
 
 @pytest.fixture(autouse=True)

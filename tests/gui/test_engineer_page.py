@@ -32,7 +32,8 @@ from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
 from calstation.results.resolving import FinishedRun
 from calstation.results.result import SCHEMA, Result
-from tests.gui.conftest import PRODUCT, SERIAL, Operator, SiteFolder
+from tests.gui.conftest import SERIAL, Operator, SiteFolder
+from tests.site_folder import PRODUCT
 
 STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 

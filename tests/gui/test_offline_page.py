@@ -46,7 +46,8 @@ from calstation.sequencer.events import Event, Verdict
 from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log
 from tests.estimation.simulated_stages import block_of, simulate
-from tests.gui.conftest import PRODUCT, SERIAL, STATION, result_with
+from tests.gui.conftest import SERIAL, result_with
+from tests.site_folder import PRODUCT, STATION
 
 pytestmark = pytest.mark.timeout(120)
 #: Longest wait for a job, ms: a loaded machine is no failure.

@@ -15,7 +15,8 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLineEdit, QListWidget, Q
 from calstation.config import library
 from calstation.gui.shell.app import create_window
 from calstation.gui.shell.main_window import MainWindow
-from tests.gui.conftest import QUICK, SERIAL, STATION, Operator, SiteFolder
+from tests.gui.conftest import SERIAL, Operator, SiteFolder
+from tests.site_folder import QUICK, STATION
 
 ONE_STAGE = {"stages": ["six_position"]}
 #: Half a minute long at twenty times real time: it does not end while buttons are pressed.

@@ -46,7 +46,7 @@ from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
 from calstation.messages.catalogue import family
 from calstation.sequencer.events import Fault
-from tests.gui.conftest import STATION as STATION_DATA
+from tests.site_folder import STATION as STATION_DATA
 
 STATION, TABLE_LINK, IMU_LINK, SITE, TABLE, PROFILES, PERSONAL = range(7)
 PIN = "2468"
