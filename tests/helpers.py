@@ -41,6 +41,10 @@ class Progress:
         self.notes.append(note)
 
 
+def ignore_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """A `ProgressCallback` that does nothing."""
+
+
 def joint_axis(geometry: TableGeometry, joint: int, inner: float) -> FloatArray:
     """Axis of a joint in b at an inner angle (rad), from the attitudes before and after a turn of 0.5 rad."""
     before, after = geometry.body_to_home(0.0, inner), geometry.body_to_home(0.5 * (joint == 0), inner + 0.5 * joint)

@@ -8,11 +8,7 @@ from calstation.config import library, versions
 from calstation.config.schedules import save_schedule
 from calstation.config.station import load_product
 from calstation.errors import ConfigurationError
-from tests.helpers import complaint
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Progress that nobody watches."""
+from tests.helpers import complaint, ignore_progress
 
 
 @pytest.fixture
@@ -25,7 +21,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_shipped_product_is_copied_to_the_site_with_the_new_values(shipped: Path, tmp_path: Path) -> None:
     before = shipped.read_text(encoding="utf-8")
     changes = {"rate": {"turns": 3}, "excitation": {"targets": {"gyro_bias": 1e-7}, "rounds": 2}}
-    path, version = save_schedule(tell, shipped, changes, "wang")
+    path, version = save_schedule(ignore_progress, shipped, changes, "wang")
     assert path == tmp_path / "home" / "products" / "nav_a.toml"
     assert shipped.read_text(encoding="utf-8") == before
     _, product = load_product(path)
@@ -36,18 +32,18 @@ def test_a_shipped_product_is_copied_to_the_site_with_the_new_values(shipped: Pa
     assert version.author == "wang"
     assert versions.list_versions("products", "nav_a")[0] == version
 
-    again, _ = save_schedule(tell, path, {"excitation": {"targets": {}, "rounds": 1}}, "wang")
+    again, _ = save_schedule(ignore_progress, path, {"excitation": {"targets": {}, "rounds": 1}}, "wang")
     _, product = load_product(again)
     assert "targets" not in product.schedule["excitation"]
 
 
 def test_a_value_that_a_file_cannot_leave_out_is_refused(shipped: Path) -> None:
     with pytest.raises(ConfigurationError, match="means 1") as caught:
-        save_schedule(tell, shipped, {"excitation": {"rounds": None}}, "wang")
+        save_schedule(ignore_progress, shipped, {"excitation": {"rounds": None}}, "wang")
     assert complaint(caught.value) == "schedule.excitation.rounds product.empty_in_file"
 
 
 def test_a_wrong_value_changes_nothing(shipped: Path) -> None:
     with pytest.raises(ConfigurationError, match="turns"):
-        save_schedule(tell, shipped, {"rate": {"turns": 0}}, "wang")
+        save_schedule(ignore_progress, shipped, {"rate": {"turns": 0}}, "wang")
     assert library.find("products", "nav_a") == shipped

@@ -21,15 +21,11 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict
 from tests.connection.fake_links import FakeImu, FakeTable, order, rtu, server, silent, tcp_pdu, terminal
-from tests.helpers import raises_code
+from tests.helpers import ignore_progress, raises_code
 from tests.site_folder import PRODUCT, STATION
 
 needs_terminals = pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 READ = 3
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Nobody listens."""
 
 
 class Bus:
@@ -166,7 +162,7 @@ def test_another_model_is_not_reset(work: Any, monkeypatch: pytest.MonkeyPatch) 
         server(plc.answer) as address,
         raises_code(DeviceFaultError, "table.other_model"),
     ):
-        work(tell, order(table={"port": f"tcp://{address}"}))
+        work(ignore_progress, order(table={"port": f"tcp://{address}"}))
     assert set(plc.functions) == {READ}
 
 
@@ -218,9 +214,9 @@ def test_the_link_tests_report_swapped_links(imu: str) -> None:
             "table": {"port": imu},
             "imu": {"port": line},
         }
-        table = check_table_link(tell, order(**crossed))
+        table = check_table_link(ignore_progress, order(**crossed))
         assert (table.state, table.findings[-1].id) == ("wrong", "imus_line")
-        found = check_imu_link(tell, order(**crossed))
+        found = check_imu_link(ignore_progress, order(**crossed))
     assert (found.state, found.findings[-1].id) == ("wrong", "tables_line")
 
 
@@ -228,11 +224,11 @@ def test_the_link_tests_report_swapped_links(imu: str) -> None:
 def test_the_table_test_reports_the_answering_unit_number() -> None:
     bus = Bus(unit=3)
     with terminal(bus.answer) as line:
-        report = check_table_link(tell, order(table={"port": line, "unit": 7}))
+        report = check_table_link(ignore_progress, order(table={"port": line, "unit": 7}))
     assert [f.id for f in report.findings] == ["opened", "silent_rtu", "unit_heard"]
     assert report.findings[-1].values == {"found": 3, "model": "bench-table", "unit": 7}
     with server(lambda heard: tcp_pdu(heard, bytes([0x83, 4]))) as address:
-        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
+        report = check_table_link(ignore_progress, order(table={"port": f"tcp://{address}", "unit": 7}))
     assert [f.id for f in report.findings] == ["connected", "exception"]
 
 
@@ -243,11 +239,13 @@ def test_a_table_of_another_profile_is_named_with_it() -> None:
         return bench.answer(heard) if heard[6] == 1 else tcp_pdu(heard, bytes([0x83, 4]))
 
     with server(answer) as address:
-        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"}))
+        report = check_table_link(
+            ignore_progress, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"})
+        )
         assert [f.id for f in report.findings] == ["connected", "exception", "profile_heard"]
         assert report.findings[-1].values == {"found": 1, "model": "bench-table", "profile": "bench"}
         bench.words[0:8] = [0x4C41, 0x5448, 0x4500] + [0] * 5
-        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "unit": 7}))
+        report = check_table_link(ignore_progress, order(table={"port": f"tcp://{address}", "unit": 7}))
     assert report.findings[-1].values == {"units": "1 (“LATHE”)"}
 
 
@@ -258,12 +256,12 @@ def test_a_reset_reports_swapped_links(imu: str) -> None:
         terminal(bus.answer) as line,
         raises_code(DeviceFaultError, "connection.swapped"),
     ):
-        reset_table(tell, order(table={"port": imu}, imu={"port": line}))
+        reset_table(ignore_progress, order(table={"port": imu}, imu={"port": line}))
     with (
         terminal(Bus(unit=3).answer) as line,
         raises_code(DeviceFaultError, "connection.other_unit"),
     ):
-        read_table(tell, order(table={"port": line, "unit": 7}))
+        read_table(ignore_progress, order(table={"port": line, "unit": 7}))
 
 
 # Why a connection does not come about
@@ -274,9 +272,9 @@ def test_the_reason_for_a_failed_connection_is_reported(work: Any) -> None:
     with server(silent) as address:
         pass
     with raises_code(DeviceFaultError, "link.refused"):
-        work(tell, order(table={"port": f"tcp://{address}"}))
+        work(ignore_progress, order(table={"port": f"tcp://{address}"}))
     with raises_code(DeviceFaultError, "link.unknown_host"):
-        work(tell, order(table={"port": "tcp://no-such-host.invalid:502"}))
+        work(ignore_progress, order(table={"port": "tcp://no-such-host.invalid:502"}))
 
 
 @needs_terminals
@@ -286,10 +284,10 @@ def test_the_reason_for_a_failed_serial_port_is_reported(work: Any, monkeypatch:
     with terminal(silent) as port:
         other = SerialLink(port, SerialSettings(), "imu")
         with raises_code(DeviceFaultError, "link.in_use"):
-            work(tell, order(table={"port": port}))
+            work(ignore_progress, order(table={"port": port}))
         other.close()
     with raises_code(DeviceFaultError, "link.no_such_port"):
-        work(tell, order(table={"port": "/dev/ttyNONE7"}))
+        work(ignore_progress, order(table={"port": "/dev/ttyNONE7"}))
 
 
 def test_a_wrong_kind_of_address_is_reported_with_the_right_one() -> None:

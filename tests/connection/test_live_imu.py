@@ -11,26 +11,23 @@ from calstation.physics.parameters import NAMES
 from calstation.records.log import read_truth, truth_path
 from calstation.results.plots.compensation import Applied
 from calstation.simulation.recordings import record_on_bench
+from tests.helpers import ignore_progress
 from tests.site_folder import behind_registers
 
 ZERO = np.zeros(len(NAMES))
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Progress that nobody watches."""
 
 
 @pytest.fixture
 def recording(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A recording by hand on the bench, at a site of its own."""
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
-    return record_on_bench(tell, "hand", tmp_path / "hand.h5", "tactical", 3)
+    return record_on_bench(ignore_progress, "hand", tmp_path / "hand.h5", "tactical", 3)
 
 
 def test_the_virtual_fixture_holds_the_recorded_unit(recording: Path) -> None:
     truth = read_truth(recording)
     found = np.array([truth[name] for name in NAMES])
-    now = apply_to_unit(tell, recording, None, None, ZERO, found, seconds=4.0)
+    now = apply_to_unit(ignore_progress, recording, None, None, ZERO, found, seconds=4.0)
     assert isinstance(now, Applied)
     assert now.serial == "BENCH-tactical"
     assert now.named
@@ -44,7 +41,7 @@ def test_a_stream_after_the_registers_is_left_unchanged(recording: Path, tmp_pat
     (tmp_path / "home" / "imus").mkdir(parents=True)
     own = tmp_path / "home" / "imus" / "bench_tactical.toml"
     own.write_text(behind_registers(profile), "utf-8")
-    now = apply_to_unit(tell, recording, None, None, ZERO, np.full(len(NAMES), 1e-3), seconds=2.0)
+    now = apply_to_unit(ignore_progress, recording, None, None, ZERO, np.full(len(NAMES), 1e-3), seconds=2.0)
     assert isinstance(now, Applied)
     assert now.corrected
     assert now.length_rms[0] == now.length_rms[1]
@@ -53,4 +50,4 @@ def test_a_stream_after_the_registers_is_left_unchanged(recording: Path, tmp_pat
 
 def test_another_unit_is_named_and_nothing_applied_to_it(recording: Path) -> None:
     truth_path(recording).unlink()
-    assert apply_to_unit(tell, recording, None, None, ZERO, ZERO) == OtherUnit("SN-000001")
+    assert apply_to_unit(ignore_progress, recording, None, None, ZERO, ZERO) == OtherUnit("SN-000001")

@@ -24,7 +24,7 @@ from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Fault, Verdict
 from tests.connection.fake_links import SITE, FakeTable, order, server
-from tests.helpers import raises_code
+from tests.helpers import ignore_progress, raises_code
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX processes and paths")
 
@@ -54,10 +54,6 @@ def owner(*ports: str) -> Iterator["subprocess.Popen[str]"]:
             yield process
         finally:
             process.kill()
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Nobody listens."""
 
 
 class Hall:
@@ -99,11 +95,11 @@ def opened(tmp_path: Path) -> Iterator[tuple[Hall, list[bytes]]]:
 
 USERS: dict[str, Callable[[Hall], object]] = {
     "run": Hall.run,
-    "table's link tested": lambda hall: check_table_link(tell, hall.order),
-    "unit's link tested": lambda hall: check_imu_link(tell, hall.order),
-    "table looked at": lambda hall: read_table(tell, hall.order),
-    "table reset": lambda hall: reset_table(tell, hall.order),
-    "registers read": lambda hall: read_unit(tell, hall.request, hall.folder),
+    "table's link tested": lambda hall: check_table_link(ignore_progress, hall.order),
+    "unit's link tested": lambda hall: check_imu_link(ignore_progress, hall.order),
+    "table looked at": lambda hall: read_table(ignore_progress, hall.order),
+    "table reset": lambda hall: reset_table(ignore_progress, hall.order),
+    "registers read": lambda hall: read_unit(ignore_progress, hall.request, hall.folder),
 }
 
 
@@ -134,7 +130,7 @@ def test_the_death_of_its_owner_frees_a_port(opened: tuple[Hall, list[bytes]]) -
     with owner(f"tcp://{hall.address}") as first:
         first.kill()
         first.wait()
-        assert read_table(tell, hall.order).model.startswith("bench-table")
+        assert read_table(ignore_progress, hall.order).model.startswith("bench-table")
 
 
 def test_a_port_is_released_however_its_use_ends(opened: tuple[Hall, list[bytes]]) -> None:

@@ -19,13 +19,9 @@ from calstation.connection.table_reset import TableReset, TableState, read_table
 from calstation.errors import DeviceFaultError
 from calstation.sequencer.guard import check_power
 from tests.connection.fake_links import SITE, FakeTable, order, server, tcp_pdu
-from tests.helpers import raises_code
+from tests.helpers import ignore_progress, raises_code
 
 _REMOTE = 1 << 9
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Nobody listens."""
 
 
 class Bench:
@@ -42,11 +38,11 @@ class Bench:
 
     def reset(self) -> TableReset:
         """The reset under test."""
-        return reset_table(tell, self.order)
+        return reset_table(ignore_progress, self.order)
 
     def standing(self) -> TableState:
         """How the table stands."""
-        return read_table(tell, self.order)
+        return read_table(ignore_progress, self.order)
 
     def check_power(self) -> None:
         """The check of a run before it switches the axes on."""
@@ -109,7 +105,7 @@ def test_nothing_is_sent_if_nothing_is_latched(bench: Bench) -> None:
     fake = FakeTable({})
     fake.words[17] = _REMOTE
     with server(fake.answer) as address:
-        assert reset_table(tell, order(table={"port": f"tcp://{address}"})).outcome == "nothing"
+        assert reset_table(ignore_progress, order(table={"port": f"tcp://{address}"})).outcome == "nothing"
     assert set(fake.functions) == {3}, "something was written to the table"
 
 
@@ -155,7 +151,7 @@ def test_a_fault_whose_cause_persists_is_reported(refuses: bool, outcome: str, m
     monkeypatch.setattr(table_reset, "_CLEARED_WITHIN", 0.2)
     fake = Stubborn(fault=4, refuses=refuses)
     with server(fake.answer) as address:
-        result = reset_table(tell, order(table={"port": f"tcp://{address}"}))
+        result = reset_table(ignore_progress, order(table={"port": f"tcp://{address}"}))
     assert (result.outcome, result.latched, result.left, result.clear) == (outcome, "drive", "drive", False)
     assert ("present state" in result.words) == refuses
     assert fake.written == ([] if refuses else [(16, 0x06), (16, 0x86), (16, 0x06)]), "nothing else is written"
@@ -164,7 +160,7 @@ def test_a_fault_whose_cause_persists_is_reported(refuses: bool, outcome: str, m
 def test_nothing_is_reset_under_local_control() -> None:
     fake = FakeTable({})
     with server(fake.answer) as address:
-        result = reset_table(tell, order(table={"port": f"tcp://{address}"}))
+        result = reset_table(ignore_progress, order(table={"port": f"tcp://{address}"}))
     assert (result.outcome, set(fake.functions)) == ("local_control", {3})
 
 
@@ -175,7 +171,7 @@ def test_another_model_is_never_written_to() -> None:
         server(fake.answer) as address,
         raises_code(DeviceFaultError, "table.other_model"),
     ):
-        reset_table(tell, order(table={"port": f"tcp://{address}"}))
+        reset_table(ignore_progress, order(table={"port": f"tcp://{address}"}))
     assert fake.written == []
 
 

@@ -13,6 +13,7 @@ from calstation.devices.codecs.frame_checks import check_function
 from calstation.devices.profiles.frame import FrameSection
 from calstation.messages.finding import Finding
 from tests.connection.fake_links import order, silent, terminal, word_finding
+from tests.helpers import ignore_progress
 
 NAMES = ["counter", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 FRAME: dict[str, Any] = {
@@ -127,5 +128,5 @@ def product(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 )
 def test_the_test_of_a_text_unit_names_the_entry(product: Path, begins: str, expected: str) -> None:
     with terminal(silent, lambda: line(begins=begins)) as port:
-        report = check_imu_link(lambda *_, **__: None, order(product, imu={"port": port}))
+        report = check_imu_link(ignore_progress, order(product, imu={"port": port}))
     assert [f.id for f in report.findings if f.state == "wrong"] == [expected]

@@ -1,6 +1,5 @@
 """A frame format is a profile: fixed, of told length, of items, text; a wrong profile is told by its entry."""
 
-import copy
 import struct
 from typing import Any
 
@@ -13,6 +12,7 @@ from calstation.devices.imu.frames import FrameDecoder
 from calstation.devices.imu.sample_count import SampleCount
 from calstation.devices.profiles.frame import FrameSection
 from calstation.schema import field_name, problems_of
+from tests.devices.editing import edited
 
 CHANNELS = ["gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z"]
 
@@ -207,19 +207,6 @@ FIXED: dict[str, Any] = {
 }
 
 
-def edited(base: dict[str, Any], where: str, value: Any) -> dict[str, Any]:
-    data = copy.deepcopy(base)
-    *parents, last = where.split("/")
-    place: Any = data
-    for part in parents:
-        place = place[int(part)] if isinstance(place, list) else place[part]
-    if value is None:
-        del place[last]
-    else:
-        place[last] = value
-    return data
-
-
 @pytest.mark.parametrize(
     ("base", "where", "value", "told"),
     [
@@ -250,7 +237,7 @@ def edited(base: dict[str, Any], where: str, value: Any) -> dict[str, Any]:
     ],
 )
 def test_a_wrong_frame_is_reported_by_its_entry(base: dict[str, Any], where: str, value: Any, told: str) -> None:
-    first = problems_of(FrameSection, edited(base, where, value))[0]
+    first = problems_of(FrameSection, edited(base, {where: value}))[0]
     assert f"{field_name(first.place)} {first.what.code}" == told
 
 

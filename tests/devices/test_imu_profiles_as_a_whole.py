@@ -1,7 +1,5 @@
 """An IMU profile whose parts contradict each other is refused in one sentence that names the entry."""
 
-import copy
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -10,31 +8,16 @@ import tomli_w
 
 from calstation.devices.profiles.imu import load_imu_profile
 from calstation.errors import ConfigurationError
+from tests.devices.editing import edited
 from tests.helpers import complaint
 
 DATA = Path(__file__).parents[2] / "data" / "imus"
 DSP, NAV, MIP, VN = "dsp_modbus", "bench_nav", "microstrain_mip", "vectornav_vn100"
 
 
-def edited(name: str, changes: dict[str, Any]) -> dict[str, Any]:
-    """A shipped profile with values changed by their places, `None` to take one out."""
-    data = copy.deepcopy(tomllib.loads((DATA / f"{name}.toml").read_text(encoding="utf-8")))
-    for where, value in changes.items():
-        *parents, last = where.split("/")
-        place: Any = data
-        for part in parents:
-            place = place[int(part)] if isinstance(place, list) else place[part]
-        key: Any = int(last) if isinstance(place, list) else last
-        if value is None:
-            del place[key]
-        else:
-            place[key] = value
-    return data
-
-
 def told(tmp_path: Path, name: str, changes: dict[str, Any]) -> str:
     path = tmp_path / "profile.toml"
-    path.write_text(tomli_w.dumps(edited(name, changes)), encoding="utf-8")
+    path.write_text(tomli_w.dumps(edited(DATA / f"{name}.toml", changes)), encoding="utf-8")
     with pytest.raises(ConfigurationError) as caught:
         load_imu_profile(path)
     assert str(caught.value).startswith(f"{path}: ")
@@ -83,7 +66,7 @@ def test_registers_of_a_modbus_unit(tmp_path: Path, changes: dict[str, Any], wor
 
 def test_one_command_register_may_take_several_values(tmp_path: Path) -> None:
     path = tmp_path / "profile.toml"
-    path.write_text(tomli_w.dumps(edited(DSP, {"modbus/reset/address": 21})), encoding="utf-8")
+    path.write_text(tomli_w.dumps(edited(DATA / f"{DSP}.toml", {"modbus/reset/address": 21})), encoding="utf-8")
     profile = load_imu_profile(path)
     assert profile.modbus is not None
     assert profile.modbus.reset.address == profile.modbus.commit.address
@@ -129,13 +112,18 @@ def test_a_counter_with_too_short_a_period_is_refused(tmp_path: Path) -> None:
     words = told(tmp_path, NAV, {**short, "stream/sample_rate_hz": 4000.0})
     assert words == "frame.fields[0].type profile.counter_too_short"
     path = tmp_path / "profile.toml"
-    path.write_text(tomli_w.dumps(edited(NAV, {**short, "stream/sample_rate_hz": 2000.0})), encoding="utf-8")
+    path.write_text(
+        tomli_w.dumps(edited(DATA / f"{NAV}.toml", {**short, "stream/sample_rate_hz": 2000.0})), encoding="utf-8"
+    )
     load_imu_profile(path)
 
 
 def test_an_unstated_baud_rate_is_not_checked(tmp_path: Path) -> None:
     path = tmp_path / "profile.toml"
-    path.write_text(tomli_w.dumps(edited(NAV, {"link/baud": None, "stream/sample_rate_hz": 2000.0})), encoding="utf-8")
+    path.write_text(
+        tomli_w.dumps(edited(DATA / f"{NAV}.toml", {"link/baud": None, "stream/sample_rate_hz": 2000.0})),
+        encoding="utf-8",
+    )
     assert load_imu_profile(path).stream.sample_rate_hz == 2000.0
 
 

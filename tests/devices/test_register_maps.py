@@ -1,8 +1,6 @@
 """A register map is a profile: any type, order, scale, sign, convention and page; exact, and checked as a whole."""
 
-import copy
 import itertools
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +17,7 @@ from calstation.devices.profiles.registers import RegisterEntry
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import GROUPS, NAMES, PARAMETERS
+from tests.devices.editing import edited
 from tests.helpers import complaint, raises_code
 
 DATA = Path(__file__).parents[2] / "data" / "imus"
@@ -186,19 +185,6 @@ def test_registers_as_they_are_stored() -> None:
 # A map that cannot be is told by its entry -----------------------------------------------------------------------
 
 
-def edited(name: str, where: str, value: Any) -> dict[str, Any]:
-    data = copy.deepcopy(tomllib.loads((DATA / f"{name}.toml").read_text(encoding="utf-8")))
-    *parents, last = where.split("/")
-    place: Any = data
-    for part in parents:
-        place = place[int(part)] if isinstance(place, list) else place[part]
-    if value is None:
-        del place[int(last) if isinstance(place, list) else last]
-    else:
-        place[last] = value
-    return data
-
-
 @pytest.mark.parametrize(
     ("name", "where", "value", "told"),
     [
@@ -250,7 +236,7 @@ def test_a_wrong_register_map_is_reported_by_its_entry(
     tmp_path: Path, name: str, where: str, value: Any, told: str | None
 ) -> None:
     path = tmp_path / "profile.toml"
-    path.write_text(tomli_w.dumps(edited(name, where, value)), encoding="utf-8")
+    path.write_text(tomli_w.dumps(edited(DATA / f"{name}.toml", {where: value})), encoding="utf-8")
     if told is None:
         load_imu_profile(path)
         return

@@ -1,7 +1,5 @@
 """A table profile that could not be obeyed, or not be read, is refused in one sentence that names the entry."""
 
-import copy
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -10,30 +8,16 @@ import tomli_w
 
 from calstation.devices.profiles.table import TableProfile, load_table_profile
 from calstation.errors import ConfigurationError
+from tests.devices.editing import edited
 from tests.helpers import complaint
 
 DATA = Path(__file__).parents[2] / "data" / "tables"
 BENCH, DRIVES, MN, ATL, ACL = "bench", "cia402_drives", "mn_ascii", "aerosmith_atl", "acutronic_acl"
 
 
-def edited(name: str, changes: dict[str, Any]) -> dict[str, Any]:
-    """A shipped profile with values changed by their places, `None` to take one out."""
-    data = copy.deepcopy(tomllib.loads((DATA / f"{name}.toml").read_text(encoding="utf-8")))
-    for where, value in changes.items():
-        *parents, last = where.split("/")
-        place: Any = data
-        for part in parents:
-            place = place[part]
-        if value is None:
-            del place[last]
-        else:
-            place[last] = value
-    return data
-
-
 def load(tmp_path: Path, name: str, changes: dict[str, Any]) -> TableProfile:
     path = tmp_path / "profile.toml"
-    path.write_text(tomli_w.dumps(edited(name, changes)), encoding="utf-8")
+    path.write_text(tomli_w.dumps(edited(DATA / f"{name}.toml", changes)), encoding="utf-8")
     return load_table_profile(path)
 
 

@@ -19,7 +19,7 @@ from calstation.registers.unit_registers import UnitRegisters, read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Message, StageStarted, StepStarted, Verdict
-from tests.helpers import raises_code
+from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import Errands
 from tests.site_folder import SiteFolder
 
@@ -27,10 +27,6 @@ pytestmark = pytest.mark.long
 
 SERIAL = "SN-000042"
 VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Progress that nobody watches."""
 
 
 class Workbench:
@@ -56,7 +52,7 @@ class Workbench:
         class Cut(BaseException):
             pass
 
-        with open_imu_session(tell, setup) as unit:
+        with open_imu_session(ignore_progress, setup) as unit:
             commit = unit.imu.commit
 
             def cut() -> None:
@@ -72,7 +68,7 @@ class Workbench:
         return entry
 
     def holds(self) -> dict[str, float]:
-        return read_unit(tell, self.request, self.runs).values
+        return read_unit(ignore_progress, self.request, self.runs).values
 
     def run(self, **changes: Any) -> list[Event]:
         events: list[Event] = []

@@ -13,15 +13,11 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.registers.journal import FOLDER, history
 from calstation.registers.unit_registers import UnitRegisters, compose, read_unit, wanted_registers
 from calstation.results.result import Result
-from tests.helpers import raises_code
+from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import Errands
 from tests.site_folder import SiteFolder, behind_registers
 
 SERIAL = "SN-000042"
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Progress that nobody watches."""
 
 
 @pytest.fixture
@@ -47,16 +43,16 @@ def result_of(site_folder: SiteFolder, **values: float) -> Result:
 
 def test_the_unit_holds_what_was_written(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
-    before = read_unit(tell, unit.request(), runs)
+    before = read_unit(ignore_progress, unit.request(), runs)
     assert (before.serial, before.commits, before.virtual) == (SERIAL, 0, True)
     assert before.model.startswith("bench-imu")
-    wanted = wanted_registers(tell, unit.request(), result_of(unit, gyro_bias_x=1e-6, accel_scale_y=3e-4))
+    wanted = wanted_registers(ignore_progress, unit.request(), result_of(unit, gyro_bias_x=1e-6, accel_scale_y=3e-4))
     assert [(r.address, r.parameter) for r in wanted.registers] == [(0, "gyro_bias_x"), (19, "accel_scale_y")]
     assert wanted.registers[0].value == np.float32(1e-6)
     assert bytes.fromhex(wanted.registers[0].raw) == np.array([1e-6], ">f4").tobytes()
 
     after = UnitRegisters.of(Errands(unit.request()).write(wanted.values, at_rest=True).unit)
-    again = read_unit(tell, unit.request(), runs)
+    again = read_unit(ignore_progress, unit.request(), runs)
     assert again.values == after.values == before.values | wanted.values
     assert again.commits == 1
     (entry,) = history(runs, SERIAL)
@@ -103,7 +99,7 @@ def test_a_value_that_does_not_fit_is_refused(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     with pytest.raises(DeviceFaultError, match="does not fit register 0"):
         Errands(unit.request()).write({"gyro_bias_x": 7.0}, at_rest=True)
-    assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] != 7.0
+    assert read_unit(ignore_progress, unit.request(), runs).values["gyro_bias_x"] != 7.0
 
 
 def test_no_journal_no_write(unit: SiteFolder) -> None:
@@ -113,7 +109,7 @@ def test_no_journal_no_write(unit: SiteFolder) -> None:
     with raises_code(ConfigurationError, "journal.unwritable"):
         Errands(unit.request()).write({"gyro_bias_x": 1e-6}, at_rest=True)
     (runs / FOLDER).unlink()
-    assert read_unit(tell, unit.request(), runs).values["gyro_bias_x"] == 0.0
+    assert read_unit(ignore_progress, unit.request(), runs).values["gyro_bias_x"] == 0.0
 
 
 def test_a_result_after_the_registers_is_composed_with_them(
@@ -125,13 +121,14 @@ def test_a_result_after_the_registers_is_composed_with_them(
     (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
     monkeypatch.setenv("CALSTATION_HOME", str(home))
     result = dict(site_folder.run("six_position").result)
-    wanted = wanted_registers(tell, site_folder.request(), Result.from_json(result))
+    wanted = wanted_registers(ignore_progress, site_folder.request(), Result.from_json(result))
     found = {name: row["value"] for name, row in result["parameters"].items()}
     expected = compose(result["registers"]["old"], found)
     for name, value in wanted.values.items():
         assert value == pytest.approx(np.float32(expected[name]), abs=1e-12)
     moved = replace(site_folder.request(), out=Path("elsewhere"))
     Path(result["log"]["file"]).unlink()
-    assert wanted_registers(tell, moved, Result.from_json(result)).values == wanted.values  # as the run wrote them
+    again = wanted_registers(ignore_progress, moved, Result.from_json(result))
+    assert again.values == wanted.values, "as the run wrote them"
     with raises_code(InputError, "transfer.log_missing"):
-        wanted_registers(tell, moved, Result.from_json({**result, "registers": None}))
+        wanted_registers(ignore_progress, moved, Result.from_json({**result, "registers": None}))

@@ -22,16 +22,12 @@ from calstation.registers.unit_registers import read_unit
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Message, Verdict
-from tests.helpers import raises_code
+from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import Errands
 from tests.site_folder import STATION, SiteFolder
 
 SERIAL = "SN-000042"
 VALUES = {"gyro_bias_x": 2e-6, "accel_scale_y": 3e-4}
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Nobody listens."""
 
 
 @pytest.fixture(autouse=True)
@@ -63,7 +59,7 @@ def test_another_folder_of_runs_has_the_same_journal(
 ) -> None:
     Errands(hardware).write(VALUES, at_rest=True)
     tuesday = site_folder.folder / "tuesday"
-    assert read_unit(tell, hardware, tuesday).commits == 1
+    assert read_unit(ignore_progress, hardware, tuesday).commits == 1
     assert not (hardware.out / register_journal.FOLDER).exists()
     assert register_journal.serials(home) == [SERIAL]
 

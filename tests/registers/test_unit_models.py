@@ -23,16 +23,12 @@ from calstation.registers.unit_registers import wanted_registers
 from calstation.results.result import Result
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
-from tests.helpers import raises_code
+from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import Errands
 from tests.site_folder import SiteFolder
 
 SERIAL = "SN-000042"
 NAV, MEMS = "Bench IMU, navigation grade", "Bench IMU, MEMS grade"
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Nobody listens."""
 
 
 def registers() -> list[RegisterEntry]:
@@ -151,7 +147,7 @@ def test_a_result_of_another_profile_is_not_offered_to_the_unit(known: Known) ->
         "log": {"file": ""},
     }
     with raises_code(InputError, "transfer.result_other_profile"):
-        wanted_registers(tell, known.site_folder.request(), Result.from_json(result))
+        wanted_registers(ignore_progress, known.site_folder.request(), Result.from_json(result))
 
 
 def test_the_largest_change_is_the_largest_part_of_what_is_expected(known: Known) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calstation.results.diagnostics import diagnose
+from tests.helpers import Progress, ignore_progress
 from tests.shared_runs import SharedRuns
 
 
@@ -13,12 +14,8 @@ def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(
     tmp_path: Path, shared_runs: SharedRuns
 ) -> None:
     verdict = shared_runs.passed(tmp_path)
-    told: list[float] = []
-
-    def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-        told.append(fraction)
-
-    looked = diagnose(tell, Path(verdict.log))
+    progress = Progress()
+    looked = diagnose(progress, Path(verdict.log))
     assert looked.serial == "SN-000042"
     assert [s.stage for s in looked.stages] == ["rate", "six_position", "excitation", "azimuth_flip"]
     for stage in looked.stages:
@@ -31,11 +28,11 @@ def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(
         assert stage.innovations.seq[0] >= stage.first_seq
         assert len(stage.rests) >= 4
     assert looked.stages[3].observability == verdict.result["observability"]["azimuth_flip"]
-    assert told == sorted(told)
-    assert told[-1] < 1.0
+    assert progress.fractions == sorted(progress.fractions)
+    assert progress.fractions[-1] < 1.0
 
 
 def test_part_of_a_log_can_be_looked_at(tmp_path: Path, shared_runs: SharedRuns) -> None:
     verdict = shared_runs.passed(tmp_path)
-    looked = diagnose(lambda *_, **__: None, Path(verdict.log), ("six_position",))
+    looked = diagnose(ignore_progress, Path(verdict.log), ("six_position",))
     assert [s.stage for s in looked.stages] == ["six_position"]

@@ -8,12 +8,9 @@ import pytest
 from calstation.errors import InputError
 from calstation.records.convert import export_csv
 from calstation.results.resolving import load_finished_run
+from tests.helpers import ignore_progress
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
-
-
-def tell(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-    """Progress that nobody watches."""
 
 
 def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(
@@ -23,22 +20,22 @@ def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(
     first = shared_runs.passed(site_folder.folder, "six_position")
     site_folder.write(seed=6)
     second = site_folder.run("six_position")
-    by_result = load_finished_run(tell, Path(second.result_file), runs)
-    by_log = load_finished_run(tell, Path(second.log), runs)
+    by_result = load_finished_run(ignore_progress, Path(second.result_file), runs)
+    by_log = load_finished_run(ignore_progress, Path(second.log), runs)
     assert by_result.result.to_json() == by_log.result.to_json() == second.result
     text = (Path(second.result_file)).read_text(encoding="utf-8")
     assert json.dumps(by_result.result.to_json(), indent=1, ensure_ascii=False) + "\n" == text
     assert by_result.log == by_log.log == Path(second.log)
     assert not by_result.solved_now
     assert by_result.previous == {n: row["value"] for n, row in first.result["parameters"].items()}
-    assert load_finished_run(tell, Path(first.result_file), runs).previous == {}
+    assert load_finished_run(ignore_progress, Path(first.result_file), runs).previous == {}
 
 
 def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRuns) -> None:
     verdict = shared_runs.passed(tmp_path, "six_position")
     csv = tmp_path / "foreign.csv"
     export_csv(Path(verdict.log), csv)
-    found = load_finished_run(tell, csv, tmp_path / "nowhere")
+    found = load_finished_run(ignore_progress, csv, tmp_path / "nowhere")
     assert found.solved_now
     assert found.previous == {}
     assert found.result.to_json()["parameters"] == verdict.result["parameters"]
@@ -47,7 +44,7 @@ def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRun
 def test_a_result_whose_log_has_gone_is_still_shown(site_folder: SiteFolder) -> None:
     verdict = site_folder.run("six_position")
     Path(verdict.log).unlink()
-    assert load_finished_run(tell, Path(verdict.result_file), site_folder.folder / "runs").log is None
+    assert load_finished_run(ignore_progress, Path(verdict.result_file), site_folder.folder / "runs").log is None
 
 
 @pytest.mark.parametrize("text", ["{", json.dumps({"schema": "other"}), "[]"])
@@ -55,4 +52,4 @@ def test_what_is_no_result_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "x.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=r"x\.json: The file is not"):
-        load_finished_run(tell, path, tmp_path)
+        load_finished_run(ignore_progress, path, tmp_path)

@@ -14,7 +14,7 @@ from calstation.messages.rendering import Text
 from calstation.records.convert import export_csv
 from calstation.results.plots.index import log_index, samples
 from calstation.results.resolving import resolve
-from tests.helpers import raises_code
+from tests.helpers import ignore_progress, raises_code
 from tests.shared_runs import SharedRuns
 
 #: Rows on a page of 4 kB.
@@ -125,11 +125,8 @@ def test_samples_after_damaged_rows_are_drawn_at_their_time(log: Damaged, tmp_pa
     row = log.rest("rate")
     log.hurt(row)
 
-    def tell(*_: object, **__: object) -> None:
-        """Nobody listens."""
-
-    seen = log_index(tell, log.path, tmp_path / "picture")
+    seen = log_index(ignore_progress, log.path, tmp_path / "picture")
     assert seen.facts.damaged == HURT
     assert seen.gaps.ranges.tolist() == [[log.seq[row - 1], log.seq[row + HURT]]]
-    drawn = samples(tell, log.path, seen.folder, seen.scale, row - 5, row + 5, 100)
+    drawn = samples(ignore_progress, log.path, seen.folder, seen.scale, row - 5, row + 5, 100)
     assert drawn.seq.tolist() == [*log.seq[row - 5 : row], *log.seq[row + HURT : row + HURT + 5]]
