@@ -83,10 +83,6 @@ class LentBench:
         """End the process at once."""
         self.send_signal(signal.SIGKILL)
 
-    def terminate(self) -> None:
-        """Ask the process to end."""
-        self.send_signal(signal.SIGTERM)
-
     def communicate(self) -> tuple[bytes, bytes]:
         """Close the input and collect what is left of both outputs."""
         self.stdin.close()
@@ -133,7 +129,7 @@ def install() -> None:
     # Both servers take long to import everything on a busy computer, and an engine is expected to begin soon.
     threading.Thread(target=lambda: _connect(path).close(), daemon=True).start()
     engines = _EngineContext()
-    engines.set_forkserver_preload(["lent_engine"])  # found by this path; one that is not found is left out silently
+    engines.set_forkserver_preload(["lent_engine"])  # found by this path; an import that fails is silent
     here = str(Path(__file__).parent)
     os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (here, os.environ.get("PYTHONPATH"))))
     forkserver.ensure_running()
@@ -178,8 +174,11 @@ def _connect(path: Path) -> socket.socket:
             owner = path.name.rpartition("-")[2]
             command = [sys.executable, __file__, str(path), owner]
             # Without this process's descriptors, which would stay open as long as the server.
-            _started.append(subprocess.Popen(command, start_new_session=True))
+            server = subprocess.Popen(command, start_new_session=True)
+            _started.append(server)
             while (line := _try(path)) is None:
+                if server.poll() is not None:
+                    raise RuntimeError(f"the server of benches ended with exit code {server.returncode}")
                 time.sleep(_POLL)
         return line
 

@@ -9,5 +9,6 @@ for name in ("connection", "devices", "jobs", "records", "registers", "results",
     for public in package.__all__:
         getattr(package, public)
 
+importlib.import_module("calstation.runs.run")
 importlib.import_module("calstation.estimation.navigation.stage").warm_up()
 lent.lend_benches()

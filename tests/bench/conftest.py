@@ -11,7 +11,7 @@ import lent
 import pytest
 import serial
 
-from calstation.bench.imu.frames import COMMAND_SYNC, REPLY_SYNC, STREAM, crc16, pack
+from calstation.bench.imu.frames import COMMAND_SYNC, REPLY_SYNC, crc16, pack
 
 
 class Bench:
@@ -116,8 +116,3 @@ def imu_client():
     yield connect
     for client in clients:
         client.close()
-
-
-@pytest.fixture(scope="session")
-def frame_size():
-    return STREAM.itemsize
