@@ -53,6 +53,17 @@ def wrong(report: Report) -> Finding:
     return finding
 
 
+def test_a_reports_state_is_that_of_its_worst_finding() -> None:
+    for states, worst in (
+        ((), "ok"),
+        (("told",), "ok"),
+        (("ok", "told"), "ok"),
+        (("ok", "look", "told"), "look"),
+        (("look", "wrong", "ok"), "wrong"),
+    ):
+        assert Report("imu", tuple(Finding("rate", state) for state in states)).state == worst
+
+
 # A right link
 
 

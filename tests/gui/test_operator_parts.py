@@ -112,6 +112,8 @@ def test_group_reaches_its_target_and_lines_are_thinned(qtbot: QtBot) -> None:
     plot.start({"gyro_bias": 1e-7})
     for k in range(20_000):
         plot.take(float(k), {"gyro_bias": 1e-4 / (k + 1), "accel_bias": 1.0})
+        if k == 900:
+            assert not plot.lines["gyro_bias"].reached
     assert plot.lines["gyro_bias"].reached
     assert "accel_bias" not in plot.lines
     assert len(plot.lines["gyro_bias"].times) <= 2001

@@ -34,6 +34,11 @@ def result(value: float, sigma: float) -> Result:
 RESULT, STORED = result(0.1 + 0.2, 1e-8), result(0.3, 2e-8)
 
 
+def test_the_key_of_a_partial_run_in_earlier_results_is_read() -> None:
+    assert Result.from_json({**RESULT.to_json(), "part": True}).partial
+    assert not RESULT.partial
+
+
 def test_a_range_is_solved_as_the_command_line_does(tmp_path: Path) -> None:
     log = write_log(tmp_path, six_position_rows())
     spans = log_index(Progress(), log, tmp_path / "picture").spans

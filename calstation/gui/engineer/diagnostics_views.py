@@ -340,11 +340,6 @@ class HeatMap(ThemedPlot):
         self.setLabel("bottom", self.tr("after step"))
         self.setRange(QRectF(0.0, 0.0, len(steps), len(names)), padding=0.0)
 
-    def centre_of(self, line: int, step: int) -> QPoint:
-        """Return the centre of a cell in view coordinates."""
-        centre: QPoint = self.mapFromScene(self.getViewBox().mapViewToScene(pg.Point(step + 0.5, line + 0.5)))
-        return centre
-
     def describe(self, at: QPoint) -> str:
         """Return a description of the cell at a point of the view, "" outside the cells."""
         found = self.getViewBox().mapSceneToView(self.mapToScene(at))
