@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calstation.connection.clock import TICK
 from calstation.devices.profiles.frame import Span
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.method import Solution
@@ -25,7 +26,7 @@ from calstation.sequencer.events import (
 )
 from calstation.sequencer.guard import safe_stop
 from calstation.sequencer.plan import StagePlan, StopRule
-from tests.sequencer.fakes import GRAVITY, MODEL, RATE, Scene, repeated
+from tests.sequencer.fakes import GRAVITY, MODEL, RATE, FakeClock, Scene, repeated
 
 
 def code(ended: Ended) -> str:
@@ -37,7 +38,14 @@ def states(scene: Scene) -> list[str]:
     return [event.state for event in scene.events_of(StateChanged)]
 
 
-def test_a_run_passes_and_leaves_the_axes_off() -> None:
+@pytest.fixture(params=[TICK, FakeClock.tick])
+def tick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> float:
+    """The polling interval, s: that of hardware and the longer one of all other tests."""
+    monkeypatch.setattr(FakeClock, "tick", request.param)
+    return float(request.param)
+
+
+def test_a_run_passes_and_leaves_the_axes_off(tick: float) -> None:
     scene = Scene()
     assert scene.run().state is State.PASSED
     assert states(scene) == ["preparing", "running", "passed"]
@@ -46,7 +54,7 @@ def test_a_run_passes_and_leaves_the_axes_off() -> None:
     assert scene.finalized == 1
 
 
-def test_samples_carry_stage_step_and_angles() -> None:
+def test_samples_carry_stage_step_and_angles(tick: float) -> None:
     scene = Scene()
     scene.passes = False  # no turns after the last stage: the fake remembers only its last move
     scene.run()
@@ -66,7 +74,7 @@ def test_samples_carry_stage_step_and_angles() -> None:
     assert np.allclose(angles[polled, 0][-20:], truth, atol=1e-9)
 
 
-def test_each_rest_lasts_its_time_in_imu_time() -> None:
+def test_each_rest_lasts_its_time_in_imu_time(tick: float) -> None:
     scene = Scene()
     scene.run()
     blocks = scene.solving.blocks["rate"]
@@ -83,7 +91,7 @@ def test_a_unit_outside_its_limits_fails() -> None:
     assert scene.run().state is State.FAILED
 
 
-def test_stop_in_every_state_is_a_safe_stop() -> None:
+def test_stop_in_every_state_is_a_safe_stop(tick: float) -> None:
     for moment in (0.05, 1.0, 4.0, 8.0, 12.0, 16.0):
         scene = Scene()
         scene.clock.at(moment, lambda scene=scene: scene.control.send(Command.STOP))
@@ -121,7 +129,7 @@ class _Watched(list):  # type: ignore[type-arg]
         self._watch(event, self.append_plain)  # type: ignore[operator]
 
 
-def test_pause_and_resume_repeats_the_step_from_its_start() -> None:
+def test_pause_and_resume_repeats_the_step_from_its_start(tick: float) -> None:
     scene = Scene()
 
     def pause() -> None:
@@ -145,7 +153,7 @@ def test_pause_and_resume_repeats_the_step_from_its_start() -> None:
     assert step[-1] == first + 4
 
 
-def test_pause_during_a_rest_repeats_the_move_that_led_there_and_the_rest() -> None:
+def test_pause_during_a_rest_repeats_the_move_that_led_there_and_the_rest(tick: float) -> None:
     scene = Scene()
 
     def pause() -> None:
@@ -159,7 +167,7 @@ def test_pause_during_a_rest_repeats_the_move_that_led_there_and_the_rest() -> N
     assert steps == [turn, rest, ("move", ("return",)), rest, turn, rest, turn, rest]
 
 
-def test_lost_samples_repeat_the_step() -> None:
+def test_lost_samples_repeat_the_step(tick: float) -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.imu, "drop", 2))
     assert scene.run().state is State.PASSED
@@ -167,7 +175,7 @@ def test_lost_samples_repeat_the_step() -> None:
     assert [m.values["reason"] for m in repeated_steps] == ["gap"]
 
 
-def test_an_imu_that_falls_silent_is_a_fault_after_bounded_repeats() -> None:
+def test_an_imu_that_falls_silent_is_a_fault_after_bounded_repeats(tick: float) -> None:
     scene = Scene()
     in_stage(scene, 1.0, lambda: setattr(scene.imu, "silent", True))
     ended = scene.run()
