@@ -92,8 +92,10 @@ def test_watchdog_and_interlock_trip_and_latch(start_bench):
         client = connect(bench)
         try:
             enable_and_home(bench, client)
-            time.sleep(1.0)
-            assert read(client, 17, 2)[0] & 0x0F == 0x08
+            deadline = time.monotonic() + 20.0
+            while read(client, 17)[0] & 0x0F != 0x08:  # reading does not feed the watchdog
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
             assert read(client, 18) == [2]
             assert write(client, 22, 3) == 4
             assert write(client, 20, 0) == 0
@@ -114,10 +116,8 @@ def test_watchdog_and_interlock_trip_and_latch(start_bench):
 def test_the_serial_line_loses_nothing_and_answers_in_between(start_bench, imu_client, transport):
     with start_bench(imu_transport=transport, serial="SN-77", clock_drift_ppm=0.0) as bench:
         imu = imu_client(bench.endpoints["imu"])
-        bench.ask(now=None)
-        time.sleep(0.05)  # a terminal is seen to be open when it is looked at
+        assert imu.command(1) == (1, b"bench-imu;SN-77;1.0.0")  # now the bench has seen that the line is open
         answer = bench.advance(20.0)
-        assert imu.command(1) == (1, b"bench-imu;SN-77;1.0.0")
         values = struct.pack("<HB3f", 12, 3, 0.5, -1.5, 2.5)
         assert imu.command(3, values) == (3, values[:3])
         assert imu.command(2, values[:3]) == (2, values)
@@ -127,10 +127,10 @@ def test_the_serial_line_loses_nothing_and_answers_in_between(start_bench, imu_c
         assert total["samples"] == 8000
         assert len(imu.data) == total["bytes"]
         # Cut the three replies out; what is left is whole frames, none missing.
-        replies = 6 + 21 + 6 + 3 + 6 + 15
-        frames = len(imu.data) - replies
+        first, replies = 6 + 21, 6 + 3 + 6 + 15
+        frames = len(imu.data) - first - replies
         assert frames % STREAM.itemsize == 0
-        before = np.frombuffer(bytes(imu.data[: answer["bytes"]]), dtype=STREAM)["counter"]
+        before = np.frombuffer(bytes(imu.data[first : answer["bytes"]]), dtype=STREAM)["counter"]
         after = np.frombuffer(bytes(imu.data[answer["bytes"] + replies :]), dtype=STREAM)["counter"]
         assert np.array_equal(np.concatenate([before, after]), np.arange(8000 - 20))
 

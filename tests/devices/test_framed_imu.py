@@ -310,7 +310,9 @@ def test_a_lost_link_is_reported_after_the_last_samples() -> None:
         link.send(stream_frame(1, [0] * 6))
         wait_for_frames(imu, 1)
         link.failure = DeviceFaultError("link.lost", device="imu", port="SCRIPT", reason="no power")
-        time.sleep(0.1)
+        deadline = time.monotonic() + 5.0
+        while not imu.lost and time.monotonic() < deadline:
+            time.sleep(0.001)
         assert len(imu.read()) == 1
         with raises_code(DeviceFaultError, "link.lost"):
             imu.read()
