@@ -1,7 +1,9 @@
 """Helpers that tests of every package share."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,6 +29,14 @@ def complaint(error: CalstationError) -> str:
     if what.code == "entry.at":
         return f"{what.values['field']} {what.values['what'].code}"
     return str(what.code)
+
+
+def sampled(every: int, *choices: Iterable[Any]) -> list[Any]:
+    """All combinations of the choices as parameters; all but every `every`-th are left to ``make exhaustive``."""
+    return [
+        pytest.param(*chosen, marks=[pytest.mark.exhaustive] if number % every else [])
+        for number, chosen in enumerate(product(*choices))
+    ]
 
 
 class Progress:

@@ -31,6 +31,7 @@ def test_joint_rates_turn_the_body_at_the_requested_rate():
     assert omega == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=1e-8)
 
 
+@pytest.mark.long
 def test_an_error_shows_in_the_joints_and_not_in_stabilised_rates():
     imu = misaligned(1)
     bench = GimbalBench(imu, 1, encoder_sigma=0.0)

@@ -39,6 +39,7 @@ def reference_pass(stage, last):
     )
 
 
+@pytest.mark.long
 def test_plain_filter_gives_the_same_solution(stage, monkeypatch):
     monkeypatch.setattr(navigation, "GROUP_TIME", 0.1)  # back to the reference after every observation, as there
     with one_blas_thread():

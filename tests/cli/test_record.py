@@ -12,7 +12,12 @@ Run = Callable[..., Done]
 
 
 @pytest.mark.parametrize(
-    ("kind", "stage"), [("hand", "multi_position"), ("pair", "cross_calibration"), ("gimbal", "gimbal")]
+    ("kind", "stage"),
+    [
+        pytest.param("hand", "multi_position", marks=pytest.mark.long),
+        pytest.param("pair", "cross_calibration", marks=pytest.mark.long),
+        ("gimbal", "gimbal"),
+    ],
 )
 def test_a_recording_is_made_solved_and_compared_with_its_truth(
     calstation: Run, tmp_path: Path, kind: str, stage: str

@@ -12,7 +12,7 @@ from calstation.results.resolving import resolve
 from calstation.runs.resume import resumable
 from calstation.sequencer.events import Message, StepStarted, Trace
 from tests.faults.conftest import SERIAL, FaultRuns, fault
-from tests.helpers import complaint
+from tests.helpers import complaint, sampled
 from tests.site_folder import PRODUCT, QUICK
 
 pytestmark = pytest.mark.long
@@ -110,18 +110,16 @@ def test_a_wrong_unit_mounting_or_baud_is_reported_before_any_stage(
     fault_runs.run(planned).assert_stopped("IMU: ", *words)
 
 
-@pytest.mark.parametrize("time_s", [4.0, 4.7])
 @pytest.mark.parametrize(
-    ("kind", "value", "reason"),
-    [
-        ("drop_frames", 3, "gap"),
-        ("saturate_imu", 0.1, "saturated"),
-        ("silence_imu", 8.0, "no_data"),
-    ],
+    ("time_s", "repeated"),
+    sampled(
+        2, [4.0, 4.7], [("drop_frames", 3, "gap"), ("saturate_imu", 0.1, "saturated"), ("silence_imu", 8.0, "no_data")]
+    ),
 )
 def test_the_rest_before_a_repeated_step_is_watched_too(
-    fault_runs: FaultRuns, kind: str, value: float, reason: str, time_s: float
+    fault_runs: FaultRuns, time_s: float, repeated: tuple[str, float, str]
 ) -> None:
+    kind, value, reason = repeated
     ran = fault_runs.run(fault("drop_frames", 3, step=9), fault(kind, value, step=11, time_s=time_s))
     assert ran.verdict.outcome == "passed"
     assert ran.repeated == ["gap", reason]

@@ -10,6 +10,7 @@ from calstation.registers import journal as register_journal
 from calstation.sequencer.events import Message
 from calstation.simulation.fault_plan import load_fault_plan
 from tests.faults.conftest import SERIAL, FaultRuns, Ran
+from tests.helpers import sampled
 from tests.registers.operations import Errands
 from tests.runs.test_manual_rig import PRODUCT as BY_HAND
 from tests.site_folder import PRODUCT
@@ -58,22 +59,21 @@ def test_a_restart_during_a_stage_repeats_the_step(fault_runs: FaultRuns, imu: s
     assert ran.verdict.result["log"]["gaps"] == 1
 
 
-@pytest.mark.parametrize("moment", [0.3, 3.0, 8.0, 14.0, 20.0, 26.0])
-@pytest.mark.parametrize("imu", IMUS)
+@pytest.mark.parametrize(("imu", "moment"), sampled(5, IMUS, [0.3, 3.0, 8.0, 14.0, 20.0, 26.0]))
 def test_a_restart_during_the_verification_repeats_the_capture(fault_runs: FaultRuns, imu: str, moment: float) -> None:
     ran = with_imu(fault_runs, imu).run(*restart("verifying", moment))
     assert_proved(fault_runs, ran)
     assert looks_repeated(ran) <= 1
 
 
-@pytest.mark.parametrize("imu", IMUS)
+@pytest.mark.parametrize("imu", sampled(2, IMUS))
 def test_a_restart_before_the_write_repeats_the_reference_capture(fault_runs: FaultRuns, imu: str) -> None:
     ran = with_imu(fault_runs, imu).run(*restart("reference", 9.0))
     assert_proved(fault_runs, ran)
     assert looks_repeated(ran) == 1
 
 
-@pytest.mark.parametrize("imu", IMUS)
+@pytest.mark.parametrize("imu", sampled(2, IMUS))
 def test_repeated_restarts_are_a_fault_that_leaves_the_decision_open(fault_runs: FaultRuns, imu: str) -> None:
     ran = with_imu(fault_runs, imu).run(*restart("verifying", *range(6, 60, 6)))
     ran.assert_stopped("IMU: the unit restarted while its new registers were verified", "check its supply")
@@ -87,7 +87,7 @@ def test_repeated_restarts_are_a_fault_that_leaves_the_decision_open(fault_runs:
     assert (first.closing, first.cycles) == ("done", 1)
 
 
-@pytest.mark.parametrize("imu", IMUS)
+@pytest.mark.parametrize("imu", sampled(2, IMUS))
 def test_a_restart_at_rest_repeats_the_capture(fault_runs: FaultRuns, imu: str) -> None:
     errands = Errands(with_imu(fault_runs, imu).request(orders=[{"order": "reset_imu", "at": 17.0}]))
     assert errands.write({"accel_bias_x": 5e-3}, at_rest=True).proof == "rest"

@@ -17,7 +17,7 @@ from calstation.runs.engine import Engine
 from calstation.runs.incomplete import close_incomplete, finish_incomplete
 from calstation.sequencer.events import Event, StepStarted, Verdict
 from tests.faults.conftest import SERIAL, FaultRuns
-from tests.helpers import raises_code
+from tests.helpers import raises_code, sampled
 
 pytestmark = [
     pytest.mark.long,
@@ -56,7 +56,7 @@ def wall_clock(library: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     return WallClock(tmp_path / "offset")
 
 
-@pytest.mark.parametrize("by", [DAYS, -DAYS], ids=["forward", "back"])
+@pytest.mark.parametrize("by", sampled(2, [DAYS, -DAYS]), ids=["forward", "back"])
 def test_setting_the_clock_does_not_change_a_run(fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta) -> None:
     runs = fault_runs.folder / "runs"
     begun = datetime.now(UTC)
@@ -90,7 +90,7 @@ def test_setting_the_clock_does_not_change_a_run(fault_runs: FaultRuns, wall_clo
     assert abs(datetime.fromisoformat(entry.utc) - begun - by) < hour, "the clock was set: labels follow it"
 
 
-@pytest.mark.parametrize("by", [DAYS, -DAYS], ids=["forward", "back"])
+@pytest.mark.parametrize("by", sampled(2, [-DAYS, DAYS]), ids=["back", "forward"])
 def test_a_killed_run_is_recognised_as_dead_at_once(
     fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta
 ) -> None:

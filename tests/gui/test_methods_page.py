@@ -87,6 +87,7 @@ def cells(panel: MethodPanel) -> dict[str, dict[str, str]]:
     return rows
 
 
+@pytest.mark.long
 def test_a_multi_position_recording_is_solved_drawn_applied_and_exported(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot, tmp_path: Path
 ) -> None:
@@ -124,6 +125,7 @@ def test_a_multi_position_recording_is_solved_drawn_applied_and_exported(
     assert json.loads(target.read_text("utf-8"))["stages"] == ["multi_position"]
 
 
+@pytest.mark.long
 def test_data_of_the_connected_unit_are_shown_before_and_after(
     chosen: Callable[[str], MethodPanel],
     recordings: dict[str, Path],
@@ -206,6 +208,7 @@ def test_a_gimbal_recording_of_the_bench_shows_both_solutions_in_both_languages(
         language.use("en")
 
 
+@pytest.mark.long
 def test_a_secondary_out_of_tolerance_is_calibrated_stored_and_within_at_the_next_check(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:

@@ -58,6 +58,7 @@ def test_one_click_runs_to_pass_with_language_changes(operator: Operator) -> Non
     assert operator.widget("serial_edit", QLineEdit).text() == "SN-000002"
 
 
+@pytest.mark.long
 def test_pause_resume_and_escape_from_another_page(operator: Operator) -> None:
     operator.site_folder.write({**ONE_STAGE, "schedule": LONG_STAGE}, speed=20.0)
     operator.scan(SERIAL)

@@ -35,17 +35,17 @@ def test_order_of_the_pages(window: MainWindow) -> None:
     assert [tabs.widget(i).objectName() for i in range(tabs.count())] == PAGES
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_stop_has_the_same_position_on_every_page(window: MainWindow, qtbot: QtBot, page: str) -> None:
+def test_stop_has_the_same_position_on_every_page(window: MainWindow, qtbot: QtBot) -> None:
     tabs = window.findChild(QTabWidget, "page_tabs")
     stop = window.findChild(QPushButton, "stop_button")
     before = stop.mapTo(window, stop.rect().topLeft())
-    tabs.setCurrentWidget(window.findChild(QWidget, page))
-    qtbot.wait(1)
-    assert stop.isVisible()
-    assert stop.isEnabled()
-    assert stop.mapTo(window, stop.rect().topLeft()) == before
-    assert window.childAt(stop.mapTo(window, stop.rect().center())) is stop
+    for page in PAGES:
+        tabs.setCurrentWidget(window.findChild(QWidget, page))
+        qtbot.wait(1)
+        assert stop.isVisible(), page
+        assert stop.isEnabled(), page
+        assert stop.mapTo(window, stop.rect().topLeft()) == before, page
+        assert window.childAt(stop.mapTo(window, stop.rect().center())) is stop, page
 
 
 def test_english_is_the_first_language(window: MainWindow) -> None:

@@ -34,7 +34,10 @@ def mems():
     return imu, recording(imu, 3)
 
 
-@pytest.mark.parametrize(("grade", "seeds"), [("mems", 8), ("tactical", 4), ("nav", 4)])
+@pytest.mark.parametrize(
+    ("grade", "seeds"),
+    [pytest.param("mems", 8, marks=pytest.mark.long), ("tactical", 4), pytest.param("nav", 4, marks=pytest.mark.long)],
+)
 def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
     errors, nees = [], []
     for seed in range(seeds):

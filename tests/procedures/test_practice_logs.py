@@ -61,6 +61,7 @@ def test_every_parameter_is_within_four_sigma_of_its_truth(name, request):
     assert all(s.gaps == 0 for s in chain.solutions)
 
 
+@pytest.mark.long
 def test_solution_without_azimuth_and_encoders_is_as_accurate(nav):
     log = blind(nav)
     chain = solve(lambda: log.blocks, log.meta)

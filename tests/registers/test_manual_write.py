@@ -112,6 +112,7 @@ def test_no_journal_no_write(unit: SiteFolder) -> None:
     assert read_unit(ignore_progress, unit.request(), runs).values["gyro_bias_x"] == 0.0
 
 
+@pytest.mark.long
 def test_a_result_after_the_registers_is_composed_with_them(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:

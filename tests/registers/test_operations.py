@@ -20,7 +20,7 @@ from calstation.registers import operation as register_errand
 from calstation.registers.unit_registers import UnitRegisters
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import Event, Message, StateChanged, StepStarted
-from tests.helpers import raises_code
+from tests.helpers import raises_code, sampled
 from tests.registers.operations import Errands
 from tests.site_folder import STATION, SiteFolder
 
@@ -151,20 +151,16 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("profile", ["bench", "indexing_unit"])
 @pytest.mark.parametrize(
-    ("moment", "written"),
-    [
-        ("identified", False),
-        ("homing", False),
-        ("check", False),
-        ("reference", False),
-        ("registers_writing", True),
-        ("verifying", True),
-        ("verify", True),
-    ],
+    ("profile", "moment"),
+    sampled(
+        2,
+        ["bench", "indexing_unit"],
+        ["identified", "homing", "check", "reference", "registers_writing", "verifying", "verify"],
+    ),
 )
-def test_a_stop_works_at_every_moment(floor: Floor, moment: str, written: bool, profile: str) -> None:
+def test_a_stop_works_at_every_moment(floor: Floor, profile: str, moment: str) -> None:
+    written = moment in ("registers_writing", "verifying", "verify")
     floor.write_station(profile)
     floor.errands.on_event = stop_at(moment)
     assert floor.errands.write(VALUES).closing == "stopped"

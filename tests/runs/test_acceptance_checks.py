@@ -101,6 +101,7 @@ def judged(site_folder: SiteFolder) -> SiteFolder:
     return site_folder
 
 
+@pytest.mark.long
 def test_a_run_is_judged_like_its_log_and_against_the_previous_run(judged: SiteFolder) -> None:
     first = judged.run("six_position")
     checks = named(first.result)

@@ -57,6 +57,7 @@ def log(run_log: Path, tmp_path: Path) -> Damaged:
     return Damaged(run_log, tmp_path)
 
 
+@pytest.mark.long
 def test_damaged_rows_are_a_gap_and_reported(log: Damaged, run_log: Path) -> None:
     row = log.rest("six_position")
     log.hurt(row)

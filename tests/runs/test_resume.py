@@ -238,7 +238,7 @@ def test_registers_that_changed_need_a_new_run(
     assert offer.log == Path(before.log)
 
 
-@pytest.mark.parametrize("end", ["passed", "nothing finished"])
+@pytest.mark.parametrize("end", [pytest.param("passed", marks=pytest.mark.long), "nothing finished"])
 def test_a_run_that_cannot_be_resumed_gives_the_reason(site_folder: SiteFolder, end: str) -> None:
     short(site_folder)
     log = (site_folder.run("rate") if end == "passed" else stopped_in(site_folder, "rate")).log
@@ -303,6 +303,7 @@ def test_a_run_counts_as_running_until_its_process_is_dead(site_folder: SiteFold
     assert finish_incomplete(log.parent) == []
 
 
+@pytest.mark.long
 def test_a_verdict_closes_earlier_runs(site_folder: SiteFolder, before: Verdict) -> None:
     assert resumable(site_folder.folder / "runs")[0].log == Path(before.log)
     assert len(resumable(site_folder.folder / "runs")) == 1

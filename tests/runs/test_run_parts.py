@@ -94,6 +94,7 @@ def test_composing_with_nothing_changes_nothing() -> None:
     assert compose({}, found) == pytest.approx(found, abs=1e-15)
 
 
+@pytest.mark.long
 def test_stages_in_another_order_than_recorded(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     verdict = site_folder.run("six_position", "rate")

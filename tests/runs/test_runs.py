@@ -127,6 +127,7 @@ def test_faults_are_reported_and_leave_a_result(
     assert [e.state for e in site_folder.events_of(StateChanged)][-1] == "fault"
 
 
+@pytest.mark.long
 def test_lost_frames_repeat_a_step(site_folder: SiteFolder) -> None:
     site_folder.write(orders=[{"order": "drop_frames", "value": 3, "at": 35.0}])
     verdict = site_folder.run("rate")
@@ -135,6 +136,7 @@ def test_lost_frames_repeat_a_step(site_folder: SiteFolder) -> None:
     assert verdict.result["log"]["gaps"] == 1
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
 def test_rtu_and_serial_line_over_pseudo_terminals(site_folder: SiteFolder) -> None:
     site_folder.write(table_transport="rtu", imu_transport="pty")
@@ -164,6 +166,7 @@ def test_registers_applied_to_the_stream_are_read_and_logged_first(behind: SiteF
     assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
 
 
+@pytest.mark.long
 def test_uncommitted_registers_are_not_applied_to_the_stream(
     behind: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -193,6 +196,7 @@ def test_advice_depends_on_the_number_of_failures_until_attempts_are_used_up(sit
     assert site_folder.events[-1].result["advice"] == "set_aside"  # type: ignore[union-attr]
 
 
+@pytest.mark.long
 def test_a_result_names_its_files_and_what_was_not_compared(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:

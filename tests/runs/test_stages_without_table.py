@@ -19,6 +19,7 @@ def test_a_stage_that_needs_other_hardware_is_refused_at_once(site_folder: SiteF
     assert not (site_folder.folder / "runs").exists()
 
 
+@pytest.mark.long
 def test_multi_position_runs_on_the_table(site_folder: SiteFolder) -> None:
     quick = {
         "step_deg": 90.0,

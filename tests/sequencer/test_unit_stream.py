@@ -49,7 +49,9 @@ def turned(data: Any) -> list[float]:
 
 
 @pytest.mark.parametrize("mute", [False, True])
-@pytest.mark.parametrize("delay", [0.3, 2.0, 5.0, 9.0, 14.0, 20.0, 26.0, 32.0])
+@pytest.mark.parametrize(
+    "delay", [*(pytest.param(delay, marks=pytest.mark.long) for delay in (0.3, 2.0, 9.0, 14.0, 26.0, 32.0)), 5.0, 20.0]
+)
 def test_a_restart_during_the_capture_begins_it_again(delay: float, mute: bool) -> None:
     scene = asked()
     scene.imu.mute = mute

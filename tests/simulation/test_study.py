@@ -33,10 +33,11 @@ def outside(study: dict) -> list:
 @pytest.mark.parametrize(
     ("grade", "seeds", "names"),
     [
-        ("nav", 2, ("full", "full, no outer lever")),
-        ("nav", 5, ("rate", "six_position", "scale factors")),
-        ("tactical", 2, ("full", "excitation")),
-        ("mems", 3, ("full", "azimuth_flip")),
+        pytest.param("nav", 2, ("full", "full, no outer lever"), marks=pytest.mark.long),
+        pytest.param("nav", 12, ("rate", "six_position", "scale factors"), marks=pytest.mark.long),
+        pytest.param("tactical", 2, ("full", "excitation"), marks=pytest.mark.long),
+        pytest.param("mems", 3, ("full", "azimuth_flip"), marks=pytest.mark.long),
+        ("mems", 3, ("rate", "excitation")),
     ],
 )
 def test_errors_agree_with_their_sigmas_and_come_near_the_bound(grade, seeds, names):
