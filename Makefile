@@ -16,7 +16,7 @@ rehearse: $(VENV)/installed-dev
 	$(VENV)/bin/python -m pytest -m "long and not exhaustive" -n 3 --dist worksteal
 
 exhaustive: $(VENV)/installed-dev
-	$(VENV)/bin/python -m pytest -m exhaustive -n 3 --dist worksteal
+	$(VENV)/bin/python -m pytest -m "exhaustive or hypothesis" --hypothesis-profile=exhaustive -n 3 --dist worksteal
 
 check: $(VENV)/installed-dev
 	$(VENV)/bin/ruff check .

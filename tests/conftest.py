@@ -8,11 +8,17 @@ from typing import TYPE_CHECKING
 
 import lent
 import pytest
+from hypothesis import HealthCheck, settings
 
 if TYPE_CHECKING:
     from tests.shared_runs import SharedRuns
     from tests.site_folder import SiteFolder
 
+
+for profile, examples in (("suite", 25), ("exhaustive", 300)):
+    settings.register_profile(
+        profile, max_examples=examples, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    )
 
 #: Tests of answers that must come within a fraction of a second of real time. A computer that serves others may stand
 #: still for longer, so these, and no others, are run a second time if they fail; the report marks them with R.

@@ -122,6 +122,7 @@ def test_an_operator_stops_near_the_position_and_rests():
     assert np.deg2rad(0.5) < away.max() < np.deg2rad(15.0)
 
 
+@pytest.mark.long
 def test_equal_seeds_give_equal_recordings_and_others_differ():
     imu = draw_imu("mems", np.random.default_rng(1), sample_rate=50.0)
     rig = ManualRig(initial_rest=3.0, rest=2.0)

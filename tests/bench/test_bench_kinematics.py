@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.bench.truth.drive import EncoderTruth, TableDrive
@@ -28,7 +28,6 @@ def test_a_short_move_is_a_triangle_below_the_rate():
     assert np.max(np.abs(rates)) < RATE
 
 
-@settings(max_examples=30, deadline=None)
 @given(target=st.floats(-15.0, 15.0), rate=st.floats(0.01, 3.0), acceleration=st.floats(0.05, 5.0))
 def test_rate_and_acceleration_are_the_derivatives_of_the_angle(target, rate, acceleration):
     profile = JointProfile.rest(0.0).move(0.5, target, rate, acceleration)

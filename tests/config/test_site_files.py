@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import given
-from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from calstation.config import library
@@ -204,7 +203,6 @@ DATA = st.recursive(
 )  # fmt: skip
 
 
-@hypothesis_settings(deadline=None)
 @given(DATA)
 def test_finds_the_line_of_every_value(data: dict[str, object]) -> None:
     import tomli_w

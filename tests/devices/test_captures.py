@@ -281,7 +281,7 @@ def recordings() -> list[tuple[str, Path]]:
 
 @pytest.mark.parametrize("which", range(3), ids=["mip", "mtdata2", "stim300"])
 # The same noise every time: a check of one byte would let some of it pass in the long run.
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(derandomize=True)
 @given(data=st.data())
 def test_sound_packets_are_found_again_after_any_noise(which: int, data: st.DataObject) -> None:
     name, path = recordings()[which]

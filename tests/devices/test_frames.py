@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fastcrc import crc16
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices.codecs.frame_checks import CRC_WIDTHS, check_bytes
@@ -78,7 +78,6 @@ piece = st.one_of(
 )
 
 
-@settings(deadline=None, max_examples=80)
 @given(
     pieces=st.lists(piece, max_size=12),
     cuts=st.lists(st.integers(0, 600), max_size=12),
@@ -104,7 +103,6 @@ def test_the_result_does_not_depend_on_how_the_stream_is_cut(
     assert decode(profile, [stream[i : i + 1] for i in range(len(stream))]) == whole
 
 
-@settings(deadline=None, max_examples=50)
 @given(noise=st.binary(max_size=80).filter(lambda b: b"\x55" not in b), drop=st.integers(0, 33), at=st.integers(0, 9))
 def test_sound_frames_survive_noise_and_a_lost_byte(profile: ImuProfile, noise: bytes, drop: int, at: int) -> None:
     frames = [stream_frame(i, [i] * 6) for i in range(10)]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices.profiles.table import TableProfile, load_table_profile
@@ -251,7 +251,6 @@ def test_a_value_out_of_range_is_reported_before_anything_is_sent() -> None:
         driver.move(1000.0, 0.0, 0.1, 0.1)
 
 
-@settings(deadline=None, max_examples=100)
 @given(kind=st.sampled_from(["u16", "i16", "u32", "i32"]), part=st.floats(0, 1))
 def test_registers_round_trip(kind: str, part: float) -> None:
     register = ModbusRegister(address=0, type=kind, scale=1e-5)  # type: ignore[arg-type]

@@ -6,7 +6,7 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices.codecs.frame_checks import CHECK_WIDTHS, check_bytes, check_function, parametric_crc
@@ -52,7 +52,6 @@ def test_known_bytes(name: str, order: str, words: str | None, wire: str, value:
     assert kind.pack(value, order, words).hex() == wire  # type: ignore[arg-type]
 
 
-@settings(deadline=None, max_examples=150)
 @given(name=st.sampled_from(TYPES), wires=st.binary(min_size=8, max_size=64), data=st.data())
 def test_every_pattern_of_bytes_comes_back(name: str, wires: bytes, data: st.DataObject) -> None:
     kind = number(name)
@@ -68,7 +67,6 @@ def test_every_pattern_of_bytes_comes_back(name: str, wires: bytes, data: st.Dat
             assert kind.pack(float(value), order, words) == row.tobytes() or value == 0.0  # type: ignore[arg-type]
 
 
-@settings(deadline=None, max_examples=150)
 @given(name=st.sampled_from(TYPES), part=st.floats(0, 1))
 def test_values_inside_the_bounds_are_held_to_half_a_step(name: str, part: float) -> None:
     kind = number(name)
@@ -150,7 +148,6 @@ def test_a_crc_by_its_parameters(
     assert parametric_crc(width, polynomial, initial, reflected, reflected, final)(TEXT) == value
 
 
-@settings(deadline=None, max_examples=100)
 @given(data=st.binary(max_size=80))
 def test_a_crc_by_parameters_is_the_named_one(data: bytes) -> None:
     assert parametric_crc(16, 0x1021, 0xFFFF, False, False, 0)(data) == check_function("crc16_ccitt_false")(data)

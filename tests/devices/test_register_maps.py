@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import tomli_w
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices.codecs.conventions import Convention, from_registers, matrix_slots, offset_slots, to_registers
@@ -51,7 +51,6 @@ def device_output(held: dict[str, float], sensor: str, c: Convention, measured: 
     return registers @ (measured - offset) if c.offset == "before" else registers @ measured - offset
 
 
-@settings(deadline=None, max_examples=200)
 @given(sensor=st.sampled_from(["gyro", "accel"]), c=st.sampled_from(CONVENTIONS), truth=vector, data=st.data())
 def test_the_unit_s_formula_gives_the_true_value_exactly(
     sensor: str, c: Convention, truth: np.ndarray, data: st.DataObject
@@ -111,7 +110,6 @@ def map_of(name: str) -> RegisterMap:
 
 
 @pytest.mark.parametrize("name", ["bench_nav", "vectornav_vn100", "dsp_modbus"])
-@settings(deadline=None, max_examples=60)
 @given(data=st.data())
 def test_legal_values_fit_and_come_back_within_the_registers_steps(name: str, data: st.DataObject) -> None:
     entries = map_of(name)

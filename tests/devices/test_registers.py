@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices.imu.registers import RegisterMap
@@ -26,7 +26,6 @@ def test_every_parameter_but_the_outer_lever_has_a_register() -> None:
         MAP.address("outer_lever_x")
 
 
-@settings(deadline=None, max_examples=100)
 @given(name=st.sampled_from(MAP.parameters), part=st.floats(0, 1))
 def test_values_survive_as_float32(name: str, part: float) -> None:
     low, high = RANGES[name]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices.interfaces import UNKNOWN_FAULT, OtherModelError
@@ -466,7 +466,6 @@ def test_a_missing_port_is_reported() -> None:
         TextTable("tcp://127.0.0.1:1", profile("acutronic_acl"))
 
 
-@settings(deadline=None, max_examples=60)
 @given(noise=st.lists(st.one_of(st.binary(max_size=30), st.sampled_from([b"\r\n", b">", b"$AS", b"*D6"])), max_size=20))
 def test_no_noise_breaks_a_framing(noise: list[bytes]) -> None:
     heard = b"".join(noise)

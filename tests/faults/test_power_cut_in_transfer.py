@@ -141,7 +141,7 @@ def test_the_power_cut_at_any_byte(tmp_path: Path, kind: str, stride: int) -> No
 
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     first=st.floats(0.0, 1.0),
     further=st.lists(st.tuples(st.sampled_from(["finish", "restore"]), st.floats(0.0, 1.0)), max_size=4),

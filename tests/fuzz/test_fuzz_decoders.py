@@ -9,7 +9,7 @@ from pathlib import Path
 
 import file_targets
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from targets import TARGETS, decoder
 
@@ -23,14 +23,12 @@ pieces = st.one_of(
 
 
 @pytest.mark.parametrize("name", [name for name in TARGETS if name not in file_targets.TARGETS])
-@settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.too_slow])
 @given(parts=st.lists(pieces, max_size=30))
 def test_a_decoder_accepts_any_bytes(name: str, parts: list[bytes]) -> None:
     TARGETS[name](b"".join(parts))
 
 
 @pytest.mark.parametrize("name", file_targets.TARGETS)
-@settings(deadline=None, max_examples=20, suppress_health_check=[HealthCheck.too_slow])
 @given(
     data=st.lists(pieces, max_size=5).map(b"".join)
     | st.recursive(
@@ -44,7 +42,6 @@ def test_a_reader_of_files_bears_anything(name: str, data: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", [n.removeprefix("stream ") for n in TARGETS if n.startswith("stream")])
-@settings(deadline=None, max_examples=30)
 @given(parts=st.lists(pieces, max_size=20), cut=st.integers(1, 50))
 def test_noise_decodes_the_same_however_it_is_cut(name: str, parts: list[bytes], cut: int) -> None:
     data = b"".join(parts)

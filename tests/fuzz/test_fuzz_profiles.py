@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.devices.imu.frames import FrameDecoder
@@ -59,7 +59,6 @@ def places(data: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 @pytest.mark.parametrize("path", PROFILES, ids=lambda p: p.stem)
-@settings(deadline=None, max_examples=60)
 @given(data=st.data())
 def test_a_profile_loads_or_is_refused_with_its_entry(path: Path, data: st.DataObject) -> None:
     profile = tomllib.loads(path.read_text(encoding="utf-8"))

@@ -314,6 +314,7 @@ def tooltip_at(heat: HeatMap, line: int, step: int) -> str:
     return QToolTip.text()
 
 
+@pytest.mark.long
 def test_registers_are_read_compared_and_written_after_confirmation(engineer: Engineer) -> None:
     engineer.site_folder.write(flash_file=str(engineer.site_folder.folder / "flash.bin"), out_of_limits=True)
     engineer.window.app.product_changed.emit()

@@ -68,6 +68,7 @@ def test_scan_reaches_the_serial_field_from_any_focus(operator: Operator) -> Non
     assert not operator.window.app.engine_link.running
 
 
+@pytest.mark.long
 def test_serial_field_has_the_focus_after_product_page_theme_and_language_changes(operator: Operator) -> None:
     edit = operator.widget("serial_edit", QLineEdit)
     operator.widget("product_combo").setFocus()

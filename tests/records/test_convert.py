@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from records_samples import CSV_HEADER, META, assert_same, csv_rows, make_block, write_csv_log
 
@@ -111,7 +111,6 @@ def test_columns_and_tables_of_further_imus_belong_together(tmp_path: Path) -> N
         open_log(path)
 
 
-@settings(deadline=None, max_examples=300)
 @given(st.floats(-1e3, 1e3))
 def test_angles_on_the_grid_survive_degrees(angle: float) -> None:
     snapped = snap_angles(np.array([angle]))

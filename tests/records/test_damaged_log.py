@@ -57,7 +57,7 @@ def test_what_was_left_open_reads_as_if_it_had_been_closed(tmp_path: Path, logs:
 
 
 @pytest.mark.parametrize("name", ["closed", "left open"])
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_wrong_bytes_never_block_reading(
     tmp_path: Path, logs: dict[str, bytes], name: str, data: st.DataObject

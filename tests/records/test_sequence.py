@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.errors import InputError
@@ -11,7 +11,6 @@ from calstation.estimation.common.sequence import SequenceUnwrapper, unwrap_coun
 PERIOD = 0.01
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     bits=st.sampled_from([8, 16, 32]),
     before=st.integers(0, 60),
@@ -60,7 +59,6 @@ def test_anything_else_that_does_not_rise_is_an_error(seq: list[int], time: list
         SequenceUnwrapper(PERIOD).feed(np.array(seq), np.array(time))
 
 
-@settings(deadline=None, max_examples=60)
 @given(
     bits=st.sampled_from([8, 16, 32]),
     first=st.integers(0, 2**33),

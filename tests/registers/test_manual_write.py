@@ -41,6 +41,7 @@ def result_of(site_folder: SiteFolder, **values: float) -> Result:
     )
 
 
+@pytest.mark.long
 def test_the_unit_holds_what_was_written(unit: SiteFolder) -> None:
     runs = unit.folder / "runs"
     before = read_unit(ignore_progress, unit.request(), runs)

@@ -13,6 +13,7 @@ from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
 
+@pytest.mark.long
 def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(
     site_folder: SiteFolder, shared_runs: SharedRuns
 ) -> None:

@@ -115,6 +115,7 @@ def test_the_command_line_reports_missing_data(log: Damaged, capsys: pytest.Capt
     assert f"{len(log.seq) - HURT} samples, {HURT} damaged rows left out" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.long
 def test_an_export_has_all_readable_samples(log: Damaged) -> None:
     log.hurt(log.rest("six_position"))
     target = log.path.with_suffix(".csv")

@@ -62,6 +62,7 @@ def no_tell(fraction: float, remaining_s: float | None = None, note: str = "") -
     """Nobody listens."""
 
 
+@pytest.mark.long
 def test_a_guided_run_passes_writes_its_registers_and_is_solved_again_bit_for_bit(rig: Rig) -> None:
     verdict = rig.run()
     result = verdict.result

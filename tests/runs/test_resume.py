@@ -184,7 +184,7 @@ def test_a_run_with_all_stages_finished_is_only_finalized(site_folder: SiteFolde
     ("change", "section"),
     [
         ({"limits": {"gyro_scale": {"within": 0.09}}}, "product"),
-        ({"schedule": {**SHORT, "rate": {**SHORT["rate"], "turns": 2}}}, None),
+        pytest.param({"schedule": {**SHORT, "rate": {**SHORT["rate"], "turns": 2}}}, None, marks=pytest.mark.long),
     ],
 )
 def test_changes_since_the_run_decide_whether_it_can_be_resumed(

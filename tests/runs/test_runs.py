@@ -160,6 +160,7 @@ def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFold
     return site_folder
 
 
+@pytest.mark.long
 def test_registers_applied_to_the_stream_are_read_and_logged_first(behind: SiteFolder) -> None:
     verdict = behind.run("six_position")
     assert verdict.outcome == "passed"
