@@ -66,6 +66,7 @@ class StationPage(Page):
         app.role.changed.connect(lambda _: self._lock())
         app.engine_link.running_changed.connect(lambda _: self._lock())
         app.station_changed.connect(self._open)
+        app.product_changed.connect(self.drafts.reload)
         self._open()
         on_language_change(self, self._fill)
         on_language_change(self, self._lock)
@@ -115,10 +116,9 @@ class StationPage(Page):
         self.nav.setCurrentRow(0)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Read the files again, because they may have changed outside the window, unless there are unsaved changes."""
+        """Read the files without unsaved changes again, because they may have changed outside the page."""
         super().showEvent(event)
-        if not self.drafts.dirty:
-            self._open()
+        self._open()
 
     def may_leave(self, go: Callable[[], object]) -> bool:
         """Return whether the page may be left now; if not, ask the user, and call `go` unless the user stays.
@@ -238,10 +238,11 @@ class StationPage(Page):
             section.search()
 
     def _open(self) -> None:
-        """Read the current station and its table profile."""
+        """Show the current station and its table profile, and read all files without unsaved changes again."""
         path = self.app.station_path or library.find("stations", DEFAULT_STATION)
-        if self.drafts.station.path != path or not self.drafts.station.dirty:
-            self.drafts.station.open(path)
+        if self.drafts.station.path != path:
+            self.drafts.use(self.drafts.station, path)
+        self.drafts.reload()
         self._fill()
         self.refresh()
 
@@ -249,7 +250,7 @@ class StationPage(Page):
         """Open the table profile that the station names, unless the current one has unsaved changes."""
         name = self.drafts.station.value(("table", "profile"))
         if isinstance(name, str) and name in library.names("tables") and not self.drafts.table.dirty:
-            self.drafts.table.open(library.find("tables", name))
+            self.drafts.use(self.drafts.table, library.find("tables", name))
 
     def _fill(self) -> None:
         """List all stations, and the current one, whose file may be in another folder."""

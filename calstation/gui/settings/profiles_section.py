@@ -168,6 +168,7 @@ class ProfilesSection(QWidget):
         )
         drafts.changed.connect(self.refresh)
         drafts.saved.connect(lambda _: self._fill())
+        app.product_changed.connect(self._fill)
         app.theme_changed.connect(self.refresh)
         on_language_change(self, self.refresh)
         self._fill()
@@ -235,6 +236,9 @@ class ProfilesSection(QWidget):
         draft = self._draft
         if draft is None:
             return
+        if draft.name != self.file_box.currentText():  # the form of the table shows another file now
+            self._open()
+            return
         if self.editor.toPlainText() != draft.text:
             with QSignalBlocker(self.editor):
                 self.editor.setPlainText(draft.text)
@@ -251,11 +255,9 @@ class ProfilesSection(QWidget):
         self._show_difference()
 
     def showEvent(self, event: QShowEvent) -> None:
-        """List files that were added outside the window."""
+        """List the files and versions again, because they may have changed outside the section."""
         super().showEvent(event)
-        offered = [self.file_box.itemText(i) for i in range(self.file_box.count())]
-        if offered != library.names(self.kind_box.value()):
-            self._fill()
+        self._fill()
 
     def _kinds(self) -> list[tuple[str, str]]:
         return [
@@ -283,8 +285,9 @@ class ProfilesSection(QWidget):
         if not name:
             return
         kind = self.kind_box.value()
-        self._draft = self._drafts.of(kind, library.find(kind, name))
-        self._compared = None
+        draft = self._drafts.of(kind, library.find(kind, name))
+        if draft is not self._draft:
+            self._draft, self._compared = draft, None
         self._versions = versions.list_versions(kind, name)
         self.refresh()
 
