@@ -40,7 +40,8 @@ class PreviewView(QWidget):
         super().__init__()
         self._app, self._request = app, request
         self.preview: Preview | None = None
-        self._outdated = False
+        #: Whether the choice has changed since the job of the preview was started, and since that of the next one.
+        self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
         self.watch = JobWatch(self)
         self.watch.done.connect(self._done)
@@ -74,10 +75,11 @@ class PreviewView(QWidget):
 
     def mark_outdated(self) -> None:
         """Mark the preview as outdated because the choice has changed."""
-        self._outdated = self.preview is not None
+        self._outdated = self._next_outdated = True
         self._refresh()
 
     def _start(self) -> None:
+        self._next_outdated = False
         self.watch.watch(self._app.job_queue.submit(compute_preview, self._request()))
         self._show_error(None)
 
@@ -87,7 +89,7 @@ class PreviewView(QWidget):
         self._refresh()
 
     def _done(self, preview: Preview) -> None:
-        self.preview, self._outdated = preview, False
+        self.preview, self._outdated = preview, self._next_outdated
         self._plot.show_data(preview)
         self._table.show_cells({})
         self._table.parameters.set_columns(self._columns(preview))

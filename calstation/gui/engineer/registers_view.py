@@ -108,6 +108,7 @@ class RegistersView(QWidget):
     def show_run(self, run: FinishedRun) -> None:
         """Determine the target registers of a run's result."""
         self._run = run
+        self._target_watch.cancel()
         self._show_target(None)
         if run.result.parameters:
             job = self._app.job_queue.submit(wanted_registers, self._request(), run.result)

@@ -242,6 +242,7 @@ class ResultAnalysis(QObject):
 
     def open(self, path: Path) -> None:
         """Open a result or a log."""
+        self.loading.cancel()
         self._path = path
         self.loading.watch(self._app.job_queue.submit(load_finished_run, path, self._app.runs_folder))
         self.changed.emit()
@@ -281,6 +282,7 @@ class ResultAnalysis(QObject):
         return "  ·  ".join(part for part in parts if part)
 
     def _loaded(self, run: FinishedRun) -> None:
+        self._diagnosing.cancel()
         self._run, self._diagnosed_log = run, None
         if run.result.parameters:
             self.result.show_run(run)
