@@ -734,7 +734,9 @@ def test_changing_the_pin_requires_the_current_pin(page_driver: PageDriver) -> N
 
     assert change("1111", "13579", "13578") == "The two are not the same."
     assert change(PIN, "135", "135") == "Too short: at least 4 characters."
-    assert change("1111", "13579", "13579") == "The current PIN is wrong."
+    assert change("1111", "13579", "13579") == "The present PIN is wrong. Try again."
     assert role.check(PIN)
     assert change(PIN, "13579", "13579") == "The PIN has been changed."
     assert role.check("13579")
+    (library.site_folder() / "engineer.json").write_text("{", encoding="utf-8")
+    assert "engineer.json cannot be read" in change("13579", "2468", "2468")
