@@ -20,6 +20,9 @@ from calstation.simulation import record_on_bench, recordings_folder
 class MethodPanel(QWidget):
     """Opens, makes, solves and exports a recording, and shows its solution."""
 
+    #: Emitted when a job on a recording begins and after it has ended.
+    busy_changed = Signal()
+
     def __init__(self, app: AppContext, stage: str, source: SourceBar) -> None:
         super().__init__()
         self.app, self.stage, self.source = app, stage, source
@@ -103,6 +106,7 @@ class MethodPanel(QWidget):
         self.bench.wanted.connect(self.make)
         for watch in self._watches:
             watch.busy_changed.connect(self._update)
+            watch.busy_changed.connect(self.busy_changed)
         self.maker.done.connect(self.open)
         self.solver.done.connect(self._solved)
         self._report_failures(self.maker, lambda: self.tr("No recording was made"))
@@ -118,7 +122,8 @@ class MethodPanel(QWidget):
         if self.answers.check is not None:
             self.answers.check.check_wanted.connect(self._check)
             self.checker.progress.connect(self._show_progress)
-            self.checker.cancelled.connect(lambda: self._show_progress())
+            for ended in (self.checker.cancelled, self.checker.failed):
+                ended.connect(self._show_progress)
             self.checker.done.connect(self.answers.check.show_checked)
         self.app.station_changed.connect(self._update)
         self.app.engine_link.running_changed.connect(self._update)
@@ -145,8 +150,6 @@ class MethodPanel(QWidget):
     def _update(self) -> None:
         """Enable the controls that can be used now; tooltips explain why the others are disabled."""
         wait = say("window.busy_job") if self.busy else ""
-        if self.isVisible():
-            enable(self.source, wait)
         enable(self.solve_button, "" if self.path is not None else self.tr("Open a recording first, or make one"))
         enable(self.export_button, wait or ("" if self.answer is not None else self.tr("Solve a recording first")))
         if self.answers.check is not None:
