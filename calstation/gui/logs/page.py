@@ -27,7 +27,6 @@ from calstation.gui.widgets import (
     JobStack,
     JobWatch,
     NoticeBar,
-    Words,
     button,
     column,
     enable,
@@ -171,15 +170,12 @@ class OfflinePage(Page):
                 "good", lambda: self.tr("Written"), lambda: str(target), self.plot.setFocus
             )
         )
-        self._report_failures(self.reader, lambda: self.tr("This log cannot be opened"))
-        self._report_failures(self.solver, lambda: self.tr("This range cannot be solved"))
-        self._report_failures(self.exports.watch, lambda: self.tr("The export failed"))
+        self.notice.report_failures(self.reader, lambda: self.tr("This log cannot be opened"), self.plot.setFocus)
+        self.notice.report_failures(self.solver, lambda: self.tr("This range cannot be solved"), self.plot.setFocus)
+        self.notice.report_failures(self.exports.watch, lambda: self.tr("The export failed"), self.plot.setFocus)
         self._sampler.done.connect(self._show_samples)
         shortcut = QShortcut(QKeySequence.StandardKey.Open, self, self.source.browse)
         shortcut.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
-
-    def _report_failures(self, watch: JobWatch, title: Words) -> None:
-        watch.failed.connect(lambda error: self.notice.report(title, error, self.plot.setFocus))
 
     # ---- logs and methods
 

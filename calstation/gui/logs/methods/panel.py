@@ -11,7 +11,7 @@ from calstation.gui.logs.methods.answer_views import AnswerViews
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
 from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, Words, button, column, enable, label, row
+from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, button, column, enable, label, row
 from calstation.results import check_pair, progress_from_note
 from calstation.results.plots import MethodAnswer, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
@@ -109,16 +109,18 @@ class MethodPanel(QWidget):
             watch.busy_changed.connect(self.busy_changed)
         self.maker.done.connect(self.open)
         self.solver.done.connect(self._solved)
-        self._report_failures(self.maker, lambda: self.tr("No recording was made"))
-        self._report_failures(self.solver, lambda: self.tr("This recording gives no answer"))
-        self._report_failures(self.checker, lambda: self.tr("The pair cannot be checked"))
-        self._report_failures(self.exports.watch, lambda: self.tr("The export failed"))
+        self.notice.report_failures(self.maker, lambda: self.tr("No recording was made"), self.setFocus)
+        self.notice.report_failures(self.solver, lambda: self.tr("This recording gives no answer"), self.setFocus)
+        self.notice.report_failures(self.checker, lambda: self.tr("The pair cannot be checked"), self.setFocus)
+        self.notice.report_failures(self.exports.watch, lambda: self.tr("The export failed"), self.setFocus)
         self.exports.watch.done.connect(
             lambda target: self.notice.inform("good", lambda: self.tr("Written"), lambda: str(target), self.setFocus)
         )
         if self.answers.applied is not None:
             self.answers.applied.began.connect(self.notice.dismiss)
-            self._report_failures(self.answers.applied.watch, lambda: self.tr("The answer cannot be applied"))
+            self.notice.report_failures(
+                self.answers.applied.watch, lambda: self.tr("The answer cannot be applied"), self.setFocus
+            )
         if self.answers.check is not None:
             self.answers.check.check_wanted.connect(self._check)
             self.checker.progress.connect(self._show_progress)
@@ -127,9 +129,6 @@ class MethodPanel(QWidget):
             self.checker.done.connect(self.answers.check.show_checked)
         self.app.station_changed.connect(self._update)
         self.app.engine_link.running_changed.connect(self._update)
-
-    def _report_failures(self, watch: JobWatch, title: Words) -> None:
-        watch.failed.connect(lambda error: self.notice.report(title, error, self.setFocus))
 
     def _discard(self) -> None:
         self.notice.dismiss()
