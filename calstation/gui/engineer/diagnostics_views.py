@@ -265,7 +265,7 @@ class ObservabilityView(QWidget):
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
-        on_language_change(self, self._show_texts)
+        theme.on_appearance_change(self, self._show_texts)
 
     def show_stages(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
         """Show the observability of stages from a result or a preview."""

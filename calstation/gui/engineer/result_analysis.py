@@ -277,8 +277,7 @@ class ResultAnalysis(QObject):
         if self._run is None:
             return ""
         result = self._run.result
-        started = (result.started_utc or "").replace("T", " ")[:16]
-        parts = (result.serial, started, verdict_text(result, stages=False))
+        parts = (result.serial, local_time(result.started_utc or ""), verdict_text(result, stages=False))
         return "  ·  ".join(part for part in parts if part)
 
     def _loaded(self, run: FinishedRun) -> None:

@@ -172,14 +172,13 @@ class LinkSection(Section):
             self._draft.set({(*place, key): value for key, value in serial.items()})
 
     def _found(self, ports: Sequence[FoundPort]) -> None:
-        self.search_button.setEnabled(True)
+        enable(self.search_button, "")
         self._searched = True
         self.port_box.offer(ports)
         self._ports["serial"].refresh()
 
     def _not_found(self, error: CalstationError) -> None:
-        self.search_button.setEnabled(True)
-        self.search_button.setToolTip(error_text(error).sentences)
+        enable(self.search_button, "", error_text(error).sentences)
 
     def _port_hint(self) -> str:
         description = self.port_box.description()
