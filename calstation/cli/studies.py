@@ -103,7 +103,7 @@ def _check_options(grade: str | None, seeds: int | None, grades: tuple[str, ...]
 
 
 def _units_bar() -> Progress:
-    columns = (TextColumn("units"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     return Progress(*columns, console=Console(stderr=True), transient=True)
 
 

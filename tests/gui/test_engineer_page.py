@@ -3,6 +3,7 @@
 import json
 import tomllib
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from PySide6.QtWidgets import (
     QToolTip,
 )
 
-from calstation.config import versions
+from calstation.config import library, versions
 from calstation.gui.engineer.diagnostics_views import HeatMap, upward_axis
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.text import language
@@ -243,6 +244,44 @@ def test_a_schedule_is_checked_previewed_and_saved_to_the_product(
     assert "are the product's" in engineer.why_not("save_product_button")
 
 
+def test_a_question_is_dropped_when_what_it_is_about_changes(engineer: Engineer) -> None:
+    app = engineer.window.app
+    engineer.unlock()
+    engineer.tick("stage_check_rate")
+    engineer.page.choice.parts.select("rate")
+    engineer.type("schedule_rate_dwell_s", "6.5")
+    lock_and_unlock = (app.role.lock, lambda: app.role.unlock("2468"))
+    for changes in (
+        lock_and_unlock,
+        (app.station_changed.emit,),
+        (partial(app.engine_link.running_changed.emit, False),),
+    ):
+        engineer.type("schedule_rate_dwell_s", "6.5")
+        engineer.press("save_product_button")
+        assert engineer.page.notice.asking
+        for change in changes:
+            change()
+        assert not engineer.page.notice.asking
+    engineer.type("schedule_rate_dwell_s", "6.5")
+    engineer.press("save_product_button")
+    answer = engineer.page.notice._choices[-1]
+    app.set_product(library.find("products", "nav_a"))
+    assert not engineer.page.notice.asking
+    answer.act()
+    engineer.until(lambda: versions.list_versions("products", "short"))
+    assert versions.list_versions("products", "nav_a") == (), "the values were typed for the other product"
+
+
+def test_a_choice_changed_during_the_preview_makes_it_outdated(engineer: Engineer) -> None:
+    engineer.tick("stage_check_rate")
+    engineer.press("preview_button")
+    engineer.tick("stage_check_six_position")
+    engineer.until(lambda: not engineer.page.preview.watch.busy)
+    assert "the choice has changed since" in engineer.widget("preview_summary", QLabel).text()
+    engineer.preview()
+    assert "the choice has changed since" not in engineer.widget("preview_summary", QLabel).text()
+
+
 @pytest.mark.long
 def test_a_changed_schedule_is_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
     engineer.tick("stage_check_six_position")
@@ -398,6 +437,16 @@ def test_a_result_of_another_profile_requires_its_own_product(engineer: Engineer
         lambda: "choose the result's own product, 'MEMS grade C'" in engineer.says().replace("Choose", "choose")
     )
     assert engineer.page.registers.target is None
+
+
+def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: Engineer) -> None:
+    found = {"gyro_bias_x": {"value": 1e-6, "sigma": 1e-8, "unit": "rad/s", "stage": "six_position"}}
+    registers = engineer.page.registers
+    registers.show_run(finished_run(found))
+    registers.show_run(finished_run({}))
+    engineer.until(lambda: not engineer.window.app.job_queue.busy)
+    engineer.qtbot.wait(200)
+    assert registers.target is None
 
 
 @pytest.mark.long

@@ -14,6 +14,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QTableView, QWidget
 from pytestqt.qtbot import QtBot
 
+from calstation.config.request import computer_user
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common.samples import SampleBlock
 from calstation.gui.history.page import HistoryPage
@@ -322,7 +323,20 @@ def test_an_incomplete_run_is_resumed_or_closed(
     button(page, "history_close_button").click()
     qtbot.waitUntil(lambda: not page.busy and not button(page, "history_close_button").isVisible(), timeout=WAIT)
     assert not button(page, "history_resume_button").isVisible()
-    assert json.loads(runs["dead"].with_suffix(".json").read_text("utf-8"))["outcome"] == "incomplete"
+    result = json.loads(runs["dead"].with_suffix(".json").read_text("utf-8"))
+    assert (result["outcome"], result["closed_by"]) == ("incomplete", computer_user())
+
+
+def test_failures_are_reported(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    for watch, title in (
+        (page._refresher, "The runs could not be read"),
+        (page._offers, "The runs could not be read"),
+        (page._closer, "The run was not closed"),
+    ):
+        watch.failed.emit(FAULT)
+        assert page.notice.title_label.text() == title
+        button(page, "history_notice_close").click()
 
 
 def test_run_that_ends_is_listed_at_once(

@@ -30,6 +30,7 @@ from calstation.records.convert import export_csv
 from calstation.records.limits import Check
 from calstation.records.log import open_log
 from calstation.records.meta import context_from_meta, load_pair, prior_from_meta
+from calstation.results import PairProgress
 from calstation.simulation.recordings import record_on_bench
 from procedures import method
 from tests.gui.conftest import Operator, SiteFolder, result_with
@@ -159,6 +160,13 @@ def test_data_of_the_connected_unit_are_shown_before_and_after(
     assert float(after) < 0.5 * float(before)
     assert "BENCH-mems, 10 s" in view.name_label.text()
     assert said.text() == ""
+    # data received for one answer are not shown as those of the next
+    qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+    assert panel.answer is not None
+    view.show_answer(replace(panel.answer))
+    qtbot.waitUntil(lambda: view.applied is not None, timeout=WAIT)
+    assert view.applied is not None
+    assert view.applied.path == recordings["multi_position"]
     # a unit that corrects itself is not corrected twice, and another unit not at all
     view.watch.done.emit(replace(now, corrected=True))
     assert "not applied a second time" in said.text()
@@ -242,6 +250,9 @@ def test_a_secondary_out_of_tolerance_is_calibrated_stored_and_within_at_the_nex
     assert "28 values" in panel.findChild(QLabel, "pair_stored_label").text()
     check()
     assert {bar.verdict for bar in view.bars.bars} == {"within"}
+    view.show_progress(PairProgress(60.0, 30.0, "calibrating", 0.5, ()))
+    panel.checker.failed.emit(InputError("cli.no_rest"))
+    assert view.timeline.progress is None
 
 
 def test_a_failed_solution_is_reported_and_a_running_one_can_be_cancelled(
@@ -263,6 +274,25 @@ def test_a_failed_solution_is_reported_and_a_running_one_can_be_cancelled(
     assert not panel.busy
     assert panel.answer is None
     assert panel.solve_button.isEnabled()
+
+
+def test_the_path_of_a_log_is_locked_while_the_selected_view_works(
+    window: MainWindow, chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
+) -> None:
+    panel, page = chosen("multi_position"), window.offline_page
+    panel.open(recordings["multi_position"])
+    page.reader.busy_changed.emit()
+    assert not page.source.isEnabled()
+    page.source.chosen.emit(recordings["gimbal"])
+    assert "when this job has ended" in panel.notice.text_label.text()
+    page.choose("gimbal")
+    assert page.source.isEnabled()
+    page.choose("multi_position")
+    assert not page.source.isEnabled()
+    window.show_page("operator_page")
+    qtbot.waitUntil(lambda: not panel.busy, timeout=WAIT)
+    assert panel.path == recordings["multi_position"]
+    assert page.source.isEnabled()
 
 
 def test_guide_me_live_needs_a_manual_rig_and_opens_the_operator_page(

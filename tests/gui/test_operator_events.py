@@ -1,5 +1,6 @@
 """Scans into any widget, incompatible products and old verdicts; runs are emitted events, no engine is started."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -8,9 +9,14 @@ from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListW
 
 from calstation.config import library
 from calstation.config.request import RunRequest
+from calstation.errors import InputError
+from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
+from calstation.messages.rendering import Text
+from calstation.results.handover import Delivery
+from calstation.runs.incomplete import StartupRecovery
 from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
 from tests.gui.conftest import RESULT, SERIAL, Operator
 
@@ -197,3 +203,30 @@ def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkey
     operator.press("start_button")
     assert "then press START again" in operator.says()
     assert not operator.window.app.engine_link.running
+
+    started: list[object] = []
+    monkeypatch.setattr(EngineLink, "start", lambda _, order: started.append(order))
+    request = RunRequest(SERIAL, operator.site_folder.station, operator.site_folder.product, resume=Path("log.h5"))
+    operator.window.operator_page._starting.run(request)
+    operator.press("clear_choice")
+    assert started == []
+    monkeypatch.setattr(JobQueue, "at_device", False)
+    operator.press("clear_choice")
+    assert started == [request]
+
+
+def test_failures_with_earlier_runs_are_reported(operator: Operator) -> None:
+    starting = operator.window.operator_page._starting
+    error = InputError("run.not_resumable", path="log.h5")
+    for watch, title in (
+        (starting._recovery, "Earlier runs were not closed or handed over"),
+        (starting._closing, "The run was not closed"),
+    ):
+        watch.failed.emit(error)
+        assert title in operator.says()
+        operator.press("_close")
+    starting._search.failed.emit(error)
+    assert "The run cannot be resumed" in operator.says()
+    reason = Text.of("handover.no_answer", seconds=5.0)
+    starting._recovery.done.emit(StartupRecovery((), Delivery(Path("share"), 0, 2, reason)))
+    assert "Hand-over: 2 waiting, share cannot be reached (no answer within 5 s)." in operator.says()

@@ -674,6 +674,38 @@ def test_form_and_text_of_a_file_show_the_same_values(page_driver: PageDriver) -
     assert "latitude_deg = 13.5" in page_driver.page.profiles.editor.toPlainText()
 
 
+def test_a_file_changed_on_another_page_is_read_again(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.show_section(PROFILES)
+    profiles = page_driver.page.profiles
+    profiles.open("products", "short")
+    for turns, notify in ((3, page_driver.app.product_changed.emit), (4, page_driver.page.hide)):
+        text = re.sub(r"turns = \d", f"turns = {turns}", profiles.editor.toPlainText(), count=1)
+        versions.save("products", "short", text, "wang")
+        notify()
+        page_driver.page.show()
+        assert profiles.editor.toPlainText() == text
+        assert page_driver.find(QListWidget, "versions_list").item(0).text().startswith(str(turns - 1))
+    profiles.editor.setPlainText(text + "# checked\n")
+    page_driver.press("save_station_button")
+    assert saved(site_folder.product)["schedule"]["rate"]["turns"] == 4
+
+
+def test_a_table_open_as_text_and_in_the_form_has_one_draft(page_driver: PageDriver) -> None:
+    page_driver.show_section(PROFILES)
+    profiles = page_driver.page.profiles
+    profiles.open("tables", "cia402_drives")
+    profiles.editor.setPlainText(profiles.editor.toPlainText() + "# checked\n")
+    page_driver.page.drafts.station.set({("table", "profile"): "cia402_drives"})
+    table = page_driver.page.drafts.table
+    assert table.name == "cia402_drives"
+    assert table.text == profiles.editor.toPlainText()
+    table.set({("outer", "high_deg"): 400})
+    assert "high_deg = 400" in profiles.editor.toPlainText()
+    page_driver.press("discard_station_button")
+    assert (table.name, page_driver.page.drafts.dirty) == ("bench", [])
+    assert profiles.editor.toPlainText() == library.find("tables", "cia402_drives").read_text(encoding="utf-8")
+
+
 def test_a_text_that_is_not_valid_toml_can_be_corrected(page_driver: PageDriver) -> None:
     page_driver.show_section(PROFILES)
     profiles = page_driver.page.profiles
@@ -702,7 +734,9 @@ def test_changing_the_pin_requires_the_current_pin(page_driver: PageDriver) -> N
 
     assert change("1111", "13579", "13578") == "The two are not the same."
     assert change(PIN, "135", "135") == "Too short: at least 4 characters."
-    assert change("1111", "13579", "13579") == "The current PIN is wrong."
+    assert change("1111", "13579", "13579") == "The present PIN is wrong. Try again."
     assert role.check(PIN)
     assert change(PIN, "13579", "13579") == "The PIN has been changed."
     assert role.check("13579")
+    (library.site_folder() / "engineer.json").write_text("{", encoding="utf-8")
+    assert "engineer.json cannot be read" in change("13579", "2468", "2468")

@@ -103,6 +103,17 @@ def test_first_pin_is_set_and_a_wrong_one_refused(window: MainWindow, qtbot: QtB
     assert role.engineer
 
 
+def test_a_damaged_file_of_the_pin_is_explained(window: MainWindow, qtbot: QtBot, site_folder: SiteFolder) -> None:
+    (site_folder.home / "engineer.json").write_text("{", encoding="utf-8")
+    qtbot.mouseClick(window.findChild(QPushButton, "role_button"), Qt.MouseButton.LeftButton)
+    pin = window.findChild(QLineEdit, "pin_edit")
+    qtbot.keyClicks(pin, "2468")
+    qtbot.keyClick(pin, Qt.Key.Key_Return)
+    assert not window.app.role.engineer
+    (told,) = [label.text() for label in window.findChildren(QLabel) if "engineer.json" in label.text()]
+    assert told.endswith("Remove it to set a new PIN.")
+
+
 def test_buttons_are_wide_enough_for_their_texts_in_both_languages(window: MainWindow, qtbot: QtBot) -> None:
     for code in ("zh_CN", "en"):
         window.app.set_language(code)

@@ -100,7 +100,7 @@ class EngineerPage(Page):
         self._saving.failed.connect(self._not_saved)
         self._tabs.currentChanged.connect(self._show_view)
         app.engine_link.event.connect(self._follow)
-        app.engine_link.running_changed.connect(lambda _: self._update())
+        app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._run_changed)
         app.role.changed.connect(self._role_changed)
         app.choice_changed.connect(self._choice_undone)
@@ -121,6 +121,7 @@ class EngineerPage(Page):
     def _read_options(self) -> None:
         """Read station and product again; an error disables the controls, whose tooltips then show the reason."""
         app = self.app
+        self._drop_question()
         self._options = self._problem = None
         try:
             self._options = schedule_options(app.station_path, app.product_path)
@@ -154,9 +155,19 @@ class EngineerPage(Page):
 
     def _role_changed(self, role: str) -> None:
         """Restore the product's own stages and schedule when the role changes to operator."""
+        self._drop_question()
         if role == "operator":
             self.app.choose(None, None)
         self._update()
+
+    def _running_changed(self) -> None:
+        self._drop_question()
+        self._update()
+
+    def _drop_question(self) -> None:
+        """Remove an open question, whose answers were meant for the previous station, product, role or run."""
+        if self.notice.asking:
+            self.notice.dismiss()
 
     def _request(self) -> RunRequest:
         app, header = self.app, self._header
@@ -174,7 +185,7 @@ class EngineerPage(Page):
     def _ask_to_save(self) -> None:
         assert self._options is not None
         product, stage = self._options.name, self.choice.form.stage
-        save = partial(self._save, {stage: self.choice.form.departures})
+        save = partial(self._save, self._options.product, {stage: self.choice.form.departures})
         confirm = Choice("confirm_save_button", lambda: self.tr("Save to product"), save, primary=True)
         self.notice.ask(
             "caution",
@@ -183,10 +194,9 @@ class EngineerPage(Page):
             (Choice("cancel_save_button", lambda: self.tr("Cancel"), lambda: None), confirm),
         )
 
-    def _save(self, changes: Mapping[str, Mapping[str, Any]]) -> None:
-        assert self._options is not None
-        product, author = self._options.product, self._header.engineer
-        self._saving.watch(self.app.job_queue.submit(save_schedule, product, changes, author, cancellable=False))
+    def _save(self, product: Path, changes: Mapping[str, Mapping[str, Any]]) -> None:
+        job = self.app.job_queue.submit(save_schedule, product, changes, self._header.engineer, cancellable=False)
+        self._saving.watch(job)
         self._update()
 
     def _saved(self, saved: tuple[Path, Version]) -> None:
@@ -208,9 +218,6 @@ class EngineerPage(Page):
     def _start(self) -> None:
         assert self._options is not None
         self.notice.dismiss()
-        if self.app.job_queue.at_device:
-            self.notice.ask("caution", lambda: say("engineer.communicating"), lambda: say("engineer.start_again"))
-            return
         self.app.settings.setValue("engineer_name", self._header.engineer)
         if self._options.virtual:
             self._run()
@@ -227,7 +234,10 @@ class EngineerPage(Page):
         )
 
     def _run(self) -> None:
-        self.app.engine_link.start(self._request())
+        if self.app.job_queue.at_device:
+            self.notice.ask("caution", lambda: say("engineer.communicating"), lambda: say("engineer.start_again"))
+        else:
+            self.app.engine_link.start(self._request())
 
     def _run_changed(self) -> None:
         """Update only when a fault occurs or is cleared, because this slot is called many times per second."""

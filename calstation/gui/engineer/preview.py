@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QSplitter, QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.shared_views import CellTable, StackedPlots, dashed, name_axis
+from calstation.gui.engineer.shared_views import CellTable, StackedPlots, dashed
 from calstation.gui.shell import AppContext
 from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
 from calstation.gui.widgets import (
@@ -40,7 +40,8 @@ class PreviewView(QWidget):
         super().__init__()
         self._app, self._request = app, request
         self.preview: Preview | None = None
-        self._outdated = False
+        #: Whether the choice has changed since the job of the preview was started, and since that of the next one.
+        self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
         self.watch = JobWatch(self)
         self.watch.done.connect(self._done)
@@ -74,10 +75,11 @@ class PreviewView(QWidget):
 
     def mark_outdated(self) -> None:
         """Mark the preview as outdated because the choice has changed."""
-        self._outdated = self.preview is not None
+        self._outdated = self._next_outdated = True
         self._refresh()
 
     def _start(self) -> None:
+        self._next_outdated = False
         self.watch.watch(self._app.job_queue.submit(compute_preview, self._request()))
         self._show_error(None)
 
@@ -87,7 +89,7 @@ class PreviewView(QWidget):
         self._refresh()
 
     def _done(self, preview: Preview) -> None:
-        self.preview, self._outdated = preview, False
+        self.preview, self._outdated = preview, self._next_outdated
         self._plot.show_data(preview)
         self._table.show_cells({})
         self._table.parameters.set_columns(self._columns(preview))
@@ -163,7 +165,7 @@ class MotionPlot(StackedPlots[Preview]):
         angles = (preview.outer, preview.inner)
         titles = (self.tr("outer, °"), self.tr("inner, °"))
         for plot, title, angle, travel in zip(self.plots, titles, angles, preview.travel, strict=True):
-            name_axis(plot, "left", title)
+            plot.setLabel("left", title)
             pen = pg.mkPen(c.accent, width=1)
             self.add(plot, pg.PlotDataItem(preview.time / 60.0, np.rad2deg(angle), pen=pen))
             for end in travel:
@@ -171,7 +173,7 @@ class MotionPlot(StackedPlots[Preview]):
                     line = pg.InfiniteLine(np.rad2deg(end), 0, pen=dashed(c.bad))
                     self.add(plot, line, scaled=False)
             plot.enableAutoRange()
-        name_axis(self.plots[1], "bottom", self.tr("time, min"))
+        self.plots[1].setLabel("bottom", self.tr("time, min"))
         self.plots[0].setXRange(0.0, max(preview.duration / 60.0, 1e-3), padding=0.01)
 
 

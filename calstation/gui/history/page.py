@@ -6,7 +6,8 @@ from pathlib import Path
 from PySide6.QtCore import QCoreApplication, Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 
-from calstation.errors import CalstationError, InputError
+from calstation.config import computer_user
+from calstation.errors import InputError
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.run_table import Filters, RunTable
 from calstation.gui.shell import AppContext, Page
@@ -87,10 +88,13 @@ class HistoryPage(Page):
         details.resume_button.clicked.connect(lambda: self._emit_log(app.resume_run))
         details.close_button.clicked.connect(self._close_run)
         self._refresher.done.connect(lambda _: self.show_runs())
-        self._refresher.failed.connect(self._show_error)
+        unread, focus = lambda: self.tr("The runs could not be read"), self.table.setFocus
+        self.notice.report_failures(self._refresher, unread, focus)
+        self.notice.report_failures(self._offers, unread, focus)
+        self.notice.report_failures(self._closer, lambda: self.tr("The run was not closed"), focus)
         self._offers.done.connect(self._show_resumable)
-        self._closer.done.connect(lambda _: self._run_closed())
-        self._closer.failed.connect(self._run_closed)
+        for ended in (self._closer.done, self._closer.failed):
+            ended.connect(self._run_closed)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._list_visible)
         app.engine_link.running_changed.connect(lambda _: self._update())
@@ -156,17 +160,13 @@ class HistoryPage(Page):
 
     def _close_run(self) -> None:
         if self.table.run is not None:
-            self._closer.watch(self.app.job_queue.submit(close_incomplete_job, self.table.run.log, None))
+            job = self.app.job_queue.submit(close_incomplete_job, self.table.run.log, computer_user())
+            self._closer.watch(job)
             self._update()
 
-    def _run_closed(self, error: CalstationError | None = None) -> None:
+    def _run_closed(self) -> None:
         self._update()
-        if error is not None:
-            self._show_error(error)
         self.refresh()
-
-    def _show_error(self, error: CalstationError) -> None:
-        self.notice.report(lambda: self.tr("The runs could not be read"), error, self.table.setFocus)
 
     def _show_nothing(self) -> None:
         self._filters.show_count(len(self.table.runs), _MAX_RUNS)

@@ -27,7 +27,6 @@ from calstation.gui.widgets import (
     JobStack,
     JobWatch,
     NoticeBar,
-    Words,
     button,
     column,
     enable,
@@ -171,15 +170,12 @@ class OfflinePage(Page):
                 "good", lambda: self.tr("Written"), lambda: str(target), self.plot.setFocus
             )
         )
-        self._report_failures(self.reader, lambda: self.tr("This log cannot be opened"))
-        self._report_failures(self.solver, lambda: self.tr("This range cannot be solved"))
-        self._report_failures(self.exports.watch, lambda: self.tr("The export failed"))
+        self.notice.report_failures(self.reader, lambda: self.tr("This log cannot be opened"), self.plot.setFocus)
+        self.notice.report_failures(self.solver, lambda: self.tr("This range cannot be solved"), self.plot.setFocus)
+        self.notice.report_failures(self.exports.watch, lambda: self.tr("The export failed"), self.plot.setFocus)
         self._sampler.done.connect(self._show_samples)
         shortcut = QShortcut(QKeySequence.StandardKey.Open, self, self.source.browse)
         shortcut.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
-
-    def _report_failures(self, watch: JobWatch, title: Words) -> None:
-        watch.failed.connect(lambda error: self.notice.report(title, error, self.plot.setFocus))
 
     # ---- logs and methods
 
@@ -191,10 +187,13 @@ class OfflinePage(Page):
         return [run.log.absolute() for run in History(folder).runs(limit=8) if run.log.is_file()]
 
     def _open_chosen(self, path: Path) -> None:
-        if self.panel is None:
+        panel = self.panel
+        if panel is None:
             self.open(path)
+        elif panel.busy:
+            panel.notice.inform("caution", str, self._wait_text, panel.setFocus)
         else:
-            self.panel.open(path)
+            panel.open(path)
 
     def _show_method(self, method: str) -> None:
         """Show the stages, or the panel of a method, which is created on first use; the log stays open."""
@@ -202,16 +201,20 @@ class OfflinePage(Page):
 
         if not method:
             self._body.setCurrentIndex(0)
+            if self.log is not None:
+                self.source.show_path(self.log.path)
             self._update()
             return
         if method not in self._panels:
-            self._panels[method] = MethodPanel(self.app, method, self.source)
-            self._body.addWidget(self._panels[method])
+            self._panels[method] = panel = MethodPanel(self.app, method, self.source)
+            panel.busy_changed.connect(self._update)
+            self._body.addWidget(panel)
         panel = self._panels[method]
         if panel.path is None and self.log is not None:
             panel.take(self.log.path)
         self._body.setCurrentWidget(panel)
         panel.refresh()
+        self._update()
 
     @property
     def _index_folder(self) -> Path:
@@ -297,8 +300,10 @@ class OfflinePage(Page):
 
     def _update(self) -> None:
         """Enable the controls that can be used now; tooltips explain why the others are disabled."""
+        busy = self._working if self.panel is None else self.panel.busy
+        enable(self.source, say("window.busy_job") if busy else "")
         wait = say("window.busy_job") if self._working else ""
-        for widget in (self.source, self.range, self.stages):
+        for widget in (self.range, self.stages):
             enable(widget, wait)
         enable(self.solve_button, self._why_not_solve())
         part = self.log is not None and not self.range.whole

@@ -6,9 +6,8 @@ from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
-from calstation.gui.operator.questions import rendered
 from calstation.gui.operator.table_panel import TablePicture
-from calstation.gui.text import on_language_change
+from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import column, grid, label, row, theme
 from calstation.messages import Text
 
@@ -21,7 +20,6 @@ class Loading(QFrame):
         self.setProperty("kind", "panel")
         self._situation = "driven"
         self.picture, self.rails = TablePicture(), PositionPicture()
-        self.rails.setVisible(False)
         for picture in (self.picture, self.rails):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
         self._titles = [label(wrap=True) for _ in range(4)]
@@ -47,13 +45,14 @@ class Loading(QFrame):
     def plan(self, run_summary: RunSummary | None) -> None:
         """Show how to load a unit for the next run."""
         self._situation = "driven"
+        by_hand = run_summary is not None and run_summary.by_hand
+        self.picture.setVisible(not by_hand)
+        self.rails.setVisible(by_hand)
         if run_summary is not None:
             self.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
             self.picture.set_angles(*np.deg2rad(run_summary.load_angle).tolist())
             self.rails.set_plan(run_summary)
-            self.picture.setVisible(not run_summary.by_hand)
-            self.rails.setVisible(run_summary.by_hand)
-            table = "manual" if run_summary.by_hand else "driven"
+            table = "manual" if by_hand else "driven"
             self._situation = f"virtual_{table}" if run_summary.virtual else table
         self._refresh()
 

@@ -13,9 +13,10 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
 from calstation.gui.shell import AppContext
-from calstation.gui.widgets import JobWatch, NoticeBar
+from calstation.gui.text import event_sentence
+from calstation.gui.widgets import JobWatch, NoticeBar, Words
 from calstation.messages import Text
-from calstation.results import History
+from calstation.results import Delivery, History
 from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup
 
 
@@ -31,9 +32,12 @@ class RunStarter(QObject):
         self._serial: str | None = None
         self._search, self._closing, self._recovery = JobWatch(self), JobWatch(self), JobWatch(self)
         self._search.done.connect(self._found)
-        self._closing.failed.connect(
+        self._recovery.done.connect(lambda recovery: self._show_delivery(recovery.delivery))
+        self._report(self._recovery, lambda: self.tr("Earlier runs were not closed or handed over"), self.offer)
+        self._search.failed.connect(
             lambda error: ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
         )
+        self._report(self._closing, lambda: self.tr("The run was not closed"), header.focus_serial)
         app.resume_run.connect(lambda log: self.offer(log=log))
         header.serial_entered.connect(self.check)
         header.serial_edited.connect(self._edited)
@@ -78,9 +82,6 @@ class RunStarter(QObject):
         """Check the serial number, ask the necessary questions, then start the run."""
         if self._app.engine_link.running or not self.check() or self.run_summary is None:
             return
-        if self._app.job_queue.at_device:
-            ask(self._notice, "caution", Text.of("question.device_busy"), {})
-            return
         app, serial, history = self._app, self._header.serial, self._history()
         request = self._request(serial, app.product_path, app.stages, schedule=app.schedule)
         allowed = self.run_summary.attempts_allowed
@@ -95,11 +96,18 @@ class RunStarter(QObject):
     def run(self, request: RunRequest) -> None:
         """Start a run; ask for confirmation before a real table moves."""
         if self.run_summary is not None and self.run_summary.virtual:
-            self._app.engine_link.start(request)
+            self._launch(request)
         else:
             station = self.run_summary.station if self.run_summary is not None else ""
             question = Text.of("question.table_moves", station=station)
-            self._ask(question, {"clear": lambda: self._app.engine_link.start(request)})
+            self._ask(question, {"clear": lambda: self._launch(request)})
+
+    def _launch(self, request: RunRequest) -> None:
+        """Start the engine, unless a job uses a device, for which the user has to wait."""
+        if self._app.job_queue.at_device:
+            self._ask(Text.of("question.device_busy"), {"clear": lambda: self._launch(request)})
+        else:
+            self._app.engine_link.start(request)
 
     def ask_transfer(self, request: RunRequest) -> None:
         """Ask whether to restore the old registers or to finish an interrupted transfer, then start the run."""
@@ -121,6 +129,21 @@ class RunStarter(QObject):
             recovery = self._app.job_queue.submit(recover_startup, self._app.runs_folder, self._app.station_path)
             self._recovery.watch(recovery)
         self.offer()
+
+    def _report(self, watch: JobWatch, title: Words, then: Callable[[], None]) -> None:
+        """Show errors of jobs, unless the page shows that station and product cannot be used."""
+
+        def show(error: CalstationError) -> None:
+            if self.run_summary is not None:
+                self._notice.report(title, error, then)
+
+        watch.failed.connect(show)
+
+    def _show_delivery(self, delivery: Delivery) -> None:
+        """Show why results could not be handed over."""
+        if delivery.waiting and not self._notice.asking:
+            values = {"count": delivery.waiting, "folder": str(delivery.folder), "reason": delivery.reason}
+            self._notice.ask("caution", lambda: event_sentence("handover_waiting", values), str)
 
     def offer(self, serial: str | None = None, log: Path | None = None) -> None:
         """Offer runs that can be resumed, limited to those of the unit `serial` or to the run of `log` if given."""

@@ -115,6 +115,21 @@ class Drafts(QObject):
         draft.open(path)
         return draft
 
+    def use(self, draft: Draft, path: Path) -> None:
+        """Open a file in a draft, with the unsaved changes of another draft of that file, which is removed."""
+        other = next((d for d in self._all if (d.kind, d.path) == (draft.kind, path) and d is not draft), None)
+        if other is not None:
+            self._all.remove(other)
+            other.path = None
+        draft.open(path)
+        if other is not None and other.dirty:
+            draft.rewrite(other.text)
+
+    def reload(self) -> None:
+        """Read the files of all drafts without unsaved changes again."""
+        for draft in [draft for draft in self._all if not draft.dirty]:
+            draft.discard()
+
     @property
     def dirty(self) -> list[Draft]:
         """Drafts with unsaved changes."""
@@ -126,8 +141,8 @@ class Drafts(QObject):
         return [draft for draft in self.dirty if draft.problems]
 
     def discard(self) -> None:
-        """Discard all unsaved changes."""
-        for draft in self.dirty:
+        """Discard all unsaved changes, those of the station last, because its table is opened with it."""
+        for draft in reversed(self.dirty):
             draft.discard()
 
     @property
@@ -136,11 +151,11 @@ class Drafts(QObject):
         return str(self._settings.value("author", "")).strip() or default_author()
 
     def save(self) -> None:
-        """Store all changes as files of the site, each as a new version.
+        """Store all changes as files of the site, those of the station last, each as a new version.
 
         Raises ConfigurationError for the first draft that cannot be stored; the drafts before it have been stored.
         """
-        for draft in self.dirty:
+        for draft in reversed(self.dirty):
             name = _name_to_store(draft)
             versions.save(draft.kind, name, draft.text, self.author)
             draft.open(library.find(draft.kind, name))

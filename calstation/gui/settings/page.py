@@ -19,7 +19,7 @@ from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, error_text, on_language_change
-from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, scroll_area, theme
+from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, scroll_area, show_text, theme
 from calstation.schema import KeyPath
 
 _NAV = 26 * theme.GRID
@@ -66,6 +66,7 @@ class StationPage(Page):
         app.role.changed.connect(lambda _: self._lock())
         app.engine_link.running_changed.connect(lambda _: self._lock())
         app.station_changed.connect(self._open)
+        app.product_changed.connect(self.drafts.reload)
         self._open()
         on_language_change(self, self._fill)
         on_language_change(self, self._lock)
@@ -115,10 +116,9 @@ class StationPage(Page):
         self.nav.setCurrentRow(0)
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Read the files again, because they may have changed outside the window, unless there are unsaved changes."""
+        """Read the files without unsaved changes again, because they may have changed outside the page."""
         super().showEvent(event)
-        if not self.drafts.dirty:
-            self._open()
+        self._open()
 
     def may_leave(self, go: Callable[[], object]) -> bool:
         """Return whether the page may be left now; if not, ask the user, and call `go` unless the user stays.
@@ -183,8 +183,7 @@ class StationPage(Page):
         enable(self._save_button, reason)
         problems = self.drafts.station.problems
         unseen = [p for p in problems if not p.place or p.kind in ("toml", "file", "extra_forbidden")]
-        self._problems.setText("\n".join(map(problem_text_with_name, unseen)))
-        self._problems.setVisible(bool(unseen))
+        show_text(self._problems, "\n".join(map(problem_text_with_name, unseen)))
         if not dirty and self.notice.asking:
             self.notice.dismiss()
         self._name_sections()
@@ -238,10 +237,11 @@ class StationPage(Page):
             section.search()
 
     def _open(self) -> None:
-        """Read the current station and its table profile."""
+        """Show the current station and its table profile, and read all files without unsaved changes again."""
         path = self.app.station_path or library.find("stations", DEFAULT_STATION)
-        if self.drafts.station.path != path or not self.drafts.station.dirty:
-            self.drafts.station.open(path)
+        if self.drafts.station.path != path:
+            self.drafts.use(self.drafts.station, path)
+        self.drafts.reload()
         self._fill()
         self.refresh()
 
@@ -249,7 +249,7 @@ class StationPage(Page):
         """Open the table profile that the station names, unless the current one has unsaved changes."""
         name = self.drafts.station.value(("table", "profile"))
         if isinstance(name, str) and name in library.names("tables") and not self.drafts.table.dirty:
-            self.drafts.table.open(library.find("tables", name))
+            self.drafts.use(self.drafts.table, library.find("tables", name))
 
     def _fill(self) -> None:
         """List all stations, and the current one, whose file may be in another folder."""

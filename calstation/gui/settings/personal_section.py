@@ -41,7 +41,7 @@ class PersonalSection(QWidget):
             None,
         )
         row(left, (self._make_pin_panel(), 1), on=self, spacing=3 * theme.GRID)
-        app.theme_changed.connect(self.refresh)
+        theme.themes.changed.connect(self.refresh)
         on_language_change(self, self.pin_message.clear)
         on_language_change(self, self.refresh)
 
@@ -99,11 +99,7 @@ class PersonalSection(QWidget):
         try:
             access.set_pin(self._old.text(), self._new.text())
         except ConfigurationError as error:
-            wait = access.wait()
-            text = self.tr("The current PIN is wrong.")
-            if wait > 0.0:
-                text += " " + self.tr("Wait {0:.0f} s.").format(max(1.0, wait))
-            self._refuse(text if access.has_pin() else error_text(error).sentences, self._old)
+            self._refuse(error_text(error).sentences, self._old)
             self._old.selectAll()
             return
         for edit in self._pins:

@@ -1,6 +1,7 @@
 """The main window: top bar, pages, and STOP at the same position on every page."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -129,7 +130,7 @@ class MainWindow(QMainWindow):
         app.station_changed.connect(self._show_station)
         app.role.changed.connect(self._show_role)
         app.role.wanted.connect(self._move_role_panel)
-        app.theme_changed.connect(self._set_icons)
+        theme.themes.changed.connect(self._set_icons)
         app.engine_link.running_changed.connect(self._running_changed)
         app.page_wanted.connect(self.show_page)
         for signal, page in (
@@ -280,11 +281,9 @@ class MainWindow(QMainWindow):
         self._role_button.setIcon(padlock_icon(closed=not self.app.role.engineer))
 
     def _show_station(self) -> None:
-        try:
+        virtual, name = False, self.tr("no station")
+        with suppress(CalstationError):  # the operator and station pages show the error
             _, station = load_station(self.app.station_path)
-        except CalstationError:  # the operator and station pages show the error
-            self._station.setText(self.tr("no station"))
-            return
-        virtual = station.bench is not None
-        self._station.setText(self.tr("virtual bench") if virtual else station.name)
+            virtual, name = station.bench is not None, station.name
+        self._station.setText(self.tr("virtual bench") if virtual else name)
         self._station.setToolTip(self.tr("Table and unit are simulated: nothing moves.") if virtual else "")

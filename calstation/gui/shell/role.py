@@ -155,7 +155,11 @@ class RolePanel(QFrame):
 
     def _show_wait(self) -> None:
         """Show the error; disable Unlock during the waiting time that follows wrong PINs."""
-        wait = 0.0 if self._role.new else access.wait()
+        wait = 0.0
+        try:
+            wait = access.wait()
+        except ConfigurationError as error:
+            self._wrong = error_text(error).sentences
         waiting = self.tr("Wait {seconds:.0f} s.").format(seconds=max(1.0, wait)) if wait > 0.0 else ""
         text = f"{self._wrong} {waiting}".strip()
         self._unlock.setEnabled(not waiting)

@@ -200,7 +200,7 @@ class RunStatus(QObject):
                 rows = planned(self.run_summary)
                 self.stages = [row for row in rows if row.name == _TRANSFER or not self.register_operation]
             except CalstationError:  # the engine encounters the same error and reports it as a fault
-                self.stages = []
+                self.run_summary, self.stages = None, []
         elif self.going:
             self.state = "idle" if self.register_operation else "incomplete"
         self.changed.emit()

@@ -11,6 +11,7 @@ from calstation.errors import CalstationError
 from calstation.gui.text import error_text, on_language_change
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import StateIcon, state_colour
+from calstation.gui.widgets.jobs import JobWatch
 from calstation.gui.widgets.layout import Words, button, clear, column, label, row, show_text
 
 
@@ -76,6 +77,10 @@ class NoticeBar(QFrame):
     def report(self, title: Words, error: CalstationError, then: Callable[[], None]) -> None:
         """Show an error with a Close button; `then` is called after the notice is closed."""
         self.inform("bad", title, lambda: error_text(error).sentences, then)
+
+    def report_failures(self, watch: JobWatch, title: Words, then: Callable[[], None]) -> None:
+        """Show every error of the jobs of a watch."""
+        watch.failed.connect(lambda error: self.report(title, error, then))
 
     def button(self, name: str) -> QPushButton:
         """Return the button of a choice by its object name."""

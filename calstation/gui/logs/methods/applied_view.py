@@ -7,8 +7,8 @@ from PySide6.QtCore import Qt, QTime, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.connection import SECONDS, OtherUnit, apply_to_unit
-from calstation.gui.logs import ask_log
 from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
+from calstation.gui.logs.source_bar import ask_log
 from calstation.gui.shell import AppContext
 from calstation.gui.text import say
 from calstation.gui.widgets import (
@@ -39,7 +39,9 @@ class AppliedView(QWidget):
     def __init__(self, app: AppContext) -> None:
         super().__init__()
         self._app = app
+        #: The solution shown, and the one that the running job applies.
         self._answer: MethodAnswer | None = None
+        self._applying: MethodAnswer | None = None
         self.applied: Applied | None = None
         self._other: OtherUnit | None = None
         self._received = ""
@@ -88,6 +90,7 @@ class AppliedView(QWidget):
         self._begin(self._app.job_queue.submit(apply_to_unit, *files, *vectors, cancellable=False))
 
     def _begin(self, job: Job) -> None:
+        self._applying = self._answer
         self.began.emit()
         self.watch.watch(job)
 
@@ -109,6 +112,9 @@ class AppliedView(QWidget):
             ask_log(self, self.tr("Apply to a recording"), self._answer.recording.path.parent, self.apply)
 
     def _done(self, result: Applied | OtherUnit) -> None:
+        if self._answer is not None and self._applying is not self._answer:
+            self.apply(self._answer.recording.path)
+            return
         self.applied, self._other = (None, result) if isinstance(result, OtherUnit) else (result, None)
         self._received = QTime.currentTime().toString("HH:mm:ss")
         self._refresh()

@@ -6,12 +6,13 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QSpinBox, QWidget
 
 from calstation.config import MANUAL_STATION, manual_product, uses_manual_rig
-from calstation.gui.logs import Exports, SourceBar
+from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.methods.answer_views import AnswerViews
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
+from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, on_language_change, say
-from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, Words, button, column, enable, label, row
+from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, button, column, enable, label, row
 from calstation.results import check_pair, progress_from_note
 from calstation.results.plots import MethodAnswer, solve_method
 from calstation.simulation import record_on_bench, recordings_folder
@@ -19,6 +20,9 @@ from calstation.simulation import record_on_bench, recordings_folder
 
 class MethodPanel(QWidget):
     """Opens, makes, solves and exports a recording, and shows its solution."""
+
+    #: Emitted when a job on a recording begins and after it has ended.
+    busy_changed = Signal()
 
     def __init__(self, app: AppContext, stage: str, source: SourceBar) -> None:
         super().__init__()
@@ -103,28 +107,29 @@ class MethodPanel(QWidget):
         self.bench.wanted.connect(self.make)
         for watch in self._watches:
             watch.busy_changed.connect(self._update)
+            watch.busy_changed.connect(self.busy_changed)
         self.maker.done.connect(self.open)
         self.solver.done.connect(self._solved)
-        self._report_failures(self.maker, lambda: self.tr("No recording was made"))
-        self._report_failures(self.solver, lambda: self.tr("This recording gives no answer"))
-        self._report_failures(self.checker, lambda: self.tr("The pair cannot be checked"))
-        self._report_failures(self.exports.watch, lambda: self.tr("The export failed"))
+        self.notice.report_failures(self.maker, lambda: self.tr("No recording was made"), self.setFocus)
+        self.notice.report_failures(self.solver, lambda: self.tr("This recording gives no answer"), self.setFocus)
+        self.notice.report_failures(self.checker, lambda: self.tr("The pair cannot be checked"), self.setFocus)
+        self.notice.report_failures(self.exports.watch, lambda: self.tr("The export failed"), self.setFocus)
         self.exports.watch.done.connect(
             lambda target: self.notice.inform("good", lambda: self.tr("Written"), lambda: str(target), self.setFocus)
         )
         if self.answers.applied is not None:
             self.answers.applied.began.connect(self.notice.dismiss)
-            self._report_failures(self.answers.applied.watch, lambda: self.tr("The answer cannot be applied"))
+            self.notice.report_failures(
+                self.answers.applied.watch, lambda: self.tr("The answer cannot be applied"), self.setFocus
+            )
         if self.answers.check is not None:
             self.answers.check.check_wanted.connect(self._check)
             self.checker.progress.connect(self._show_progress)
-            self.checker.cancelled.connect(lambda: self._show_progress())
+            for ended in (self.checker.cancelled, self.checker.failed):
+                ended.connect(self._show_progress)
             self.checker.done.connect(self.answers.check.show_checked)
         self.app.station_changed.connect(self._update)
         self.app.engine_link.running_changed.connect(self._update)
-
-    def _report_failures(self, watch: JobWatch, title: Words) -> None:
-        watch.failed.connect(lambda error: self.notice.report(title, error, self.setFocus))
 
     def _discard(self) -> None:
         self.notice.dismiss()
@@ -145,8 +150,6 @@ class MethodPanel(QWidget):
     def _update(self) -> None:
         """Enable the controls that can be used now; tooltips explain why the others are disabled."""
         wait = say("window.busy_job") if self.busy else ""
-        if self.isVisible():
-            enable(self.source, wait)
         enable(self.solve_button, "" if self.path is not None else self.tr("Open a recording first, or make one"))
         enable(self.export_button, wait or ("" if self.answer is not None else self.tr("Solve a recording first")))
         if self.answers.check is not None:
