@@ -85,14 +85,14 @@ class Engineer(Operator):
 
     def start(self, meanwhile: Callable[[], None] = lambda: None) -> dict[str, Any]:
         """Press START, wait for the end and for the result to be shown."""
-        shown = self.page.analysis.result.shown
+        shown = self.page.analysis.result.view.shown
         self.press("engineer_start_button")
         meanwhile()
-        self.until(lambda: self.page.analysis.result.shown is not shown or self.run.fault is not None)
+        self.until(lambda: self.page.analysis.result.view.shown is not shown or self.run.fault is not None)
         self.until_ended()
         assert self.run.fault is None, self.run.fault
-        assert self.page.analysis.result.shown is not None
-        return dict(self.page.analysis.result.shown.result.to_json())
+        assert self.page.analysis.result.view.shown is not None
+        return dict(self.page.analysis.result.view.shown.result.to_json())
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
         """The texts of a parameter table by row and heading."""
@@ -330,14 +330,14 @@ def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
 
     engineer.show_view(3)
     assert page.analysis.residuals.isVisible()
-    plot = page.analysis.residuals.plots[0]
+    plot = page.analysis.residuals.view.plots[0]
     point = plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
     engineer.qtbot.mouseMove(plot.viewport(), point.toPoint())
     engineer.until(lambda: "rest" in engineer.widget("rest_label", QLabel).text())
 
     engineer.show_view(4)
     assert "determined by this stage" in engineer.widget("unobservable_label", QLabel).text().lower()
-    heat = page.analysis.observability.map
+    heat = page.analysis.observability.view.map
     assert tooltip_at(heat, 6, 0).startswith("gyro_bias_x after step")
 
     page.analysis.open(Path(result["log"]["file"]))

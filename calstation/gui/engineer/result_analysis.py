@@ -1,6 +1,8 @@
 """Four views of a finished run, the first of which is the parameter table; jobs compute their contents."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
@@ -226,12 +228,12 @@ class ResultAnalysis(QObject):
         #: The log whose diagnostics are shown or being computed.
         self._diagnosed_log: Path | None = None
         self.loading, self._diagnosing = JobWatch(self), JobWatch(self)
-        self.result, self.observability = ResultView(), ObservabilityView()
-        self.innovations, self.residuals = InnovationsView(), ResidualsView()
-        self._result, self._observability = _LazyView(self.result), _LazyView(self.observability)
-        self._computed = tuple(_LazyView(view, self._diagnosing) for view in (self.innovations, self.residuals))
+        self.result, self.observability = _LazyView(ResultView), _LazyView(ObservabilityView)
+        self.innovations = _LazyView(InnovationsView, self._diagnosing)
+        self.residuals = _LazyView(ResidualsView, self._diagnosing)
+        self._computed = self.innovations, self.residuals
         #: The views in order: parameters, innovations, residuals, observability.
-        self.views: tuple[QWidget, ...] = (self._result, *self._computed, self._observability)
+        self.views: tuple[QWidget, ...] = (self.result, *self._computed, self.observability)
         self.loading.done.connect(self._loaded)
         self.loading.failed.connect(self._not_loaded)
         self._diagnosing.done.connect(self._diagnosed)
@@ -248,8 +250,8 @@ class ResultAnalysis(QObject):
     def show_preview(self, preview: Preview) -> None:
         """Show the observability predicted by a preview, unless a run is open."""
         if self._run is None:
-            self.observability.show_stages({s.stage: s.observability for s in preview.stages})
-            self._observability.show_view()
+            self.observability.view.show_stages({s.stage: s.observability for s in preview.stages})
+            self.observability.show_view()
 
     def prepare(self, view: QWidget | None) -> None:
         """Compute innovations and residuals if `view` shows them and they have not been computed yet."""
@@ -282,12 +284,12 @@ class ResultAnalysis(QObject):
         self._diagnosing.cancel()
         self._run, self._diagnosed_log = run, None
         if run.result.parameters:
-            self.result.show_run(run)
-            self._result.show_view()
+            self.result.view.show_run(run)
+            self.result.show_view()
         else:
-            self._result.show_empty(lambda: _why_no_result(run))
-        self.observability.show_stages(run.result.observability)
-        self._observability.show_view()
+            self.result.show_empty(lambda: _why_no_result(run))
+        self.observability.view.show_stages(run.result.observability)
+        self.observability.show_view()
         for lazy in self._computed:
             lazy.show_empty()
         self.changed.emit()
@@ -299,8 +301,8 @@ class ResultAnalysis(QObject):
         self.failed.emit(error)
 
     def _diagnosed(self, found: Diagnostics) -> None:
-        self.innovations.show_data(found)
-        self.residuals.show_data(found)
+        self.innovations.view.show_data(found)
+        self.residuals.view.show_data(found)
         for lazy in self._computed:
             lazy.show_view()
 
@@ -317,34 +319,46 @@ def _why_no_result(run: FinishedRun) -> str:
     return f"{text}. {error}" if error else text
 
 
-class _LazyView(QStackedWidget):
+View = TypeVar("View", bound=QWidget)
+
+
+class _LazyView(QStackedWidget, Generic[View]):
     """A stack that shows an explanation or the progress of a job until the view has contents."""
 
-    def __init__(self, view: QWidget, watch: JobWatch | None = None) -> None:
+    def __init__(self, make: Callable[[], View], watch: JobWatch | None = None) -> None:
         super().__init__()
+        self._make = make
+        self._view: View | None = None
         self._why: Words | None = None
-        self._empty, self._working = EmptyState(), EmptyState()
-        work = QWidget()
+        self._empty, self._working, self._work = EmptyState(), EmptyState(), QWidget()
         if watch is not None:
             wide = 8 * theme.GRID
-            column((self._working, 1), JobRow(watch), None, on=work, spacing=0, margins=(wide, 0, wide, 0))
-        for widget in (self._empty, view, work):
+            column((self._working, 1), JobRow(watch), None, on=self._work, spacing=0, margins=(wide, 0, wide, 0))
+        for widget in (self._empty, self._work):
             self.addWidget(widget)
         on_language_change(self, self._show_texts)
 
+    @property
+    def view(self) -> View:
+        """The view itself, made at its first use."""
+        if self._view is None:
+            self._view = self._make()
+            self.addWidget(self._view)
+        return self._view
+
     def show_view(self) -> None:
         """Show the view itself."""
-        self.setCurrentIndex(1)
+        self.setCurrentWidget(self.view)
 
     def show_work(self) -> None:
         """Show the progress of the job."""
-        self.setCurrentIndex(2)
+        self.setCurrentWidget(self._work)
 
     def show_empty(self, why: Words | None = None) -> None:
         """Show why the view has no contents, or how to obtain them."""
         self._why = why
         self._show_texts()
-        self.setCurrentIndex(0)
+        self.setCurrentWidget(self._empty)
 
     def _show_texts(self) -> None:
         if self._why is not None:
