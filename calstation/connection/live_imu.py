@@ -10,7 +10,7 @@ from calstation.connection.imu_session import open_imu_session, read_contiguous
 from calstation.connection.link_test import VIRTUAL_UNIT
 from calstation.devices import SampleBatch
 from calstation.devices.profiles import load_imu_profile
-from calstation.errors import DeviceFaultError
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
@@ -91,9 +91,11 @@ def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration)
 
 def _product_like(imu: ImuSection, chosen: Path | None) -> Path | None:
     """Return the product whose IMU noise equals that of the recording's unit; the chosen one is tried first."""
-    shipped = [library.find("products", name) for name in library.names("products")]
-    for path in (chosen, *shipped):
-        noise = load_imu_profile(library.find("imus", load_product(path)[1].imu)).noise
+    for path in (chosen, *(library.find("products", name) for name in library.names("products"))):
+        try:
+            noise = load_imu_profile(library.find("imus", load_product(path)[1].imu)).noise
+        except ConfigurationError:
+            continue
         if np.allclose([noise.gyro_arw, noise.accel_vrw], [imu.gyro_arw, imu.accel_vrw], rtol=1e-3, atol=0.0):
             return path
     return chosen
