@@ -116,4 +116,6 @@ class BenchClock:
         if not line:
             raise DeviceFaultError("connection.bench_ended")
         answer: dict[str, Any] = json.loads(line)
+        if "error" in answer:
+            raise DeviceFaultError("connection.bench_refused", detail=answer["error"])
         return answer
