@@ -12,7 +12,8 @@ from calstation.messages import os_reason
 #: Interval at which the devices are polled, s.
 TICK = 0.05
 
-#: Polling interval at full speed, s: long, since each tick costs work, but shorter than the shortest rest period.
+#: Polling interval at full speed, s: long, since each tick costs work, but shorter than the shortest rest that
+#: `find_rests` accepts (`REST_WINDOW` of `estimation.common`).
 _FAST_TICK = 0.4
 
 #: Timeout for a reply of the bench at full speed, host time in s.
