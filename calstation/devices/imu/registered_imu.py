@@ -25,6 +25,9 @@ T = TypeVar("T")
 #: Interval between two checks whether a unit has executed a command, host time in s.
 POLL = 0.02
 
+#: Number of times that a request is sent until a reply arrives.
+ATTEMPTS = 3
+
 
 class RegisteredImu(StreamedImu):
     """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets."""
@@ -169,7 +172,7 @@ class RegisteredImu(StreamedImu):
         """Command the unit to start its stream."""
 
     @abstractmethod
-    def _ask_identity(self, attempts: int = 3) -> ImuIdentity:
+    def _ask_identity(self, attempts: int = ATTEMPTS) -> ImuIdentity:
         """Query the unit's identity without checking its model."""
 
     @abstractmethod
