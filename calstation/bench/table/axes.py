@@ -66,8 +66,8 @@ class Axes:
         for word in (0x00, 0x80, 0x00):
             self.machine.control(word, self.clocks.device(), self.clocks.host())
 
-    def state(self, joint: int) -> int:
-        """Return the state bits of an axis; see `StateBit`."""
+    def state(self) -> int:
+        """Return the state bits, which are the same for both axes; see `StateBit`."""
         machine = self.machine
         state = StateBit.REMOTE
         state |= StateBit.SETTLED if machine.settled(self.clocks.device()) else StateBit.MOVING
