@@ -24,7 +24,7 @@ _EARTH = (0.0, 6.03e-5, 4.1e-5)
 
 @dataclass(frozen=True)
 class GimbalSamples:
-    """Samples of one motion: counts of gyros x y z and accelerometers x y z; joint angles x y z, rad, shape (n, 3)."""
+    """Samples of one motion: end times, s; counts of gyros, accelerometers, (n, 6); joint angles x y z, rad, (n, 3)."""
 
     seq: IntArray
     time: FloatArray

@@ -29,7 +29,7 @@ class FramedImu(RegisteredImu):
         super().__init__(link, profile, profile.commands)
 
     def read_words(self, address: int, count: int) -> list[int]:
-        """Read 16-bit registers of the system's own axes; the request is repeated if the reply is lost."""
+        """Read words, 0 to 65535, of the system's own axes; `timeout_s` for each attempt. Raises DeviceFaultError."""
         head = struct.pack(self._format("HB"), address, count)
         answer = self._ask("read_words", head, head)
         if len(answer) != len(head) + 2 * count:

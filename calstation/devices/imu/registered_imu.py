@@ -30,7 +30,9 @@ ATTEMPTS = 3
 
 
 class RegisteredImu(StreamedImu):
-    """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets."""
+    """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets. Timeouts
+    are those of `profile.command_times`, host time in s.
+    """
 
     def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind) -> None:
         super().__init__(link, profile, replies)
@@ -49,6 +51,7 @@ class RegisteredImu(StreamedImu):
         self._expect(own or self._profile.frame)
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
+        """See `Imu`; raises OtherModelError at once, and another DeviceFaultError only after `reset_timeout_s`."""
         deadline = time.monotonic() + self._reset_timeout
         while True:
             check_cancelled()
@@ -77,7 +80,7 @@ class RegisteredImu(StreamedImu):
             return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
     def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write calibration registers; parameters that are not in `values` keep their values."""
+        """Write values by contract name, SI; other parameters are kept. Raises DeviceFaultError if one does not fit."""
         missing = [name for name in self._registers.parameters if name not in values]
         present = self.read_registers() if missing else {}
         numbers = self._registers.encode({**present, **values})
@@ -86,14 +89,14 @@ class RegisteredImu(StreamedImu):
                 self._write_entry(entry, numbers[entry.key])
 
     def commit(self) -> None:
-        """Write the registers to flash once: a lost reply is a fault and never causes a second flash cycle."""
+        """Write the registers to flash within `commit_timeout_s`; a lost reply is a fault and never a second cycle."""
         self._burns_until = time.monotonic() + self._commit_timeout
         with self._quiet():
             self._burn()
         self._burns_until = 0.0
 
     def reset(self) -> None:
-        """Restart the unit after any pending commit and resume the stream; raises DeviceFaultError on failure."""
+        """Restart the unit after any pending commit and resume the stream; DeviceFaultError after `reset_timeout_s`."""
         self._wait_for_commit()
         mark = self._mark()
         deadline = time.monotonic() + self._reset_timeout

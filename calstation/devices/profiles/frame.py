@@ -63,6 +63,7 @@ class FrameField(StrictModel):
 
     @property
     def width(self) -> int:
+        """Size in bytes."""
         return number(self.type).width
 
     @property

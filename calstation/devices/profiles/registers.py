@@ -86,6 +86,7 @@ class RegisterEntry(StrictModel):
 
     @property
     def key(self) -> int:
+        """Page << 16 | address."""
         return self.page << 16 | self.address
 
     @property

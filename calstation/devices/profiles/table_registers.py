@@ -175,7 +175,7 @@ class TableMap:
         return self.names("turn_rate") or self.names("target_rate")
 
     def check(self, axes: Sequence[JointSection], encoder_sigma: float, faults: Mapping[str, str]) -> None:
-        """Check that a table can be driven with this map; raises EntryError for the first invalid entry."""
+        """Raise EntryError for the first entry with which a table cannot be driven; `encoder_sigma` is in degrees."""
         self._check_names()
         self._check_overlaps()
         self._check_types()
