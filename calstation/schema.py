@@ -78,13 +78,21 @@ _TYPES = {
 
 def read_toml(path: Path, error: type[CalstationError] = ConfigurationError) -> dict[str, Any]:
     """Read a TOML file; raises `error` naming the file if it cannot be read or parsed."""
+    return _parsed(_content(path, error), path, error)
+
+
+def _content(path: Path, error: type[CalstationError] = ConfigurationError) -> bytes:
     try:
-        with path.open("rb") as stream:
-            return tomllib.load(stream)
+        return path.read_bytes()
     except FileNotFoundError as exc:
         raise error("entry.not_found", file=path) from exc
     except OSError as exc:
         raise error("entry.unreadable", file=path, reason=os_reason(exc)) from exc
+
+
+def _parsed(content: bytes, path: Path, error: type[CalstationError] = ConfigurationError) -> dict[str, Any]:
+    try:
+        return tomllib.loads(content.decode())
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as exc:
         raise error("entry.not_toml", file=path, detail=str(exc)) from exc
 
@@ -113,15 +121,15 @@ def load(model: type[Model], path: Path, error: type[CalstationError] = Configur
 def load_once(model: type[Model], path: Path) -> Model:
     """Read and check a TOML file as `load`, but not again while its content is the same.
 
-    For models whose checks depend on nothing but the file.
+    For models whose checks depend on nothing but the file. The returned model is shared and must not be changed.
     """
-    checked: Model = _unchanged(model, path, path.read_bytes() if path.is_file() else b"")
+    checked: Model = _unchanged(model, path, _content(path))
     return checked
 
 
 @lru_cache(maxsize=32)
 def _unchanged(model: type[BaseModel], path: Path, content: bytes) -> Any:
-    return load(model, path)
+    return validate(model, _parsed(content, path), path)
 
 
 @dataclass(frozen=True)

@@ -176,7 +176,7 @@ class BenchConfig(BaseModel):
 
 
 class BenchReport(BaseModel):
-    """Final state of a bench, and the orders that it carried out; see `BenchConfig.report_file`."""
+    """Final state of a bench at device time `time`, s, and the orders that it carried out; see `report_file`."""
 
     model_config = ConfigDict(frozen=True)
 

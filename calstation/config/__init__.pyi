@@ -38,6 +38,7 @@ from .site_check import unconfirmed_latitude as unconfirmed_latitude
 from .station import DEFAULT_PRODUCT as DEFAULT_PRODUCT
 from .station import DEFAULT_STATION as DEFAULT_STATION
 from .station import MANUAL_STATION as MANUAL_STATION
+from .station import VIRTUAL_UNIT as VIRTUAL_UNIT
 from .station import LinkDefaults as LinkDefaults
 from .station import ProductConfig as ProductConfig
 from .station import StationConfig as StationConfig

@@ -17,7 +17,7 @@ class RunRequest:
     stages: tuple[str, ...] | None = None  #: Stages in order; None for those of the product.
     out: Path = Path("runs")  #: Folder for the log and the result.
     operator: str | None = None  #: Person who requested the run; None for the user of the computer.
-    speed: float | None = None  #: Speed of the virtual bench; None for that of the station file.
+    speed: float | None = None  #: Virtual bench: multiple of real time, 0 as fast as possible; None for the station's.
     seed: int | None = None  #: Seed of the virtual bench; None for that of the station file.
     #: Method parameters that replace those of the product, by stage.
     schedule: Mapping[str, Mapping[str, Any]] | None = None

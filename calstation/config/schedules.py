@@ -63,7 +63,7 @@ class ScheduleProblem:
     """A problem with a value of a schedule."""
 
     kind: ProblemKind
-    bound: float = 0.0  #: The bound that the value violates.
+    bound: float = 0.0  #: The bound that the value violates, in the unit of the field.
     subject: str = ""  #: Invalid name in the schedule.
 
 

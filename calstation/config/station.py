@@ -10,7 +10,7 @@ from typing import Any, Literal
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
-from calstation.devices.codecs import SLOTS, Convention, legal_range, parameter_of
+from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
 from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
@@ -28,6 +28,9 @@ DEFAULT_PRODUCT = "nav_a"
 
 #: Shipped virtual bench with a manual table, and the shipped product calibrated on it.
 MANUAL_STATION, MANUAL_PRODUCT = "virtual_hand", "mems_hand"
+
+#: Serial number of the unit on the virtual bench, unless its settings or a recording name another one.
+VIRTUAL_UNIT = "SN-000001"
 
 #: Standard deviation of rounding to a step size of 1.
 _ROUNDING = 12.0**-0.5
@@ -93,7 +96,7 @@ class StationConfig(StrictModel):
     @property
     def virtual_serial(self) -> str:
         """Serial number of the unit on the virtual bench; empty on hardware."""
-        return "" if self.bench is None else str(self.bench.get("serial", "SN-000001"))
+        return "" if self.bench is None else str(self.bench.get("serial", VIRTUAL_UNIT))
 
     @model_validator(mode="after")
     def _ports(self) -> "StationConfig":
@@ -213,7 +216,7 @@ def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[Entr
     seen = set()
     for register in imu.registers:
         for name in filter(None, register.names):
-            parameter = parameter_of(name) if name in SLOTS else name
+            parameter = parameter_of(name)
             limit_name = _limit_of(product, parameter) if parameter else None
             if limit_name is None:
                 continue
@@ -251,7 +254,7 @@ def _needed(register: RegisterEntry, name: str, interval: tuple[float, float]) -
     parameter = parameter_of(name) if name in SLOTS else None
     if parameter is None:
         return interval
-    reach = legal_range(name, {parameter: max(map(abs, interval))}, register.convention or Convention())
+    reach = legal_range(name, {parameter: max(map(abs, interval))}, register.effective_convention)
     assert reach is not None
     return reach
 

@@ -21,7 +21,7 @@ class Version:
     kind: str  #: Kind of the file, as in `library.find`.
     name: str  #: Name of the file, as in `library.find`.
     number: int  #: Version number, from 1.
-    saved_utc: str
+    saved_utc: str  #: ISO 8601 in UTC.
     author: str | None  #: None if the file was changed outside the program.
     sha256: str  #: Digest of the text.
 

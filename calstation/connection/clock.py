@@ -12,7 +12,8 @@ from calstation.messages import os_reason
 #: Interval at which the devices are polled, s.
 TICK = 0.05
 
-#: Polling interval at full speed, s: long, since each tick costs work, but shorter than the shortest rest period.
+#: Polling interval at full speed, s: long, since each tick costs work, but shorter than the shortest rest that
+#: `find_rests` accepts (`REST_WINDOW` of `estimation.common`).
 _FAST_TICK = 0.4
 
 #: Timeout for a reply of the bench at full speed, host time in s.
@@ -26,7 +27,7 @@ _YIELD_TIME = 0.001
 
 
 class RealClock:
-    """Clock whose station time is the host's monotonic time."""
+    """Clock whose station time is the host's monotonic time, s."""
 
     tick = TICK
 
@@ -43,8 +44,9 @@ class BenchClock:
     """Clock whose station time is the virtual time of the bench.
 
     `sleep` returns when the IMU reader has read every byte that the bench sent up to the new time, so a run does not
-    depend on the computer's load.
+    depend on the computer's load. Raises DeviceFaultError if the bench refuses a request or does not reply.
 
+    endpoint : host and port of the clock service
     speed : multiple of real time; 0 if time advances only by `sleep`
     """
 
@@ -58,7 +60,6 @@ class BenchClock:
             raise DeviceFaultError("connection.bench_silent", cause=os_reason(exc)) from exc
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._file = self._socket.makefile("rb")
-        self._now = 0.0
         self._now = float(self._ask({"now": None})["now"])
 
     def attach(self, received: Callable[[], int]) -> None:
@@ -72,7 +73,7 @@ class BenchClock:
         return self._now
 
     def sleep(self, seconds: float) -> None:
-        """Advance virtual time and wait until the samples of this interval are read."""
+        """Advance virtual time by `seconds` and wait until the samples of this interval are read."""
         answer = self._ask({"advance": seconds})
         self._now = float(answer["now"])
         if self._received is not None:
@@ -116,4 +117,6 @@ class BenchClock:
         if not line:
             raise DeviceFaultError("connection.bench_ended")
         answer: dict[str, Any] = json.loads(line)
+        if "error" in answer:
+            raise DeviceFaultError("connection.bench_refused", detail=answer["error"])
         return answer

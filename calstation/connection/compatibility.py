@@ -53,7 +53,8 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
         return
     if not is_confirmed(site, needed=blind):
         yield Finding("place_not_confirmed", "look", {"computer": this_computer(), "entry": confirmation_key(site)})
-    example = load_station(library.find("stations", "example_hardware"))[1].site  # new files are copied from it
+    shipped = library.shipped_folder() / "stations" / "example_hardware.toml"  # new files are copied from it
+    example = load_station(shipped)[1].site
     values = {"latitude": site.latitude_deg, "longitude": site.longitude_deg, "height": site.height_m}
     if values == {"latitude": example.latitude_deg, "longitude": example.longitude_deg, "height": example.height_m}:
         yield Finding("example_site", "told", values)

@@ -156,7 +156,11 @@ def _unit_at(link: LinkSettings, profiles: dict[str, TableProfile], number: int)
     unknown = None
     for name, profile in profiles.items():
         try:
-            table = open_table(link.table_port, profile.at_place(_REPLY_TIMEOUT, number), link.table_serial)
+            placed = profile.at_place(_REPLY_TIMEOUT, number)
+        except ConfigurationError:  # the unit number of its inner drive
+            continue
+        try:
+            table = open_table(link.table_port, placed, link.table_serial)
         except CalstationError:
             return unknown
         try:

@@ -18,7 +18,6 @@ from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData,
 
 #: Timeout for capturing a rest without gaps, station time in s.
 _REST_TIMEOUT = 60.0
-_TICK = 0.05
 
 
 @dataclass(frozen=True)
@@ -99,7 +98,7 @@ def read_contiguous(
         on_samples(taken)
         if clock.now() > deadline:
             return None
-        clock.sleep(_TICK)
+        clock.sleep(clock.tick)
         lost = clock.now() - last_data > NO_DATA
         try:
             batch = imu.read()

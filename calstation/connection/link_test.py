@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from calstation.config import ResolvedConfiguration, RunRequest, StationConfig, library, load_product
+from calstation.config import VIRTUAL_UNIT, ResolvedConfiguration, RunRequest, StationConfig, library, load_product
 from calstation.connection.compatibility import incompatibilities
 from calstation.connection.devices import (
     Endpoints,
@@ -36,8 +36,6 @@ from calstation.errors import CalstationError, ConfigurationError, DeviceFaultEr
 from calstation.jobs import ProgressCallback
 from calstation.messages import Finding, Report, Value
 
-#: Serial number of the unit in the virtual fixture, unless a recording names another one.
-VIRTUAL_UNIT = "SN-000001"
 #: General findings that are replaced by a more specific one if lines of text are received.
 _ABOUT_LINES = {"no_frames", "no_samples", "no_stream", "one_way", "wrong_checks"}
 #: Findings on the table's port which may indicate that the IMU is connected to it.

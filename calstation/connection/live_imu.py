@@ -1,16 +1,15 @@
 """Applies a solution to the live output of its unit, which is read for a few seconds by the unit's driver."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from calstation.config import ResolvedConfiguration, RunRequest, library, load_product, resolve_configuration
+from calstation.config import VIRTUAL_UNIT, ResolvedConfiguration, RunRequest, library, resolve_configuration
 from calstation.connection.imu_session import open_imu_session, read_contiguous
-from calstation.connection.link_test import VIRTUAL_UNIT
 from calstation.devices import SampleBatch
-from calstation.devices.profiles import load_imu_profile
-from calstation.errors import DeviceFaultError
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
@@ -79,7 +78,7 @@ def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration)
     request = replace(
         setup.request,
         serial=meta.imu.serial if known else VIRTUAL_UNIT,
-        product=_product_like(meta.imu, setup.request.product) if known else setup.request.product,
+        product=_product_like(meta.imu, setup.request) if known else setup.request.product,
         seed=seed,
     )
     setup = resolve_configuration(request)
@@ -89,14 +88,14 @@ def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration)
     return setup
 
 
-def _product_like(imu: ImuSection, chosen: Path | None) -> Path | None:
-    """Return the product whose IMU noise equals that of the recording's unit; the chosen one is tried first."""
-    shipped = [library.find("products", name) for name in library.names("products")]
-    for path in (chosen, *shipped):
-        noise = load_imu_profile(library.find("imus", load_product(path)[1].imu)).noise
-        if np.allclose([noise.gyro_arw, noise.accel_vrw], [imu.gyro_arw, imu.accel_vrw], rtol=1e-3, atol=0.0):
-            return path
-    return chosen
+def _product_like(imu: ImuSection, request: RunRequest) -> Path | None:
+    """Return the product whose IMU noise equals that of the recording's unit; the requested one is tried first."""
+    for path in (request.product, *(library.find("products", name) for name in library.names("products"))):
+        with suppress(ConfigurationError):
+            noise = resolve_configuration(replace(request, product=path)).imu.noise
+            if np.allclose([noise.gyro_arw, noise.accel_vrw], [imu.gyro_arw, imu.accel_vrw], rtol=1e-3, atol=0.0):
+                return path
+    return request.product
 
 
 def _block(parts: list[SampleBatch]) -> SampleBlock:

@@ -96,7 +96,7 @@ class Transfer:
     path: Path
     id: str
     serial: str
-    utc: str
+    utc: str  #: Start, ISO 8601 in UTC.
     old: Mapping[str, float]
     new: Mapping[str, float]
     by: str | None

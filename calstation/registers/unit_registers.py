@@ -44,6 +44,7 @@ class UnitRegisters:
 
     @property
     def values(self) -> dict[str, float]:
+        """Values by contract name, SI."""
         return {register.parameter: register.value for register in self.registers}
 
     def to_json(self) -> dict[str, Any]:
@@ -63,10 +64,11 @@ class TargetRegisters:
     registers: tuple[Register, ...]
     before: tuple[Register, ...] = ()
     written: tuple[Register, ...] = ()
-    written_utc: str = ""
+    written_utc: str = ""  #: "" if none were written.
 
     @property
     def values(self) -> dict[str, float]:
+        """Values by contract name, SI."""
         return {register.parameter: register.value for register in self.registers}
 
 
@@ -128,7 +130,7 @@ def unit_registers(
 
 
 def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
-    """Combine registers with a solution estimated from their output into one set of registers.
+    """Combine registers with a solution from their output into all 30 parameters, by name, SI; missing ones count as 0.
 
     With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is
     (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,

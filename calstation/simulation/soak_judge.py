@@ -3,6 +3,7 @@
 import os
 import time
 from collections.abc import Collection
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -184,12 +185,11 @@ def _outside(check: Check, result: Result, truth: FloatArray, sigmas: float) -> 
 def _bench_report(path: Path) -> BenchReport | None:
     """Return the bench's report, which is written after its watchdog's timeout; None if it is not written."""
     deadline = time.monotonic() + _REPORT_TIMEOUT
-    while not path.exists() and time.monotonic() < deadline:
+    while time.monotonic() < deadline:
+        with suppress(OSError, ValueError):  # missing, or not yet complete
+            return BenchReport.model_validate_json(path.read_text(encoding="utf-8"))
         time.sleep(0.05)
-    try:
-        return BenchReport.model_validate_json(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
+    return None
 
 
 def _samples(result: Result | None, jumped: bool) -> tuple[int, int]:

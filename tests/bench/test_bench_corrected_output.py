@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calstation.bench.config import BenchConfig
+from calstation.bench.imu.correction import Requantiser
 from calstation.bench.imu.unit import CORRECTED, STREAM, WRITE
 from calstation.bench.live import UNITS
 from calstation.bench.truth.imu import StreamOutput
@@ -99,6 +100,15 @@ def test_increments_lose_nothing_to_rounding():
     channels = np.array([np.frombuffer(f.tobytes()[4:28], "<i4") for f in frames])
     assert channels[:, 0].sum() == pytest.approx(700, abs=1)
     assert channels[:, 1].sum() == 1000
+
+
+def test_the_carried_rounding_error_does_not_depend_on_the_size_of_the_counts():
+    requantiser, scale = Requantiser(), np.ones(6)
+    values = np.full((40_000, 6), 1e9 + 0.3)
+    counts = requantiser.counts(values, scale, carry=True) - 1e9
+    assert requantiser.counts(values[:0], scale, carry=True).shape == (0, 6)
+    drift = np.cumsum(counts[:, 0]) - 0.3 * np.arange(1, len(counts) + 1)
+    assert np.abs(drift).max() < 0.51
 
 
 @pytest.mark.parametrize("protocol", PROFILES)

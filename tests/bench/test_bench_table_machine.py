@@ -146,6 +146,19 @@ def test_the_watchdog_trips_on_host_time_only_while_enabled():
     assert idle.fault is Fault.NONE
 
 
+@pytest.mark.parametrize(("rates", "reason"), [((0.5, 99.0), OutOfRange), ((0.5, -0.5), NotPermitted)])
+def test_a_refused_turn_starts_no_joint(rates, reason):
+    table = homed()
+    if reason is NotPermitted:
+        table.move_joint(100.0, 1, 3.0, 0.5, 1.0)
+    before = table.drive.profiles[0]
+    with pytest.raises(reason):
+        table.turn(100.5, rates, ACCELERATIONS)
+    assert table.drive.profiles[0] is before
+    table.turn(200.0, (0.5, 0.0), ACCELERATIONS)
+    assert table.drive.profiles[0].target == table.limits.high[0]
+
+
 def test_a_watchdog_of_zero_is_off():
     table = homed(watchdog=0.0)
     table.watch(1e9, 100.0)

@@ -55,9 +55,8 @@ def test_vectornav_known_answers():
     assert unit.lines("VNFOO", "VNRRG", "VNRRG,99", "VNWRG,84,1,2", f"VNWRG,84,{PLAIN},0", "VNWRG,1,x") == [
         "VNERR,04", "VNERR,05", "VNERR,08", "VNERR,05", "VNERR,06", "VNERR,09",
     ]  # fmt: skip
-    assert (
-        unit.lines(f"VNWRG,84,{PLAIN.replace('0', 'x')}", "VNWRG,75,1,7,05,0001,001C", "VNWRG,6,14") == ["VNERR,07"] * 3
-    )
+    divisors = [f"VNWRG,75,1,{divisor},05,0001,001C" for divisor in (7, 0, -4)]
+    assert unit.lines(f"VNWRG,84,{PLAIN.replace('0', 'x')}", "VNWRG,6,14", *divisors) == ["VNERR,07"] * 5
     assert unit(b"$VNRRG,1*00\r\n$VNRRG,1*XX\r\nnoise\r\n").count(b"VNERR,03") == 1
 
 

@@ -10,6 +10,7 @@ import pytest
 import tomli_w
 from serial.tools import list_ports
 
+from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.connection import table_reset
 from calstation.connection.link_test import check_imu_link, check_table_link
@@ -247,6 +248,18 @@ def test_a_table_of_another_profile_is_named_with_it() -> None:
         bench.words[0:8] = [0x4C41, 0x5448, 0x4500] + [0] * 5
         report = check_table_link(ignore_progress, order(table={"port": f"tcp://{address}", "unit": 7}))
     assert report.findings[-1].values == {"units": "1 (“LATHE”)"}
+
+
+def test_a_profile_with_an_inner_drive_of_that_number_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(library, "names", lambda kind: ["cia402_drives", "bench"])
+    bench = FakeTable({})
+
+    def answer(heard: bytes) -> bytes:
+        return bench.answer(heard) if heard[6] == 2 else tcp_pdu(heard, bytes([0x83, 4]))
+
+    with server(answer) as address:
+        report = check_table_link(tell, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"}))
+    assert report.findings[-1].values == {"found": 2, "model": "bench-table", "profile": "bench"}
 
 
 @needs_terminals

@@ -13,8 +13,16 @@ from serial.tools import list_ports
 
 from calstation.config.library import find
 from calstation.config.site_check import confirmation_key
+from calstation.config.station import load_station
 from calstation.connection import identify as who_answers
-from calstation.connection.link_test import LinkTestRequest, check_imu_link, check_table_link, discover_ports
+from calstation.connection.compatibility import incompatibilities
+from calstation.connection.link_test import (
+    LinkTestRequest,
+    check_imu_link,
+    check_table_link,
+    discover_ports,
+    link_test_configuration,
+)
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError
@@ -428,6 +436,19 @@ def test_an_imu_that_only_streams_at_another_baud_or_not_at_all(
     for sends, expected in ((bytes, "silent"), (lambda: b"\x99" * 64, "no_frames")):
         with terminal(silent, sends) as port:
             assert wrong(check_imu_link(tell, order(streaming, imu={"port": port}))).id == expected
+
+
+def test_a_site_is_compared_with_the_shipped_example(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    shipped = find("stations", "example_hardware")
+    own = tmp_path / "stations" / "example_hardware.toml"
+    own.parent.mkdir()
+    told = []
+    for text in (shipped.read_text("utf-8"), shipped.read_text("utf-8").replace("34.25", "31.2")):
+        own.write_text(text, "utf-8")
+        setup = link_test_configuration(LinkTestRequest(load_station(own)[1]))
+        told.append("example_site" in [finding.id for finding in incompatibilities(setup)])
+    assert told == [True, False]
 
 
 def test_an_imu_that_hangs_up() -> None:

@@ -36,6 +36,14 @@ def test_the_virtual_fixture_holds_the_recorded_unit(recording: Path) -> None:
     assert now.rate_rms[1] == pytest.approx(now.earth, rel=0.05)
 
 
+def test_an_invalid_product_of_the_site_is_passed_over(recording: Path, tmp_path: Path) -> None:
+    (tmp_path / "home" / "products").mkdir(parents=True)
+    (tmp_path / "home" / "products" / "a_draft.toml").write_text('name = "a draft"', "utf-8")
+    now = apply_to_unit(tell, recording, None, None, ZERO, ZERO, seconds=2.0)
+    assert isinstance(now, Applied)
+    assert now.serial == "BENCH-tactical"
+
+
 def test_a_stream_after_the_registers_is_left_unchanged(recording: Path, tmp_path: Path) -> None:
     profile = library.find("imus", "bench_tactical").read_text("utf-8")
     (tmp_path / "home" / "imus").mkdir(parents=True)

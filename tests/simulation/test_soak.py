@@ -1,6 +1,7 @@
 """The soak: equal plans for equal seeds, every fault in turn, and judgement by the bench's truth."""
 
 import json
+import threading
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -8,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from calstation.bench import BenchConfig
+from calstation.bench import BenchConfig, BenchReport
 from calstation.cli.app import run_app
 from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
 from calstation.physics import INDEX
 from calstation.results import Result
 from calstation.simulation.fault_plan import KINDS
-from calstation.simulation.soak_judge import Judged, _left_alone, _set_up, _wrong
+from calstation.simulation.soak_judge import Judged, _bench_report, _left_alone, _set_up, _wrong
 from calstation.simulation.soak_plan import DEVICES, OTHER_FAULTS, STAGE_FAULTS, Planned, plans, write_request
 from calstation.simulation.soak_series import Soak
 
@@ -90,6 +91,16 @@ def test_verdicts_are_judged_by_the_truth(tmp_path: Path) -> None:
     assert wrong(("wrong_gravity",)) == ["passed with wrong_gravity"]
     assert not wrong(limit=1.0, failed=True, faulty=True)
     assert _wrong(GOOD, request, None, "hung", ())
+
+
+def test_a_report_that_is_being_written_is_awaited(tmp_path: Path) -> None:
+    report = BenchReport(enabled=False, moving=False, fault="NONE", obeyed=(), samples=1, time=1.0, flash_cycles=0)
+    path = tmp_path / "report.json"
+    path.write_text("{", encoding="utf-8")
+    writing = threading.Timer(0.3, lambda: path.write_text(report.model_dump_json(), encoding="utf-8"))
+    writing.start()
+    assert _bench_report(path) == report
+    writing.join()
 
 
 def test_a_run_without_a_verdict_needs_a_reason(tmp_path: Path) -> None:

@@ -52,11 +52,13 @@ class Requantiser:
     def counts(self, values: FloatArray, scale: FloatArray, *, carry: bool) -> FloatArray:
         """Convert `values`, shape (n, 6), to whole counts; `scale`, shape (6,), is the size of a count."""
         exact = values / scale
-        if not carry:
+        if not carry or not len(exact):
             return np.asarray(np.floor(exact + 0.5))
         finite = np.isfinite(exact)
-        total = self._remainder + np.cumsum(np.where(finite, exact, 0.0), axis=0)
+        numbers = np.where(finite, exact, 0.0)
+        base = np.floor(numbers)  # only fractions are summed, because the rounding error of a large sum would grow
+        total = self._remainder + np.cumsum(numbers - base, axis=0)
         rounded = np.floor(total + 0.5)
-        whole = np.diff(rounded, axis=0, prepend=0.0)
+        whole = base + np.diff(rounded, axis=0, prepend=0.0)
         self._remainder = total[-1] - rounded[-1]
         return np.where(finite, whole, exact)

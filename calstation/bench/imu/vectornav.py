@@ -162,7 +162,7 @@ class VectorNavUnit(ImuUnit):
         if len(words) < 4:
             return TOO_FEW
         mode, divisor = int(words[1]), int(words[2])
-        if mode not in (0, 1) or (mode == 1 and _IMU_RATE / divisor != self._config.sample_rate_hz):
+        if mode not in (0, 1) or divisor <= 0 or (mode == 1 and _IMU_RATE / divisor != self._config.sample_rate_hz):
             return BAD_VALUE
         wanted = [word.upper().zfill(len(known)) for word, known in zip(words[3:], _OUTPUT, strict=False)]
         if wanted not in (_OUTPUT, _COMPENSATED_OUTPUT):

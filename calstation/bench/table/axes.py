@@ -23,7 +23,7 @@ class StateBit(IntFlag):
 
 
 class Axes:
-    """The joints of a machine, commanded in rad and read in degrees; `wanted` marks the axes that are switched on."""
+    """Joints 0 (outer) and 1 (inner), commanded in rad, read in degrees; `wanted` marks those that are switched on."""
 
     def __init__(self, machine: TableMachine, clocks: Clocks) -> None:
         machine.watchdog = 0.0
@@ -40,17 +40,17 @@ class Axes:
             self.machine.control(word, self.clocks.device(), self.clocks.host())
 
     def home(self) -> None:
-        """Home both axes unless they are homed or moving."""
+        """Home both axes unless they are homed or moving. Raises a `Refusal`."""
         if not self.machine.homed and self.clocks.device() >= self.machine.drive.end:
             self.machine.home(self.clocks.device())
 
     def move(self, joint: int) -> None:
-        """Start moving an axis to its target."""
+        """Start moving an axis to its target. Raises a `Refusal`."""
         rate, acceleration = self.rates[joint], self.accelerations[joint]
         self.machine.move_joint(self.clocks.device(), joint, self.targets[joint], rate, acceleration)
 
     def turn(self, joint: int, rate: float) -> None:
-        """Turn an axis at a rate, rad/s, until it is stopped; a rate of 0 stops both axes."""
+        """Turn an axis at a rate, rad/s, until it is stopped; a rate of 0 stops both axes. Raises a `Refusal`."""
         if rate == 0.0:
             self.stop()
         else:
@@ -66,8 +66,8 @@ class Axes:
         for word in (0x00, 0x80, 0x00):
             self.machine.control(word, self.clocks.device(), self.clocks.host())
 
-    def state(self, joint: int) -> int:
-        """Return the state bits of an axis; see `StateBit`."""
+    def state(self) -> int:
+        """Return the state bits, which are the same for both axes; see `StateBit`."""
         machine = self.machine
         state = StateBit.REMOTE
         state |= StateBit.SETTLED if machine.settled(self.clocks.device()) else StateBit.MOVING

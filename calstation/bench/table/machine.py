@@ -200,13 +200,13 @@ class TableMachine:
 
     def move_joint(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> None:
         """Move one joint independently of the other; repeating its current move has no effect. Raises a `Refusal`."""
-        if self._start_joint(time, joint, target, self.overshoot, rate, acceleration):
-            self.overshoot = 0.0
+        if self._may_start(time, joint, target, rate, acceleration):
+            beyond, self.overshoot = self.overshoot, 0.0
+            if not self.jammed:
+                self.drive.move_joint(time, joint, target + beyond, rate, acceleration)
 
-    def _start_joint(
-        self, time: float, joint: int, target: float, beyond: float, rate: float, acceleration: float
-    ) -> bool:
-        """Start moving a joint to `target` + `beyond`; return False if it is already moving to `target`."""
+    def _may_start(self, time: float, joint: int, target: float, rate: float, acceleration: float) -> bool:
+        """Check a move of a joint; return False if it is already moving to `target`. Raises a `Refusal`."""
         self._allow(joint, target, rate, acceleration)
         if not self.homed:
             raise NotPermitted
@@ -214,22 +214,29 @@ class TableMachine:
         if time < profile.end and profile.target == target and self.power is Power.ENABLED:
             return False
         self._permit(time, profile.end)
-        if not self.jammed:
-            self.drive.move_joint(time, joint, target + beyond, rate, acceleration)
         return True
 
     def turn(self, time: float, rates: tuple[float, float], accelerations: tuple[float, float]) -> None:
         """Turn both joints at these rates until they are stopped or reach the end of travel. Raises a `Refusal`."""
-        for joint in (0, 1):
-            self.turn_joint(time, joint, rates[joint], accelerations[joint])
+        turns = [(joint, rates[joint], accelerations[joint]) for joint in (0, 1)]
+        for turn in turns:  # both are checked before either starts
+            self._end_of_turn(time, *turn)
+        for turn in turns:
+            self.turn_joint(time, *turn)
 
     def turn_joint(self, time: float, joint: int, rate: float, acceleration: float) -> None:
         """Turn one joint independently of the other. Raises a `Refusal`."""
-        end = self.limits.high[joint] if rate > 0.0 else self.limits.low[joint]
+        end = self._end_of_turn(time, joint, rate, acceleration)
+        if end is not None and not self.jammed:
+            self.drive.move_joint(time, joint, end, abs(rate), acceleration)
+
+    def _end_of_turn(self, time: float, joint: int, rate: float, acceleration: float) -> float | None:
+        """Return the end of travel to which a joint starts to turn; None if it does not. Raises a `Refusal`."""
         if rate == 0.0:
             self._permit(time, self.drive.profiles[joint].end)
-        else:
-            self._start_joint(time, joint, end, 0.0, abs(rate), acceleration)
+            return None
+        end = (self.limits.high if rate > 0.0 else self.limits.low)[joint]
+        return end if self._may_start(time, joint, end, abs(rate), acceleration) else None
 
     def positions(self, time: float) -> FloatArray:
         """Return the encoder angles of the joints, rad, shape (2,)."""

@@ -79,7 +79,7 @@ class Atl(TextController):
             raise ValueError(line)
         joint, name, value = int(match[1]) - 1, match[2], match[3]
         if name == "STA":
-            return f"{axes.state(joint)} {axes.fault}"
+            return f"{axes.state()} {axes.fault}"
         if name == "PPO":
             return f"{axes.position(joint):.4f}"
         if name == "PVE":
@@ -144,7 +144,7 @@ class Acl(TextController):
         if name == ":interlock":
             if axes.fault:
                 return "Fault"
-            return "Closed" if axes.state(joint) & StateBit.ENABLED else "Open"
+            return "Closed" if axes.state() & StateBit.ENABLED else "Open"
         limits = axes.machine.limits
         fastest_and_ends = np.rad2deg([limits.rate, limits.acceleration, limits.low[joint], limits.high[joint]])
         rate, acceleration, low, high = fastest_and_ends.tolist()
@@ -210,7 +210,7 @@ class Mn(TextController):
             return f",MN-2A,{self._serial}"
         if name == "STS":
             motion = ",".join(f"{axes.position(j):.5f},{axes.speed(j):.5f}" for j in (0, 1))
-            return f",{motion},{axes.state(0):04X},{axes.fault}"
+            return f",{motion},{axes.state():04X},{axes.fault}"
         if name == "CLR":
             axes.reset()
         if name in ("REM", "CLR"):

@@ -49,7 +49,7 @@ class TableDrive:
     def move(
         self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
     ) -> None:
-        """Start moving both joints to `targets` (rad) at `time` (s), each with its own trapezoidal profile."""
+        """Start moving both joints at `time`, each with its own trapezoidal profile; s, rad, rad/s, rad/s²."""
         for joint, target in enumerate(targets):
             self.move_joint(time, joint, target, rates[joint], accelerations[joint])
 

@@ -128,11 +128,11 @@ def _turned_back(axis: FloatArray, angle: FloatArray, vectors: FloatArray) -> Fl
     return np.asarray(along + (vectors - along) * cosine - np.cross(axis, vectors) * sine)
 
 
-def tremor(random: np.random.Generator, size: float, count: int = 4) -> FloatArray:
-    """Draw the sines of a hand tremor, 2 to 9 Hz, with total rms `size`, shape (count, 3); empty if `size` is 0."""
+def tremor(random: np.random.Generator, size: float) -> FloatArray:
+    """Draw the sines of a hand tremor, 2 to 9 Hz, with total rms `size`, shape (4, 3); (0, 3) if `size` is 0."""
     if size == 0.0:
         return np.empty((0, 3))
-    frequencies = random.uniform(2.0, 9.0, count)
-    weights = random.uniform(0.5, 1.0, count) / frequencies
+    frequencies = random.uniform(2.0, 9.0, 4)
+    weights = random.uniform(0.5, 1.0, 4) / frequencies
     amplitudes = size * weights / np.sqrt(0.5 * np.sum(weights**2))
-    return np.column_stack([amplitudes, frequencies, random.uniform(0.0, 2.0 * np.pi, count)])
+    return np.column_stack([amplitudes, frequencies, random.uniform(0.0, 2.0 * np.pi, 4)])

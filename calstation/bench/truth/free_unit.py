@@ -5,13 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.bench.truth.free_motion import FreeMotion
-from calstation.bench.truth.imu import Digitiser, ImuTruth, StreamOutput
+from calstation.bench.truth.imu import GAUSS_NODES, GAUSS_WEIGHTS, Digitiser, ImuTruth, StreamOutput
 from calstation.bench.truth.noise import Vibration
 from calstation.physics import FloatArray, group_matrix, group_vector
 
-#: Gauss-Legendre nodes and weights on (0, 1), exact to the fifth degree.
-_NODES = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
-_WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
+_NODES, _WEIGHTS = np.array(GAUSS_NODES), np.array(GAUSS_WEIGHTS)
 _CHUNK = 20_000
 
 

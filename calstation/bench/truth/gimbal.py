@@ -18,11 +18,13 @@ from calstation.physics import FloatArray, IntArray
 AXES = "xyz"
 #: Fraction of the rate error that the loop removes per sample.
 LOOP_GAIN = 0.25
+#: Earth rate in the base frame, rad/s.
+_EARTH = (0.0, 6.03e-5, 4.1e-5)
 
 
 @dataclass(frozen=True)
 class GimbalSamples:
-    """Samples of one motion: counts of gyros x y z and accelerometers x y z; joint angles x y z, rad, shape (n, 3)."""
+    """Samples of one motion: end times, s; counts of gyros, accelerometers, (n, 6); joint angles x y z, rad, (n, 3)."""
 
     seq: IntArray
     time: FloatArray
@@ -34,8 +36,8 @@ class GimbalSamples:
 class GimbalBench:
     """The gimbal with its unit, whose accelerometers are at the centre; time continues from call to call.
 
-    `order` lists the joints from base to body. `up_force` (m/s²) and `earth` (rad/s) are specific force and earth rate
-    in the base frame. `encoder_sigma` is the repeatability, drawn for each motion, rad; reading noise is a tenth of it.
+    `order` lists the joints from base to body. `up_force` is the specific force in the base frame, m/s².
+    `encoder_sigma` is the repeatability, drawn for each motion, rad; reading noise is a tenth of it.
     """
 
     def __init__(
@@ -45,12 +47,11 @@ class GimbalBench:
         *,
         order: str = "zxy",
         up_force: tuple[float, float, float] = (0.0, 0.0, 9.8),
-        earth: tuple[float, float, float] = (0.0, 6.03e-5, 4.1e-5),
         encoder_sigma: float = np.deg2rad(0.002),
     ) -> None:
         self._imu, self._model = imu, imu.error_model()
         self._order = np.array([AXES.index(a) for a in order])
-        self._up, self._earth = np.array(up_force), np.array(earth)
+        self._up, self._earth = np.array(up_force), np.array(_EARTH)
         self._encoder_sigma = encoder_sigma
         self._random = np.random.default_rng(seed)
         self.interval = 1.0 / imu.sample_rate

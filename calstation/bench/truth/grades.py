@@ -1,7 +1,7 @@
 """Grades of units: magnitudes of their errors and noise, and the random draw of one unit."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -34,9 +34,7 @@ class Grade:
     accel_range: float
 
 
-_NAMES: tuple[GradeName, ...] = ("nav", "tactical", "mems")
-
-#: Sigma of a unit's parameters by group, for each of `_NAMES`.
+#: Sigma of a unit's parameters by group, for each `GradeName`.
 _SIGMAS: dict[str, tuple[float, float, float]] = {
     "gyro_bias": (1.0 * _DEGREE_PER_HOUR, 10.0 * _DEGREE_PER_HOUR, np.deg2rad(0.1)),
     "gyro_scale": (5e-4, 7e-4, 1.2e-3),
@@ -49,7 +47,7 @@ _SIGMAS: dict[str, tuple[float, float, float]] = {
     "outer_lever": (0.05, 0.08, 0.1),
 }
 
-#: Other values of `Grade`, for each of `_NAMES`.
+#: Other values of `Grade`, for each `GradeName`.
 _OUTPUTS: dict[str, tuple[float, float, float]] = {
     "gyro_lsb": (np.deg2rad(0.01 / 3600.0), 2e-7, 1e-6),
     "accel_lsb": (1e-6, 4e-6, 2e-5),
@@ -66,7 +64,7 @@ GRADES: dict[GradeName, Grade] = {
         sigma={group: values[i] for group, values in _SIGMAS.items()},
         **{field: values[i] for field, values in _OUTPUTS.items()},
     )
-    for i, name in enumerate(_NAMES)
+    for i, name in enumerate(get_args(GradeName))
 }
 
 

@@ -47,8 +47,8 @@ class ImuTruth:
 
 
 #: Gauss-Legendre nodes and weights on (0, 1), exact to the fifth degree.
-_NODES = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
-_WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
+GAUSS_NODES = (0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15))
+GAUSS_WEIGHTS = (5.0 / 18.0, 4.0 / 9.0, 5.0 / 18.0)
 
 
 @compiled
@@ -136,12 +136,12 @@ def true_increments(
                     if low < inner[row, 0] < high:
                         high = inner[row, 0]
                 for node in range(3):
-                    time = low + (high - low) * _NODES[node]
+                    time = low + (high - low) * GAUSS_NODES[node]
                     outer_state[0], outer_state[1], outer_state[2] = joint_state(outer, outer_still, time)
                     inner_state[0], inner_state[1], inner_state[2] = joint_state(inner, inner_still, time)
                     _measured_rates(model, chain, outer_state, inner_state, field, vectors, rates)
                     for i in range(6):
-                        result[n, i] += rates[i] * _WEIGHTS[node] * (high - low)
+                        result[n, i] += rates[i] * GAUSS_WEIGHTS[node] * (high - low)
                 low = high
         change = base_velocity[n + 1] - base_velocity[n]
         if change[0] != 0.0 or change[1] != 0.0 or change[2] != 0.0:

@@ -25,3 +25,4 @@ from .packets import Reply as Reply
 from .packets import ReplyKind as ReplyKind
 from .packets import quoted as quoted
 from .packets import quoted_text as quoted_text
+from .packets import register_text as register_text

@@ -43,6 +43,15 @@ class Number:
         low, high = self.raw_bounds
         return low * 2.0**-self.fraction, high * 2.0**-self.fraction
 
+    def scaled_bounds(self, scale: float) -> tuple[float, float]:
+        """Return the lowest and highest number × `scale`, which may be negative."""
+        low, high = sorted(bound * scale for bound in self.bounds)
+        return low, high
+
+    def step(self, scale: float) -> float:
+        """Return the smallest difference of number × `scale`; 0 for floats, whose resolution depends on the value."""
+        return 0.0 if self.kind == "f" else abs(scale) * 2.0**-self.fraction
+
     @property
     def raw_bounds(self) -> tuple[int, int]:
         """Lowest and highest integer on the wire; undefined for floats."""

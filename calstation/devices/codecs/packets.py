@@ -1,5 +1,6 @@
-"""Packets in a byte stream: interface of packet kinds, replies to commands, and quoting of bytes in messages."""
+"""Packets in a byte stream: interface of packet kinds, replies to commands, and texts in registers and messages."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -45,6 +46,12 @@ def quoted(data: bytes, length: int = QUOTE_LENGTH) -> str:
     return text
 
 
-def quoted_text(text: str, length: int = QUOTE_LENGTH) -> str:
+def quoted_text(text: str) -> str:
     """Quote the first characters of text in which each character is one byte, like `quoted`."""
-    return quoted(text.encode("latin-1", "replace"), length)
+    return quoted(text.encode("latin-1", "replace"))
+
+
+def register_text(words: Iterable[int]) -> str:
+    """Return the ASCII text in 16-bit registers, high byte first, up to its first zero byte."""
+    raw = b"".join(word.to_bytes(2, "big") for word in words)
+    return raw.split(b"\0")[0].decode("ascii", errors="replace").strip()

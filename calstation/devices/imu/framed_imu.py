@@ -6,14 +6,13 @@ from collections.abc import Iterator
 from calstation.devices import ImuIdentity, OtherModelError
 from calstation.devices.codecs import Reply, number
 from calstation.devices.imu.frames import command_frame
-from calstation.devices.imu.registered_imu import RegisteredImu
+from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.devices.links import SerialLink
 from calstation.devices.profiles import OPS, ImuProfile, RegisterEntry
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
-_ATTEMPTS = 3
 _VALUES_PER_TRANSFER = 32
 _PAYLOAD = 255
 
@@ -30,7 +29,7 @@ class FramedImu(RegisteredImu):
         super().__init__(link, profile, profile.commands)
 
     def read_words(self, address: int, count: int) -> list[int]:
-        """Read 16-bit registers of the system's own axes; the request is repeated if the reply is lost."""
+        """Read words, 0 to 65535, of the system's own axes; `timeout_s` for each attempt. Raises DeviceFaultError."""
         head = struct.pack(self._format("HB"), address, count)
         answer = self._ask("read_words", head, head)
         if len(answer) != len(head) + 2 * count:
@@ -42,7 +41,7 @@ class FramedImu(RegisteredImu):
         head = struct.pack(self._format("HB"), address, len(values))
         body = struct.pack(self._format(f"{len(values)}H"), *values)
         question = self._question("write_words", head + body, head)
-        attempts = _ATTEMPTS if repeat else 1
+        attempts = ATTEMPTS if repeat else 1
         self.exchange(question, timeout=self._commands.timeout_s, attempts=attempts, urgent=repeat)
 
     def _switch_on(self, *, corrected: bool) -> None:
@@ -50,7 +49,7 @@ class FramedImu(RegisteredImu):
         kind = 1 if section is None or section.stream is None else section.stream
         self._ask("stream", bytes([kind]))
 
-    def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
+    def _ask_identity(self, attempts: int = ATTEMPTS) -> ImuIdentity:
         text = self._ask("identify", b"", attempts=attempts).decode("ascii", errors="replace")
         parts = [part.strip() for part in text.split(";")]
         if len(parts) != 3:
@@ -98,7 +97,7 @@ class FramedImu(RegisteredImu):
         return ("<" if self._profile.frame.byte_order == "little" else ">") + codes
 
     def _ask(
-        self, name: str, payload: bytes, begins: bytes = b"", attempts: int = _ATTEMPTS, timeout: float | None = None
+        self, name: str, payload: bytes, begins: bytes = b"", attempts: int = ATTEMPTS, timeout: float | None = None
     ) -> bytes:
         question = self._question(name, payload, begins)
         return self.exchange(question, timeout=timeout or self._commands.timeout_s, attempts=attempts)

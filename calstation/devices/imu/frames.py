@@ -111,6 +111,7 @@ class FrameDecoder:
         return Decoded(frames, tuple(replies))
 
     def samples(self, frames: Frames) -> Samples:
+        """Return the samples in complete frames; counts = raw × scale + offset of the profile's field."""
         complete = frames.complete
         rows = slice(None) if complete.all() else complete
         values = frames.columns.values

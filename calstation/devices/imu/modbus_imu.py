@@ -6,15 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from calstation.devices import ImuIdentity
-from calstation.devices.codecs import ByteOrder, Reply, WordOrder, number
-from calstation.devices.imu.registered_imu import POLL, RegisteredImu
+from calstation.devices.codecs import ByteOrder, Reply, WordOrder, number, register_text
+from calstation.devices.imu.registered_imu import ATTEMPTS, POLL, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuBusyError, ImuRefusalError, Question
 from calstation.devices.links import ACKNOWLEDGED, NOT_YET, REFUSED, RtuReply, RtuRequest, SerialLink
 from calstation.devices.profiles import ImuProfile, RegisterEntry, TextRegisters, WordCommand
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
-_ATTEMPTS = 3
 #: Largest number of registers in one transfer.
 _MAX_REGISTERS = 120
 
@@ -35,7 +34,7 @@ class ModbusImu(RegisteredImu):
             self._word = stream.on if section is None or section.stream is None else section.stream
             self._write(stream.address, [self._word])
 
-    def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
+    def _ask_identity(self, attempts: int = ATTEMPTS) -> ImuIdentity:
         section = self._section
         return ImuIdentity(
             self._text(section.model, attempts),
@@ -82,9 +81,7 @@ class ModbusImu(RegisteredImu):
             self._write(self._section.page, [page])
 
     def _text(self, registers: TextRegisters, attempts: int) -> str:
-        words = self._read(registers.address, registers.words, attempts)
-        raw = b"".join(word.to_bytes(2, "big") for word in words)
-        return raw.split(b"\0")[0].decode("ascii", errors="replace").strip()
+        return register_text(self._read(registers.address, registers.words, attempts))
 
     def _order(self, command: WordCommand, timeout: float) -> None:
         deadline = time.monotonic() + self._commit_timeout
@@ -129,11 +126,11 @@ class ModbusImu(RegisteredImu):
             if self._streaming and not self.lost:
                 self._write(stream.address, [self._word])
 
-    def _read(self, address: int, count: int, attempts: int = _ATTEMPTS) -> list[int]:
+    def _read(self, address: int, count: int, attempts: int = ATTEMPTS) -> list[int]:
         data = self._ask(RtuRequest.read(self._section.unit, address, count), attempts)
         return list(struct.unpack(f">{count}H", data[1 : 1 + 2 * count]))
 
-    def _write(self, address: int, values: list[int], attempts: int = _ATTEMPTS, timeout: float | None = None) -> None:
+    def _write(self, address: int, values: list[int], attempts: int = ATTEMPTS, timeout: float | None = None) -> None:
         self._ask(RtuRequest.write(self._section.unit, address, values), attempts, timeout)
 
     def _other_questions(self) -> Iterator[Question[bytes]]:

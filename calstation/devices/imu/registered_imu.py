@@ -25,9 +25,14 @@ T = TypeVar("T")
 #: Interval between two checks whether a unit has executed a command, host time in s.
 POLL = 0.02
 
+#: Number of times that a request is sent until a reply arrives.
+ATTEMPTS = 3
+
 
 class RegisteredImu(StreamedImu):
-    """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets."""
+    """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets. Timeouts
+    are those of `profile.command_times`, host time in s.
+    """
 
     def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind) -> None:
         super().__init__(link, profile, replies)
@@ -46,6 +51,7 @@ class RegisteredImu(StreamedImu):
         self._expect(own or self._profile.frame)
 
     def wake(self, check_cancelled: Callable[[], None], *, corrected: bool = False) -> ImuIdentity:
+        """See `Imu`; raises OtherModelError at once, and another DeviceFaultError only after `reset_timeout_s`."""
         deadline = time.monotonic() + self._reset_timeout
         while True:
             check_cancelled()
@@ -74,7 +80,7 @@ class RegisteredImu(StreamedImu):
             return self._registers.decode({e.key: self._read_entry(e) for e in self._registers.entries})
 
     def write_registers(self, values: Mapping[str, float]) -> None:
-        """Write calibration registers; parameters that are not in `values` keep their values."""
+        """Write values by contract name, SI; other parameters are kept. Raises DeviceFaultError if one does not fit."""
         missing = [name for name in self._registers.parameters if name not in values]
         present = self.read_registers() if missing else {}
         numbers = self._registers.encode({**present, **values})
@@ -83,14 +89,14 @@ class RegisteredImu(StreamedImu):
                 self._write_entry(entry, numbers[entry.key])
 
     def commit(self) -> None:
-        """Write the registers to flash once: a lost reply is a fault and never causes a second flash cycle."""
+        """Write the registers to flash within `commit_timeout_s`; a lost reply is a fault and never a second cycle."""
         self._burns_until = time.monotonic() + self._commit_timeout
         with self._quiet():
             self._burn()
         self._burns_until = 0.0
 
     def reset(self) -> None:
-        """Restart the unit after any pending commit and resume the stream; raises DeviceFaultError on failure."""
+        """Restart the unit after any pending commit and resume the stream; DeviceFaultError after `reset_timeout_s`."""
         self._wait_for_commit()
         mark = self._mark()
         deadline = time.monotonic() + self._reset_timeout
@@ -169,7 +175,7 @@ class RegisteredImu(StreamedImu):
         """Command the unit to start its stream."""
 
     @abstractmethod
-    def _ask_identity(self, attempts: int = 3) -> ImuIdentity:
+    def _ask_identity(self, attempts: int = ATTEMPTS) -> ImuIdentity:
         """Query the unit's identity without checking its model."""
 
     @abstractmethod

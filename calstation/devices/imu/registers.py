@@ -99,9 +99,9 @@ class RegisterMap:
     def stored(self, values: Mapping[str, float]) -> list[tuple[int, str, str]]:
         """Return address, parameter and hexadecimal content (high byte first) of each register of `values`."""
         complete = {**dict.fromkeys(self.parameters, 0.0), **values}
-        rows = []
+        numbers, rows = self.encode(complete), []
         for entry in self.entries:
-            for i, (name, held) in enumerate(zip(entry.names, self.encode(complete)[entry.key], strict=True)):
+            for i, (name, held) in enumerate(zip(entry.names, numbers[entry.key], strict=True)):
                 parameter = parameter_of(name)
                 if parameter and parameter in values:
                     rows.append((entry.address_of(i), parameter, number(entry.type).pack(held, "big").hex().upper()))
@@ -122,7 +122,7 @@ class RegisterMap:
         found = []
         for slots in (matrix_slots(sensor), offset_slots(sensor)):
             entry = next((e for e in self.entries if set(slots) & set(e.names)), None)
-            found.append(entry.convention if entry and entry.convention else Convention())
+            found.append(entry.effective_convention if entry else Convention())
         return found[0], found[1]
 
 

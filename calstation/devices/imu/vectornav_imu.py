@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from calstation.devices import ImuIdentity
 from calstation.devices.codecs import CHECK_WIDTHS, Reply, check_function, number
-from calstation.devices.imu.registered_imu import RegisteredImu
+from calstation.devices.imu.registered_imu import ATTEMPTS, RegisteredImu
 from calstation.devices.imu.streamed_imu import ImuRefusalError, Question
 from calstation.devices.imu.text_frames import TextLine
 from calstation.devices.links import SerialLink
@@ -12,7 +12,6 @@ from calstation.devices.profiles import CrcSection, FrameSection, ImuProfile, Re
 from calstation.errors import DeviceFaultError
 from calstation.messages import Text, known
 
-_ATTEMPTS = 3
 #: Largest size of a reply in bytes.
 _MAX_REPLY_SIZE = 512
 #: Registers of model, serial number and firmware.
@@ -50,7 +49,7 @@ class VectorNavImu(RegisteredImu):
         for words in self._section.start if section is None else section.start:
             self._ask(words)
 
-    def _ask_identity(self, attempts: int = _ATTEMPTS) -> ImuIdentity:
+    def _ask_identity(self, attempts: int = ATTEMPTS) -> ImuIdentity:
         answers = [self._ask(f"VNRRG,{register}", attempts=attempts) for register in _IDENTITY]
         return ImuIdentity(*(",".join(fields).strip() for fields in answers))
 
@@ -76,7 +75,7 @@ class VectorNavImu(RegisteredImu):
         written = ",".join(f"{value:.{self._section.digits}G}" for value in numbers)
         self._ask(f"VNWRG,{entry.address},{written}")
 
-    def _ask(self, words: str, *, timeout: float | None = None, attempts: int = _ATTEMPTS) -> list[str]:
+    def _ask(self, words: str, *, timeout: float | None = None, attempts: int = ATTEMPTS) -> list[str]:
         """Send a line and return the other fields of the reply, which repeats its command and register."""
         return self.exchange(self._question(words), timeout=timeout or self._section.timeout_s, attempts=attempts)
 

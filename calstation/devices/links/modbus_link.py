@@ -58,9 +58,10 @@ class ModbusRefusalError(DeviceFaultError):
 
 
 class ModbusLink:
-    """Holding registers of one Modbus unit over TCP or RTU; not thread-safe.
+    """Holding registers of a Modbus unit over TCP or RTU; not thread-safe. Raises DeviceFaultError, ConfigurationError.
 
     port : `tcp://host:port`, or a serial port for RTU, which may be given as `usb:SERIALNUMBER`
+    unit : Modbus unit number; timeout : host time for a reply in each of up to 3 attempts, s
     greet : called after each reopening, before any other transfer; raises DeviceFaultError if another device replies
     """
 
@@ -79,9 +80,9 @@ class ModbusLink:
         return self._carrier.received
 
     def read(self, address: int, count: int, unit: int | None = None) -> list[int]:
-        """Read registers of the link's own unit, or of another unit on the line; a lost transfer is repeated.
+        """Read unsigned 16-bit words from a 0-based address of the link's own unit or another; repeats a lost transfer.
 
-        Raises DeviceFaultError if the device refuses or does not reply.
+        Raises ModbusRefusalError if the device refuses, NoAnswerError if it does not reply.
         """
         at = {"unit": self._unit if unit is None else unit, "address": address, "last": address + count - 1}
         try:

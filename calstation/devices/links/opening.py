@@ -44,7 +44,7 @@ def host_and_port(url: str) -> tuple[str, int] | None:
 def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason, Text | None]:
     """Try to open a port and return the reason why it cannot be opened, with the system's message if it adds detail.
 
-    If the port can be opened now, the reason is "other".
+    If the port can be opened now, the reason is "other". `timeout` is the host time for a network connection, s.
     """
     if port.startswith(SOCKETS):
         return _why_no_connection(port, timeout)
@@ -63,7 +63,7 @@ def why_not(port: str, settings: SerialSettings, timeout: float) -> tuple[Reason
 
 @contextmanager
 def explained(device: Device, port: str, timeout: float) -> Iterator[None]:
-    """Raise a fault that states the reason if opening a network connection fails in this context."""
+    """Raise a fault with the reason if opening a ``tcp://`` port fails in this context; `timeout` is host time, s."""
     try:
         yield
     except DeviceFaultError as fault:

@@ -116,7 +116,7 @@ class TextLink:
         self._new = False
 
     def ask(self, line: str, answer: re.Pattern[str]) -> str:
-        """Send a query and wait for its reply, with repetitions. Raises TextRefusalError, DeviceFaultError."""
+        """Send a query up to 3 times and return its reply; raises TextRefusalError, or DeviceFaultError without one."""
         for _ in range(_ATTEMPTS):
             if self._synchronised() and (reply := self._exchange(line, answer)) is not None:
                 if line == self._identity:

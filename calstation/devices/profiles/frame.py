@@ -63,6 +63,7 @@ class FrameField(StrictModel):
 
     @property
     def width(self) -> int:
+        """Size in bytes."""
         return number(self.type).width
 
     @property
@@ -402,8 +403,8 @@ def span(frame: FrameSection) -> Span:
             steps.append(np.inf if frame.format == "text" else 0.0)  # the digits of a text line are unknown
             low, high = -np.inf, np.inf
         else:
-            steps.append(abs(f.scale) * 2.0**-kind.fraction)
-            low, high = sorted(end * f.scale + f.offset for end in kind.bounds)
+            steps.append(kind.step(f.scale))
+            low, high = (end + f.offset for end in kind.scaled_bounds(f.scale))
         reach = np.inf if f.reach is None else f.reach
         ends.append((max(low, -reach), min(high, reach)))
     return Span(np.array(steps), *np.array(ends, np.float64).T)

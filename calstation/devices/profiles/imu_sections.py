@@ -97,7 +97,7 @@ class CommandSection(CommandTimes):
         every = {**OPS, **ops}
         if len(set(every.values())) < len(every):
             raise EntryError("profile.same_op_twice")
-        return every
+        return ops
 
     @property
     def busy_codes(self) -> tuple[int, ...]:

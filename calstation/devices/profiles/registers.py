@@ -86,6 +86,7 @@ class RegisterEntry(StrictModel):
 
     @property
     def key(self) -> int:
+        """Page << 16 | address."""
         return self.page << 16 | self.address
 
     @property
@@ -97,15 +98,13 @@ class RegisterEntry(StrictModel):
 
     @property
     def step(self) -> float:
-        """Smallest difference between two SI values; 0 for floats, whose resolution depends on the value."""
-        kind = number(self.type)
-        return 0.0 if kind.kind == "f" else abs(self.scale) * 2.0**-kind.fraction
+        """Smallest difference between two SI values; 0 for floats."""
+        return number(self.type).step(self.scale)
 
     @property
     def bounds(self) -> tuple[float, float]:
         """Lowest and highest SI value that type and scale can represent."""
-        low, high = sorted(bound * self.scale for bound in number(self.type).bounds)
-        return low, high
+        return number(self.type).scaled_bounds(self.scale)
 
     @property
     def effective_convention(self) -> Convention:

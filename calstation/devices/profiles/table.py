@@ -231,6 +231,7 @@ class TableProfile(StrictModel):
             raise ConfigurationError("table.acceleration_outside_limits", **values)
 
     def geometry(self) -> TableGeometry:
+        """Return the axes as unit vectors and the limits of outer and inner joint, rad, rad/s, rad/s²."""
         outer, inner = self.outer, self.inner
         return TableGeometry(
             _normalised(self.outer_axis),

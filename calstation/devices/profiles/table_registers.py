@@ -73,14 +73,12 @@ class ModbusRegister(StrictModel):
     @property
     def bounds(self) -> tuple[float, float]:
         """Lowest and highest value in the profile's unit."""
-        low, high = sorted(bound * self.scale for bound in self.number.bounds)
-        return low, high
+        return self.number.scaled_bounds(self.scale)
 
     @property
     def step(self) -> float:
-        """Smallest difference between two values; 0 for floats, whose resolution depends on the value."""
-        kind = self.number
-        return 0.0 if kind.kind == "f" else abs(self.scale) * 2.0**-kind.fraction
+        """Smallest difference between two values; 0 for floats."""
+        return self.number.step(self.scale)
 
     def __str__(self) -> str:
         return f"{self.address}" if self.count == 1 else f"{self.address}-{self.end - 1}"
@@ -177,7 +175,7 @@ class TableMap:
         return self.names("turn_rate") or self.names("target_rate")
 
     def check(self, axes: Sequence[JointSection], encoder_sigma: float, faults: Mapping[str, str]) -> None:
-        """Check that a table can be driven with this map; raises EntryError for the first invalid entry."""
+        """Raise EntryError for the first entry with which a table cannot be driven; `encoder_sigma` is in degrees."""
         self._check_names()
         self._check_overlaps()
         self._check_types()

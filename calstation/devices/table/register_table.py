@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, OtherModelError, Table, TableIdentity, TableStatus
+from calstation.devices.codecs import register_text
 from calstation.devices.profiles import JOINTS, RATE_COMMAND, ModbusRegister, TableProfile
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import snap_angles
@@ -264,9 +265,7 @@ class RegisterTable(Table):
 
     def _text(self, name: str) -> str:
         register = self._map.registers[name]
-        words = self._drive(name).read(register.address, register.count)
-        raw = b"".join(word.to_bytes(2, "big") for word in words)
-        return raw.split(b"\0")[0].decode("ascii", errors="replace").strip()
+        return register_text(self._drive(name).read(register.address, register.count))
 
 
 def _spans(registers: list[ModbusRegister], gap: int) -> list[tuple[int, int]]:

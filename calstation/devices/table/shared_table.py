@@ -10,7 +10,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 
 
 class ImuWords:
-    """Registers of the axes, accessed by commands of the IMU; implements `register_table.RegisterLink`."""
+    """A `register_table.RegisterLink` by commands of the IMU. Raises DeviceFaultError if it refuses or is silent."""
 
     received = b""
 

@@ -1,0 +1,45 @@
+"""Files that are read once are read again only after a change, and errors of reading name the file."""
+
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import ConfigurationError
+from calstation.schema import StrictModel, load_once
+from tests.helpers import raises_code
+
+
+class Named(StrictModel):
+    """A file with one entry."""
+
+    name: str
+
+
+def test_a_file_that_cannot_be_read_is_a_configuration_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path) -> bytes:
+        raise PermissionError(13, "denied", str(path))
+
+    (tmp_path / "a.toml").write_text('name = "a"', "utf-8")
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    with raises_code(ConfigurationError, "entry.unreadable"):
+        load_once(Named, tmp_path / "a.toml")
+
+
+def test_a_file_replaced_while_it_is_read_does_not_stay_in_the_cache(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text('name = "old"', "utf-8")
+    with monkeypatch.context() as patched:
+        read = Path.read_bytes
+
+        def read_and_replace(file: Path) -> bytes:
+            content = read(file)
+            path.write_text('name = "new"', "utf-8")
+            return content
+
+        patched.setattr(Path, "read_bytes", read_and_replace)
+        assert load_once(Named, path).name == "old"
+    assert load_once(Named, path).name == "new"
+    path.write_text('name = "old"', "utf-8")
+    assert load_once(Named, path).name == "old"
