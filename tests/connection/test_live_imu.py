@@ -39,7 +39,7 @@ def test_the_virtual_fixture_holds_the_recorded_unit(recording: Path) -> None:
 def test_an_invalid_product_of_the_site_is_passed_over(recording: Path, tmp_path: Path) -> None:
     (tmp_path / "home" / "products").mkdir(parents=True)
     (tmp_path / "home" / "products" / "a_draft.toml").write_text('name = "a draft"', "utf-8")
-    now = apply_to_unit(tell, recording, None, None, ZERO, ZERO, seconds=2.0)
+    now = apply_to_unit(ignore_progress, recording, None, None, ZERO, ZERO, seconds=2.0)
     assert isinstance(now, Applied)
     assert now.serial == "BENCH-tactical"
 

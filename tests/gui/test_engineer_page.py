@@ -321,7 +321,7 @@ def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
     assert [line.split("\t")[0] for line in lines[1:]] == list(result["parameters"])
 
     engineer.show_view(2)
-    engineer.until(lambda: page.analysis.innovations.isVisible())
+    engineer.until(lambda: page.analysis.innovations.view.isVisible())
     combo = engineer.widget("innovation_stage_combo", QComboBox)
     assert [combo.itemText(i) for i in range(combo.count())] == ["Six positions", "Azimuth flips"]
     assert "beyond ±3 σ" in engineer.says()
@@ -329,7 +329,7 @@ def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
     assert engineer.cells("nis_table")["azimuth_flip"]["Mean NIS"] == f"{nis:.3f}"
 
     engineer.show_view(3)
-    assert page.analysis.residuals.isVisible()
+    assert page.analysis.residuals.view.isVisible()
     plot = page.analysis.residuals.view.plots[0]
     point = plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
     engineer.qtbot.mouseMove(plot.viewport(), point.toPoint())
