@@ -258,7 +258,9 @@ def test_a_profile_with_an_inner_drive_of_that_number_is_passed_over(monkeypatch
         return bench.answer(heard) if heard[6] == 2 else tcp_pdu(heard, bytes([0x83, 4]))
 
     with server(answer) as address:
-        report = check_table_link(ignore_progress, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"}))
+        report = check_table_link(
+            ignore_progress, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"})
+        )
     assert report.findings[-1].values == {"found": 2, "model": "bench-table", "profile": "bench"}
 
 
