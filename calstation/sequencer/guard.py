@@ -104,10 +104,10 @@ def safe_stop(table: Table, clock: Clock) -> list[Text]:
     """
     failures: list[Text] = []
     _attempt(table.stop, failures)
-    if failures:  # the command may still have arrived: do not switch the axes off while they turn
-        _attempt(lambda: clock.sleep(_UNRESPONSIVE_WAIT), failures)
-    else:
+    if not failures:
         _attempt(lambda: _wait_for_rest(table, clock), failures)
+    if failures:  # the axes may still turn: do not switch them off at once
+        _attempt(lambda: clock.sleep(_UNRESPONSIVE_WAIT), failures)
     _attempt(table.disable, failures)
     return failures
 

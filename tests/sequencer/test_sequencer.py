@@ -222,6 +222,22 @@ def test_a_safe_stop_tries_every_step_after_any_failure() -> None:
     assert scene.table.commands == ["disable"]
 
 
+def test_a_table_that_stops_answering_while_it_comes_to_rest_is_not_switched_off_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def silent() -> None:
+        raise DeviceFaultError("motion.not_stopped")
+
+    scene = Scene()
+    switched_off: list[float] = []
+    monkeypatch.setattr(scene.table, "status", silent)
+    monkeypatch.setattr(scene.table, "disable", lambda: switched_off.append(scene.clock.now()))
+    begun = scene.clock.now()
+    assert len(safe_stop(scene.table, scene.clock)) == 1
+    (at,) = switched_off
+    assert at - begun >= 5.0
+
+
 def test_a_stalled_move_times_out() -> None:
     scene = Scene()
     scene.table.stuck = True
