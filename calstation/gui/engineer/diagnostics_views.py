@@ -317,7 +317,7 @@ class HeatMap(ThemedPlot):
         colours = pg.colormap.get("viridis")
         bar = pg.ColorBarItem(values=(0, _DECADES), colorMap=colours, interactive=False, width=2 * theme.GRID)
         bar.setImageItem(self._image, insert_in=self.getPlotItem())
-        bar.axis.setTicks([[(k, f"{10**k} ×") for k in range(_DECADES + 1)]])
+        bar.axis.setTicks([[(k, f"{10**k} ×") for k in range(_DECADES)]])  # the top one would be cut
         bar.axis.setStyle(tickFont=theme.font())
         bar.axis.setWidth(11 * theme.GRID)
         self.setMouseEnabled(x=False, y=False)

@@ -36,7 +36,7 @@ class HistoryPage(Page):
         self.notice = NoticeBar("history_notice")
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear)
         self._nothing = EmptyState(self._clear_button)
-        self._split = split((self.table, 15), (self.details, 8), handle=2 * theme.GRID)
+        self._split = split((self.table, 14), (self.details, 9), handle=2 * theme.GRID)
         self._stack = stack(self._nothing, self._split)
         wide = 2 * theme.GRID
         column(self._filters, self.notice, (self._stack, 1), on=self, margins=(wide, theme.GRID, wide, wide))

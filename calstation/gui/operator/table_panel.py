@@ -88,9 +88,10 @@ class TablePanel(QFrame):
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         for row, (name, angle, rate) in enumerate(zip(names, self.angle_labels, self._rates, strict=True)):
             angle.setFont(theme.font(theme.SECTION, bold=True))
-            figures.addWidget(name, row, 0)
-            figures.addWidget(angle, row, 1, right)
-            figures.addWidget(rate, row, 2, right)
+            for at, part in enumerate((name, angle, rate)):
+                figures.addWidget(part, row, at)
+            for number in (angle, rate):  # fills its cell, so that a longer number is never cut
+                number.setAlignment(right)
         figures.setColumnMinimumWidth(2, 9 * theme.GRID)
         column(self.badge, (self.picture, 1), figures, on=self, spacing=theme.GRID // 2, margins=PANEL)
         on_language_change(self, self._show_state)

@@ -239,11 +239,11 @@
     <message>
         <source>Stages of the log</source>
         <extracomment>The methods by the names of their stages, in the page&apos;s order. The kind of recording (`simulation.recordings.Kind`) that each of them solves.</extracomment>
-        <translation>日志中的工序</translation>
+        <translation>记录中的阶段</translation>
     </message>
     <message>
         <source>Solve the stages again as they were recorded</source>
-        <translation>按记录重新解算各工序</translation>
+        <translation>按记录重新解算各阶段</translation>
     </message>
 </context>
 <context>
