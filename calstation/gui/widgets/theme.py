@@ -189,7 +189,9 @@ def style_sheet(c: Colours) -> str:
     QListWidget[kind="nav"]::item:selected {{
         background: {c.panel}; color: {c.text}; border-left-color: {c.accent};
     }}
-    QScrollArea[kind="clear"], QScrollArea[kind="clear"] > #qt_scrollarea_viewport > QWidget {{ background: transparent; }}
+    QScrollArea[kind="clear"], QScrollArea[kind="clear"] > #qt_scrollarea_viewport > QWidget {{
+        background: transparent;
+    }}
     QLabel[kind="number"] {{
         background: {c.accent}; color: {c.on_accent}; border-radius: 14px; min-height: 28px; min-width: 28px;
         font-weight: 600; qproperty-alignment: AlignCenter;
