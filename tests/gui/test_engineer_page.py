@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QEvent, QPoint, Qt
+from PySide6.QtCore import QEvent, QPoint, QPointF, Qt
 from PySide6.QtGui import QGuiApplication, QHelpEvent
 from PySide6.QtWidgets import (
     QApplication,
@@ -336,7 +336,8 @@ def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
     engineer.show_view(4)
     assert "determined by this stage" in engineer.widget("unobservable_label", QLabel).text().lower()
     heat = page.analysis.observability.map
-    assert tooltip_at(heat, heat.centre_of(6, 0)).startswith("gyro_bias_x after step")
+    centre = heat.mapFromScene(heat.getViewBox().mapViewToScene(QPointF(0.5, 6.5)))
+    assert tooltip_at(heat, centre).startswith("gyro_bias_x after step")
 
     combo = engineer.widget("language_combo", QComboBox)
     page.analysis.open(Path(result["log"]["file"]))

@@ -262,7 +262,7 @@ def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
     def pixel(seconds: float) -> QPointF:
         return QPointF(box.mapViewToScene(QPointF(seconds, 0.0)).x(), height)
 
-    start = pixel(page.plot.range_seconds[edge])
+    start = pixel(page.plot._ranges[0].getRegion()[edge])
     stop = pixel(left + to * (right - left))
     middle = QPointF((start.x() + stop.x()) / 2, height)
     press, move, release = (
@@ -290,12 +290,12 @@ def test_boxes_and_region_follow_each_other_and_stay_within_the_log(
     first, last = spins(page)
     assert first.value() == FAR
     first.setValue(FAR + 100_000)
-    start, _ = page.plot.range_seconds
+    start, _ = page.plot._ranges[0].getRegion()
     assert start == pytest.approx(100.0)
     drag_edge(page, 1, 0.6)
     assert first.value() == FAR + 100_000
     assert FAR + 100_000 < last.value() < facts.last_seq
-    assert page.plot.range_seconds[1] == pytest.approx((last.value() + 1 - FAR) / 1000.0)
+    assert page.plot._ranges[0].getRegion()[1] == pytest.approx((last.value() + 1 - FAR) / 1000.0)
     first.setValue(2**52)
     assert first.value() == last.value()
     assert "cannot be after the last" in page.range.note_label.text()

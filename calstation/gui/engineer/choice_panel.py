@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QCheckBox, QFrame, QLabel, QToolButton, QVBoxLayou
 from calstation.config import ScheduleOptions
 from calstation.gui.engineer.schedule_form import ScheduleForm
 from calstation.gui.text import bind, on_language_change, term
-from calstation.gui.widgets import button, clear, column, enable, label, row, scroll_area, theme
+from calstation.gui.widgets import button, clear, column, enable, label, row, scroll_area, show_text, theme
 
 #: Stages of each part of the calibration, by the suffix of its check box's object name.
 PARTS = {
@@ -96,15 +96,13 @@ class ChoicePanel(QFrame):
         self.parts.lock(choice)
         for form in self._forms.values():
             form.lock(choice or schedule)
-        self._lock_label.setText(schedule)
-        for each in (self._lock_label, self._unlock_button):
-            each.setVisible(bool(schedule))
+        show_text(self._lock_label, schedule)
+        self._unlock_button.setVisible(bool(schedule))
         for each in (self._reset_button, self._save_button):
             each.setVisible(not schedule)
         enable(self._reset_button, choice or schedule, self.tr("Back to the product's values of this stage"))
         enable(self._save_button, choice or schedule or save)
-        self._reason.setText("" if schedule else choice or save)
-        self._reason.setVisible(bool(self._reason.text()))
+        show_text(self._reason, "" if schedule else choice or save)
 
     def _show_texts(self) -> None:
         enter = self.tr("Enter the engineer's PIN")

@@ -10,7 +10,7 @@ from PySide6.QtCore import QEvent, QPoint, QPointF, QRectF
 from PySide6.QtGui import QHelpEvent, QResizeEvent
 from PySide6.QtWidgets import QToolTip, QWidget
 
-from calstation.gui.engineer.shared_views import ROW, Band, CellTable, StackedPlots, StageCombo, dashed, name_axis
+from calstation.gui.engineer.shared_views import ROW, Band, CellTable, StackedPlots, StageCombo, dashed
 from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import Column, ElidedLabel, EmptyState, ThemedPlot, column, label, row, scroll_area, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
@@ -91,8 +91,8 @@ class InnovationsView(StackedPlots[Diagnostics]):
                 self.add(plot, pg.InfiniteLine(level, 0, pen=pen))
             reach = max(_MIN_HALF_RANGE, float(np.abs(values).max(initial=0.0)) * 1.05)
             plot.setYRange(-reach, reach, padding=0.0)
-            name_axis(plot, "left", name)
-        name_axis(self.plots[2], "bottom", self.tr("time in the stage, min"))
+            plot.setLabel("left", name)
+        self.plots[2].setLabel("bottom", self.tr("time in the stage, min"))
         self.plots[0].setXRange(0.0, max(float(minutes.max(initial=0.0)), 1e-3), padding=0.02)
         share = 100.0 * float(np.mean(np.abs(innovations.normalised) > _BOUND))
         self._beyond.setText(
@@ -159,9 +159,9 @@ class ResidualsView(StackedPlots[Diagnostics]):
         self.add_bands(bands)
         titles = (self.tr("gravity, µg"), self.tr("vertical rate, °/h"), self.tr("horizontal rate, °/h"))
         for plot, title, (values, sigmas) in zip(self.plots, titles, _columns(stages), strict=True):
-            name_axis(plot, "left", title)
+            plot.setLabel("left", title)
             self._draw_column(plot, values, sigmas)
-        name_axis(self.plots[2], "bottom", self.tr("rest, by the axis that is up"))
+        self.plots[2].setLabel("bottom", self.tr("rest, by the axis that is up"))
         self.plots[0].setXRange(-0.5, max(len(self._rests) - 0.5, 0.5), padding=0.01)
         self._name_ticks()
 
@@ -339,11 +339,6 @@ class HeatMap(ThemedPlot):
         self.getAxis("bottom").setTicks([[(k + 0.5, str(step)) for k, step in enumerate(steps)][::every]])
         self.setLabel("bottom", self.tr("after step"))
         self.setRange(QRectF(0.0, 0.0, len(steps), len(names)), padding=0.0)
-
-    def centre_of(self, line: int, step: int) -> QPoint:
-        """Return the centre of a cell in view coordinates."""
-        centre: QPoint = self.mapFromScene(self.getViewBox().mapViewToScene(pg.Point(step + 0.5, line + 0.5)))
-        return centre
 
     def describe(self, at: QPoint) -> str:
         """Return a description of the cell at a point of the view, "" outside the cells."""

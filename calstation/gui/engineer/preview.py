@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QSplitter, QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.shared_views import CellTable, StackedPlots, dashed, name_axis
+from calstation.gui.engineer.shared_views import CellTable, StackedPlots, dashed
 from calstation.gui.shell import AppContext
 from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
 from calstation.gui.widgets import (
@@ -165,7 +165,7 @@ class MotionPlot(StackedPlots[Preview]):
         angles = (preview.outer, preview.inner)
         titles = (self.tr("outer, °"), self.tr("inner, °"))
         for plot, title, angle, travel in zip(self.plots, titles, angles, preview.travel, strict=True):
-            name_axis(plot, "left", title)
+            plot.setLabel("left", title)
             pen = pg.mkPen(c.accent, width=1)
             self.add(plot, pg.PlotDataItem(preview.time / 60.0, np.rad2deg(angle), pen=pen))
             for end in travel:
@@ -173,7 +173,7 @@ class MotionPlot(StackedPlots[Preview]):
                     line = pg.InfiniteLine(np.rad2deg(end), 0, pen=dashed(c.bad))
                     self.add(plot, line, scaled=False)
             plot.enableAutoRange()
-        name_axis(self.plots[1], "bottom", self.tr("time, min"))
+        self.plots[1].setLabel("bottom", self.tr("time, min"))
         self.plots[0].setXRange(0.0, max(preview.duration / 60.0, 1e-3), padding=0.01)
 
 

@@ -9,9 +9,17 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import RegisterOperation, RunRequest
 from calstation.gui.engineer.shared_views import CellTable
-from calstation.gui.history import local_time
 from calstation.gui.shell import AppContext
-from calstation.gui.text import bind, error_text, event_sentence, fault_text, on_language_change, say, step_sentence
+from calstation.gui.text import (
+    bind,
+    error_text,
+    event_sentence,
+    fault_text,
+    local_time,
+    on_language_change,
+    say,
+    step_sentence,
+)
 from calstation.gui.widgets import (
     Choice,
     EmptyState,

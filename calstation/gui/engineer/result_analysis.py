@@ -8,10 +8,10 @@ from PySide6.QtWidgets import QStackedWidget, QWidget
 from calstation.errors import CalstationError
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ObservabilityView, ResidualsView
 from calstation.gui.engineer.shared_views import CellTable
-from calstation.gui.history import local_time
 from calstation.gui.shell import AppContext
-from calstation.gui.text import KINDS, bind, error_text, of_parameter, on_language_change, say, term
+from calstation.gui.text import KINDS, bind, error_text, local_time, of_parameter, on_language_change, say, term
 from calstation.gui.widgets import (
+    NOTABLE_SIGMAS,
     ChecksTable,
     Column,
     EmptyState,
@@ -40,8 +40,6 @@ from calstation.results import (
 )
 
 _NONE = "–"
-#: Changes larger than this number of sigmas are highlighted.
-_NOTABLE_SIGMAS = 3.0
 #: Maximum height of the table of checks that do not concern a single parameter, px.
 _MAX_CHECKS_HEIGHT = 26 * theme.GRID
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "sigma_limit")
@@ -189,7 +187,7 @@ def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict
         cells["previous"] = number(before, sigma)
         cells["change"] = "0" if before == value else number(value - before, sigma)
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
-        if abs(parameter.value - previous) > _NOTABLE_SIGMAS * parameter.sigma:
+        if abs(parameter.value - previous) > NOTABLE_SIGMAS * parameter.sigma:
             cells["changed"] = "yes"
     if "within" in checks and isinstance(checks["within"].limit, tuple):
         low, high = (_display(name, bound)[0] for bound in checks["within"].limit)

@@ -148,12 +148,6 @@ class StackedPlots(QWidget, Generic[Data]):
             self.draw(self._data)
 
 
-def name_axis(plot: ThemedPlot, side: str, text: str) -> None:
-    """Label an axis, ``left`` or ``bottom``, in the window's font."""
-    plot.setLabel(side, text)
-    plot.getAxis(side).label.setFont(theme.font())
-
-
 def dashed(colour: str) -> pg.GraphicsObject:
     """Return a thin dashed pen."""
     return pg.mkPen(colour, width=1, style=Qt.PenStyle.DashLine)

@@ -9,7 +9,7 @@ from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QComboBox, QFormLayout, QFrame, QSizePolicy, QWidget
 
-from calstation.gui.history.run_table import local_time, stages_text
+from calstation.gui.history.run_table import stages_text
 from calstation.gui.operator import FiguresTable, advice
 from calstation.gui.text import (
     KINDS,
@@ -18,6 +18,7 @@ from calstation.gui.text import (
     error_text,
     event_sentence,
     free_text,
+    local_time,
     on_language_change,
     term,
 )

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.text import KINDS, bind, duration_text, on_language_change, term
+from calstation.gui.text import KINDS, bind, duration_text, local_time, on_language_change, term
 from calstation.gui.widgets import label, row, state_colour, state_icon, theme
 from calstation.records import RunRecord
 
@@ -217,14 +217,6 @@ def _cell(text: str, column: int) -> QTableWidgetItem:
     side = Qt.AlignmentFlag.AlignRight if column in _NUMBERS else Qt.AlignmentFlag.AlignLeft
     cell.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
     return cell
-
-
-def local_time(started_utc: str) -> str:
-    """Format an ISO 8601 time in this computer's time zone; any other text is unchanged."""
-    try:
-        return f"{datetime.fromisoformat(started_utc).astimezone():%Y-%m-%d %H:%M}"
-    except ValueError:
-        return started_utc
 
 
 def utc_text(started_utc: str) -> str:

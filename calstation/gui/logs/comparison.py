@@ -5,6 +5,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import KINDS, bind, event_sentence, on_language_change, show, term
 from calstation.gui.widgets import (
+    NOTABLE_SIGMAS,
     Column,
     ParameterModel,
     ParameterTable,
@@ -21,8 +22,6 @@ from calstation.physics import display, number
 from calstation.results import Parameter, Resolved, Result, in_sigma
 from calstation.results.plots import LogIndex
 
-#: Differences above this number of sigmas are highlighted.
-_NOTABLE = 3.0
 _NONE = "–"
 _NUMBERS = ("online", "online_sigma", "offline", "offline_sigma", "difference")
 
@@ -119,7 +118,7 @@ class Comparison(QWidget):
         return "bad" if (name, True) in self._failed else "caution" if name in self._unobservable else None
 
     def _difference_state(self, name: str) -> str | None:
-        return "caution" if abs(self._in_sigma.get(name, 0.0)) > _NOTABLE else None
+        return "caution" if abs(self._in_sigma.get(name, 0.0)) > NOTABLE_SIGMAS else None
 
     def _refresh(self) -> None:
         self.model.refresh()
@@ -159,7 +158,7 @@ class Comparison(QWidget):
             return "good", self.tr("Identical bit for bit")
         name = max(self._in_sigma, key=lambda n: abs(self._in_sigma[n]))
         largest = self.tr("Largest difference {0} σ, {1}").format(f"{abs(self._in_sigma[name]):.2f}", name)
-        beyond = sum(abs(difference) > _NOTABLE for difference in self._in_sigma.values())
+        beyond = sum(abs(difference) > NOTABLE_SIGMAS for difference in self._in_sigma.values())
         return ("caution", self.tr("{0}; beyond 3 σ: {1}").format(largest, beyond)) if beyond else ("none", largest)
 
     def _notes(self, solved: Resolved, log_index: LogIndex) -> list[str]:

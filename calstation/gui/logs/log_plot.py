@@ -152,12 +152,6 @@ class LogPlot(QWidget):
         return left, right
 
     @property
-    def range_seconds(self) -> tuple[float, float]:
-        """The selected range, s from the start of the log."""
-        start, stop = self._ranges[0].getRegion()
-        return start, stop
-
-    @property
     def view_box(self) -> Any:
         """The view box of the gyro plot."""
         return self._plots[0].getViewBox()

@@ -5,11 +5,10 @@ from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
-from calstation.gui.operator.questions import rendered
 from calstation.gui.operator.table_panel import TablePanel
 from calstation.gui.operator.traces import Traces
 from calstation.gui.shell import RunStatus
-from calstation.gui.text import on_language_change
+from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
 from calstation.messages import Text
 from calstation.physics import GROUPS, INDEX, PARAMETERS

@@ -6,9 +6,8 @@ from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
-from calstation.gui.operator.questions import rendered
 from calstation.gui.operator.table_panel import TablePicture
-from calstation.gui.text import on_language_change
+from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import column, grid, label, row, theme
 from calstation.messages import Text
 

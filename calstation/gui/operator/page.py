@@ -20,12 +20,21 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
-from calstation.gui.operator.questions import ask, rendered
+from calstation.gui.operator.questions import ask
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.verdict import VerdictPanel
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import KINDS, event_sentence, fault_text, on_language_change, say, step_sentence, term
+from calstation.gui.text import (
+    KINDS,
+    event_sentence,
+    fault_text,
+    on_language_change,
+    rendered,
+    say,
+    step_sentence,
+    term,
+)
 from calstation.gui.widgets import (
     STEPS,
     Choice,

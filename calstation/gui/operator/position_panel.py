@@ -7,8 +7,7 @@ from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
-from calstation.gui.operator.questions import rendered
-from calstation.gui.text import on_language_change, say
+from calstation.gui.text import on_language_change, rendered, say
 from calstation.gui.widgets import StateBadge, button, column, enable, label, row, theme
 from calstation.messages import Text
 from calstation.sequencer import PositionGuided

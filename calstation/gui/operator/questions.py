@@ -3,14 +3,9 @@
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
-from calstation.gui.text import language, show
+from calstation.gui.text import rendered, show
 from calstation.gui.widgets import Choice, NoticeBar
-from calstation.messages import Rendered, Text, render
-
-
-def rendered(message: Text) -> Rendered:
-    """Render a message in the current language, with its title as `text` and its explanation as `remedy`."""
-    return render(message.code, message.values, language.current(), window=True)
+from calstation.messages import Text
 
 
 def ask(

@@ -14,7 +14,7 @@ from calstation.config import editing
 from calstation.connection import FoundPort
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.text import bind, on_language_change, say, show, term
-from calstation.gui.widgets import Item, Words, column, enable, label, row, theme
+from calstation.gui.widgets import Item, Words, column, enable, label, row, show_text, theme
 from calstation.messages import known
 from calstation.schema import KeyPath, Problem, field_name
 
@@ -319,8 +319,7 @@ class Field(QWidget):
             kind = "caution"
         else:
             kind, text = "muted", self._hint()
-        self._message.setText(text)
-        self._message.setVisible(bool(text))
+        show_text(self._message, text)
         if self._message.property("kind") != kind:
             theme.set_kind(self._message, kind)
         if self.editor.property("wrong") != wrong:

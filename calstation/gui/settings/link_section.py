@@ -25,7 +25,7 @@ from calstation.gui.settings.fields import (
     choices_of,
 )
 from calstation.gui.shell import AppContext, ResetBar
-from calstation.gui.text import error_text, language, on_language_change, say, term
+from calstation.gui.text import error_text, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
     JobRow,
     JobWatch,
@@ -37,9 +37,10 @@ from calstation.gui.widgets import (
     label,
     row,
     scroll_area,
+    show_text,
     theme,
 )
-from calstation.messages import Finding, Report, render
+from calstation.messages import Finding, Report
 
 #: Address schemes of the network connections, and the usual port number of each.
 _NETWORK = {"tcp": 502, "socket": 4001}
@@ -347,8 +348,7 @@ class TestPanel(QFrame):
         self.badge.setVisible(bool(state) and not self.watch.busy)
         if state:
             self.badge.show_state(_KINDS[state], term("setting", f"test_{state}"))
-        self._why.setText(error_text(self._error).sentences if self._error else "")
-        self._why.setVisible(self._error is not None)
+        show_text(self._why, error_text(self._error).sentences if self._error else "")
         self._nothing.setVisible(not state and not self.watch.busy)
 
     def _clear(self) -> None:
@@ -376,7 +376,6 @@ class _Line(QWidget):
         on_language_change(self, self._show)
 
     def _show(self) -> None:
-        shown = render(self._message.code, self._message.values, language.current(), window=True)
+        shown = rendered(self._message)
         self._text.setText(shown.text)
-        self._remedy.setText(shown.remedy)
-        self._remedy.setVisible(bool(shown.remedy))
+        show_text(self._remedy, shown.remedy)

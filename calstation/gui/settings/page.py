@@ -19,7 +19,7 @@ from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, error_text, on_language_change
-from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, scroll_area, theme
+from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, scroll_area, show_text, theme
 from calstation.schema import KeyPath
 
 _NAV = 26 * theme.GRID
@@ -183,8 +183,7 @@ class StationPage(Page):
         enable(self._save_button, reason)
         problems = self.drafts.station.problems
         unseen = [p for p in problems if not p.place or p.kind in ("toml", "file", "extra_forbidden")]
-        self._problems.setText("\n".join(map(problem_text_with_name, unseen)))
-        self._problems.setVisible(bool(unseen))
+        show_text(self._problems, "\n".join(map(problem_text_with_name, unseen)))
         if not dirty and self.notice.asking:
             self.notice.dismiss()
         self._name_sections()

@@ -41,7 +41,7 @@ class PersonalSection(QWidget):
             None,
         )
         row(left, (self._make_pin_panel(), 1), on=self, spacing=3 * theme.GRID)
-        app.theme_changed.connect(self.refresh)
+        theme.themes.changed.connect(self.refresh)
         on_language_change(self, self.pin_message.clear)
         on_language_change(self, self.refresh)
 

@@ -2,7 +2,6 @@
 
 import difflib
 from collections.abc import Iterable
-from datetime import datetime
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Signal
@@ -14,8 +13,8 @@ from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.fields import ChoiceBox
 from calstation.gui.shell import AppContext
-from calstation.gui.text import bind, error_text, on_language_change, say, show, term
-from calstation.gui.widgets import button, column, enable, label, row, theme
+from calstation.gui.text import bind, error_text, local_time, on_language_change, say, show, term
+from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
 
 
 class TextView(QPlainTextEdit):
@@ -109,7 +108,7 @@ class NewFileBar(QFrame):
             message = self.tr("This name is taken; choose another.")
         elif name and not editing.is_name(name):
             message = self.tr("Only letters a to z, digits, - and _; a letter or digit first.")
-        self._show_message(message)
+        show_text(self._message, message)
         enable(self._make_button, message or ("" if name else self.tr("Type a name first.")))
 
     def _make(self) -> None:
@@ -119,14 +118,10 @@ class NewFileBar(QFrame):
         try:
             path = self._drafts.create(self._kind, self._name.text(), source)
         except ConfigurationError as error:
-            self._show_message(error_text(error).sentences)
+            show_text(self._message, error_text(error).sentences)
             return
         self.hide()
         self.made.emit(self._kind, path)
-
-    def _show_message(self, message: str) -> None:
-        self._message.setText(message)
-        self._message.setVisible(bool(message))
 
 
 _TEXT, _COMPARE = range(2)
@@ -169,7 +164,7 @@ class ProfilesSection(QWidget):
         drafts.changed.connect(self.refresh)
         drafts.saved.connect(lambda _: self._fill())
         app.product_changed.connect(self._fill)
-        app.theme_changed.connect(self.refresh)
+        theme.themes.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
         self._fill()
 
@@ -324,10 +319,9 @@ class ProfilesSection(QWidget):
         stored = next((v.number for v in self._versions if v.sha256 == digest), None)
         self._list.clear()
         for version in self._versions:
-            saved = datetime.fromisoformat(version.saved_utc).astimezone()
             author = version.author if version.author is not None else self.tr("found, not saved here")
             mark = self.tr("  ·  current") if version.number == stored else ""
-            first = f"{version.number}  ·  {saved:%Y-%m-%d %H:%M}{mark}"
+            first = f"{version.number}  ·  {local_time(version.saved_utc)}{mark}"
             self._list.addItem(f"{first}\n{author}  ·  {version.sha256[:12]}")
         self._list.setCurrentRow(min(chosen, len(self._versions) - 1))
         self._no_versions.setVisible(not self._versions)

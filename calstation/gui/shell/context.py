@@ -27,7 +27,6 @@ class AppContext(QObject):
     open_run = Signal(object)
     resume_run = Signal(object)
     page_wanted = Signal(str)  #: Object name of the page to show.
-    theme_changed = Signal()
     runs_folder_changed = Signal()
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
@@ -73,7 +72,6 @@ class AppContext(QObject):
         """Switch between light and dark."""
         theme.apply(name)
         self.settings.setValue("theme", theme.current())
-        self.theme_changed.emit()
 
     def set_language(self, code: str) -> None:
         """Switch to another language."""

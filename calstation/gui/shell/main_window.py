@@ -130,7 +130,7 @@ class MainWindow(QMainWindow):
         app.station_changed.connect(self._show_station)
         app.role.changed.connect(self._show_role)
         app.role.wanted.connect(self._move_role_panel)
-        app.theme_changed.connect(self._set_icons)
+        theme.themes.changed.connect(self._set_icons)
         app.engine_link.running_changed.connect(self._running_changed)
         app.page_wanted.connect(self.show_page)
         for signal, page in (

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Any
 
 from calstation.errors import CalstationError
 from calstation.gui.text import language
-from calstation.messages import Text, entry, event_text, rendering, step_text
+from calstation.messages import Rendered, Text, entry, event_text, rendering, step_text
 from calstation.sequencer import Fault
 
 #: Badge shape (`widgets.badge.KINDS`) of each state and outcome of a run.
@@ -52,9 +53,14 @@ def say(code: str, **values: Any) -> str:
     return show(Text(code, values))
 
 
+def rendered(message: Text) -> Rendered:
+    """Render a message in the current language; a question has its title as `text`, its explanation as `remedy`."""
+    return rendering.render(message.code, message.values, language.current(), window=True)
+
+
 def show(message: Text) -> str:
     """Return the text of a message in the current language."""
-    return rendering.render(message.code, message.values, language.current(), window=True).sentences
+    return rendered(message).sentences
 
 
 def term(family: str, name: str, **values: Any) -> str:
@@ -94,6 +100,14 @@ def duration_text(seconds: float) -> str:
     minutes, rest = divmod(max(0, round(seconds)), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+
+
+def local_time(utc: str) -> str:
+    """Format an ISO 8601 time in this computer's time zone; any other text is unchanged."""
+    try:
+        return f"{datetime.fromisoformat(utc).astimezone():%Y-%m-%d %H:%M}"
+    except ValueError:
+        return utc
 
 
 def _coded(code: str, values: Mapping[str, Any]) -> ErrorText:

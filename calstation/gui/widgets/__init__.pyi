@@ -33,6 +33,7 @@ from .layout import split as split
 from .layout import stack as stack
 from .notice import Choice as Choice
 from .notice import NoticeBar as NoticeBar
+from .parameter_table import NOTABLE_SIGMAS as NOTABLE_SIGMAS
 from .parameter_table import Column as Column
 from .parameter_table import ParameterModel as ParameterModel
 from .parameter_table import ParameterTable as ParameterTable

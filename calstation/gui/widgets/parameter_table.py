@@ -14,6 +14,9 @@ from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
 
+#: Differences above this number of sigmas are highlighted.
+NOTABLE_SIGMAS = 3.0
+
 
 @dataclass(frozen=True)
 class Column:

@@ -3,14 +3,12 @@
 from collections.abc import Callable
 
 from calstation.gui.text import bind
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable, align_columns, ordered
+from calstation.gui.widgets import NOTABLE_SIGMAS, Column, ParameterModel, ParameterTable, align_columns, ordered
 from calstation.physics import display, number
 from calstation.results import Parameter
 from calstation.results.plots import GimbalPlotData, MethodAnswer
 
 _NONE = "–"
-#: Differences above this number of sigmas are highlighted.
-_NOTABLE = 3.0
 _NUMBERS = ("value", "sigma", "before", "before_sigma", "other", "other_sigma", "apart", "truth", "truth_in_sigma")
 
 
@@ -78,7 +76,7 @@ class AnswerTable(ParameterTable):
         return lambda name: self._cells[name].get(column, _NONE)
 
     def _state(self, column: str) -> Callable[[str], str | None]:
-        return lambda name: "caution" if abs(self._in_sigma[name].get(column, 0.0)) > _NOTABLE else None
+        return lambda name: "caution" if abs(self._in_sigma[name].get(column, 0.0)) > NOTABLE_SIGMAS else None
 
     def _value_state(self, name: str) -> str | None:
         return "bad" if name in self._outside else None

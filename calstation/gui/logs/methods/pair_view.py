@@ -1,7 +1,6 @@
 """Views for IMUs on one body: check at rest against thresholds, replay, stored calibrations, and residuals."""
 
 from collections.abc import Mapping
-from datetime import datetime
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Signal
@@ -9,7 +8,7 @@ from PySide6.QtWidgets import QComboBox, QWidget
 
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
-from calstation.gui.text import on_language_change, say, show, term
+from calstation.gui.text import local_time, on_language_change, say, show, term
 from calstation.gui.widgets import button, column, label, panel, row, show_text, theme
 from calstation.messages import Text
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G, display, number, pair_name
@@ -120,9 +119,8 @@ class PairCheckView(QWidget):
     def _stored_text(self, stored: StoredPairFile) -> str:
         if not stored.utc:
             return self.tr("IMU {0}, {1}: nothing is stored yet.").format(stored.number, stored.serial)
-        when = datetime.fromisoformat(stored.utc).astimezone().strftime("%Y-%m-%d %H:%M")
         return self.tr("IMU {0}, {1}: last calibrated on {2}, {3} values in {4}").format(
-            stored.number, stored.serial, when, stored.values, stored.file
+            stored.number, stored.serial, local_time(stored.utc), stored.values, stored.file
         )
 
 

@@ -6,9 +6,10 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QSpinBox, QWidget
 
 from calstation.config import MANUAL_STATION, manual_product, uses_manual_rig
-from calstation.gui.logs import Exports, SourceBar
+from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.methods.answer_views import AnswerViews
 from calstation.gui.logs.methods.kinds import MULTI_POSITION, RECORDED_AS
+from calstation.gui.logs.source_bar import SourceBar
 from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import JobRow, JobStack, JobWatch, NoticeBar, button, column, enable, label, row
