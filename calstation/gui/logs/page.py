@@ -17,7 +17,7 @@ from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.methods import MethodBar
 from calstation.gui.logs.range_bar import RangeBar, StageChoice
-from calstation.gui.logs.source_bar import ENDINGS, SourceBar
+from calstation.gui.logs.source_bar import ENDINGS, MAX_RECENT, SourceBar
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import on_language_change, say, term
@@ -184,7 +184,7 @@ class OfflinePage(Page):
         folder = self.app.runs_folder
         if not folder.is_dir():
             return []
-        return [run.log.absolute() for run in History(folder).runs(limit=8) if run.log.is_file()]
+        return [run.log.absolute() for run in History(folder).runs(limit=MAX_RECENT) if run.log.is_file()]
 
     def _open_chosen(self, path: Path) -> None:
         panel = self.panel

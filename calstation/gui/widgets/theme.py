@@ -246,7 +246,7 @@ def _font(size: int, bold: bool) -> QFont:
 
 
 def set_kind(widget: QWidget, kind: str) -> None:
-    """Set the kind of a widget in the style sheet: primary, panel, section, muted or error."""
+    """Set the kind of a widget, such as primary, panel or muted, which selects its style in the style sheet."""
     widget.setProperty("kind", kind)
     widget.style().unpolish(widget)
     widget.style().polish(widget)
