@@ -93,11 +93,6 @@ class Trend(QWidget):
         self.setVisible(bool(names))
         self.draw()
 
-    @property
-    def points(self) -> int:
-        """Number of plotted runs."""
-        return sum(self._combo.currentData() in run.values for run in self._runs)
-
     def draw(self) -> None:
         """Plot the selected parameter."""
         plot, c = self._plot, theme.colours()
@@ -187,11 +182,9 @@ class RunDetails(QFrame):
         content = QWidget()
         items = (self.reason_label, self.failed_label, self._figures, self._facts, None)
         column(*items, on=content, spacing=2 * theme.GRID, margins=(0, 0, theme.GRID, 0))
-        scroll = scroll_area(content)
-        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column(
             row((self._serial, 1), self.badge),
-            (scroll, 5),
+            (scroll_area(content, wide=False), 5),
             (self.trend, 3),
             row((self.resume_button, 1), (self.close_button, 1)),
             row((self.result_button, 1), (self.log_button, 1), (self.folder_button, 1)),

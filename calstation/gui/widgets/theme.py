@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtGui import QColor, QFont, QPalette
+from PySide6.QtGui import QColor, QFont, QPainter, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
 
 from calstation.gui.text import on_language_change
@@ -242,6 +242,13 @@ def _font(size: int, bold: bool) -> QFont:
     made.setFeature(QFont.Tag("tnum"), 1)
     if bold:
         made.setWeight(QFont.Weight.DemiBold)
+    return made
+
+
+def painter(widget: QWidget) -> QPainter:
+    """Return a painter that draws smooth lines on a widget."""
+    made = QPainter(widget)
+    made.setRenderHint(QPainter.RenderHint.Antialiasing)
     return made
 
 
