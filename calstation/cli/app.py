@@ -187,7 +187,9 @@ def watch(
 @app.command()
 def study(
     grade: Annotated[str | None, typer.Option(help="nav, tactical or mems; default: all.")] = None,
-    seeds: Annotated[int | None, typer.Option(help="Monte Carlo runs per grade.")] = None,
+    seeds: Annotated[
+        int | None, typer.Option(help="Monte Carlo runs per grade; default: 30, for the stages of grade nav 100.")
+    ] = None,
     json: JsonOption = None,
     method: Annotated[
         str | None, typer.Option(help="multi_position, cross_calibration or gimbal, in place of the stages.")
@@ -203,7 +205,7 @@ def study(
 
 @app.command()
 def soak(
-    runs: Annotated[int | None, typer.Option(min=1, help="Calibrations; default: 20.")] = None,
+    runs: Annotated[int, typer.Option(min=1, help="Calibrations.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Of units, faults and their moments.")] = 1,
     json: JsonOption = None,
     full: Annotated[bool, typer.Option("--full", help="The product's whole schedule in every run.")] = False,

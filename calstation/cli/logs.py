@@ -17,6 +17,9 @@ from calstation.records import SUFFIX, export_csv, import_csv, truth_path
 from calstation.results import resolve, watch_log, write_json
 from calstation.simulation import GradeName, Kind, make_recording
 
+#: Thresholds below these are shown in °/h and µg, SI.
+_SMALL_RATE, _SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
+
 
 def resolve_command(
     log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
@@ -117,8 +120,8 @@ def watch_command(log: Path, folder: Path | None, command: bool) -> int:
 def _unit(sensor: str, limit: float) -> tuple[float, str]:
     """Return the SI size and the name of a readable unit for a threshold."""
     if sensor == "gyro":
-        return (DEGREE_PER_HOUR, "°/h") if limit < 0.1 * DEGREE else (DEGREE, "°/s")
-    return (MICRO_G, "µg") if limit < 10_000 * MICRO_G else (1.0, "m/s²")
+        return (DEGREE_PER_HOUR, "°/h") if limit < _SMALL_RATE else (DEGREE, "°/s")
+    return (MICRO_G, "µg") if limit < _SMALL_FORCE else (1.0, "m/s²")
 
 
 def _imus(value: Any) -> Any:

@@ -17,6 +17,9 @@ from calstation.errors import ConfigurationError, StoppedError
 from calstation.physics import DISPLAY
 from calstation.simulation import SEEDS, GradeName, Soak, run_method_study, run_study, soak
 
+#: Default number of units per grade in the study of a method.
+_METHOD_SEEDS = 30
+
 _TOTALS = (
     ("runs", "runs"),
     ("faults injected", "faults_injected"),
@@ -60,7 +63,7 @@ def method_study_command(method: str, grade: str | None, seeds: int | None, json
     check_json(json)
     with _units_bar() as bar:
         rows = [
-            run_method_study(method, cast(GradeName, each), seeds or 30, _follow(bar, each))
+            run_method_study(method, cast(GradeName, each), seeds or _METHOD_SEEDS, _follow(bar, each))
             for each in (grades if grade is None else (grade,))
         ]
     passed = all(row["passed"] for row in rows)
@@ -72,13 +75,12 @@ def method_study_command(method: str, grade: str | None, seeds: int | None, json
     return 0 if passed else 1
 
 
-def soak_command(runs: int | None, seed: int, json: str | None, *, full: bool, keep: Path | None) -> int:
+def soak_command(runs: int, seed: int, json: str | None, *, full: bool, keep: Path | None) -> int:
     """Run calibrations with random faults and show the outcome.
 
     Returns 0 if no verdict was wrong and nothing was lost, unsafe or hung, else 1; 4 if Ctrl-C ended it early.
     """
     check_json(json)
-    runs = 20 if runs is None else runs
     interrupted: list[bool] = []
 
     def stop() -> None:

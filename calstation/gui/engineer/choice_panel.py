@@ -13,11 +13,7 @@ from calstation.gui.text import bind, on_language_change, term
 from calstation.gui.widgets import button, clear, column, enable, label, row, scroll_area, show_text, theme
 
 #: Stages of each part of the calibration, by the suffix of its check box's object name.
-PARTS = {
-    "scale_factors": ("rate", "six_position"),
-    "installation": ("excitation",),
-    "biases": ("azimuth_flip",),
-}
+PARTS = {"scale_factors": ("rate", "six_position"), "installation": ("excitation",), "biases": ("azimuth_flip",)}
 _ROW_HEIGHT = theme.BUTTON - theme.GRID
 
 
@@ -41,8 +37,7 @@ class ChoicePanel(QFrame):
         self._reason = label(kind="muted", name="save_reason_label", wrap=True)
         content = QWidget()
         self._form_box = column(on=content, spacing=0, margins=(0, 0, theme.GRID // 2, 0))
-        self._area = scroll_area(content)
-        self._area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self._area = scroll_area(content, wide=False)
         for widget in (content, self._area.viewport()):
             widget.setAutoFillBackground(False)
         column(

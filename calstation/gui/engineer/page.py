@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication, Qt, Signal
+from PySide6.QtCore import QT_TRANSLATE_NOOP, Qt, Signal
 from PySide6.QtWidgets import QFileDialog, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
@@ -41,6 +41,8 @@ _LEFT = 46 * theme.GRID
 class EngineerPage(Page):
     """Page with stage choice, schedules, preview and START, and with views of results and registers."""
 
+    TITLE = str(QT_TRANSLATE_NOOP("EngineerPage", "Engineer"))
+
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("engineer_page")
@@ -55,16 +57,11 @@ class EngineerPage(Page):
         self.preview = PreviewView(app, self._request)
         self.registers = RegistersView(app, self._request)
         self.analysis = ResultAnalysis(app, self)
-        self._saving = JobWatch(self)
+        self._saving = JobWatch(self, self._saved, self._not_saved)
         self._lay_out()
         self._connect()
         on_language_change(self, self._show_texts)
         self._read_options()
-
-    @staticmethod
-    def title() -> str:
-        """Return the title of the page's tab."""
-        return QCoreApplication.translate("EngineerPage", "Engineer")
 
     def _lay_out(self) -> None:
         self._tabs = ViewTabs("engineer_views")
@@ -96,11 +93,10 @@ class EngineerPage(Page):
         self.analysis.loaded.connect(self._loaded)
         self.analysis.failed.connect(self._not_loaded)
         self.registers.changed.connect(self._update)
-        self._saving.done.connect(self._saved)
-        self._saving.failed.connect(self._not_saved)
         self._tabs.currentChanged.connect(self._show_view)
         app.engine_link.event.connect(self._follow)
-        app.engine_link.running_changed.connect(self._running_changed)
+        app.engine_link.running_changed.connect(self._drop_question)
+        app.engine_link.running_changed.connect(lambda _: self._update())
         app.run.changed.connect(self._run_changed)
         app.role.changed.connect(self._role_changed)
         app.choice_changed.connect(self._choice_undone)
@@ -158,10 +154,6 @@ class EngineerPage(Page):
         self._drop_question()
         if role == "operator":
             self.app.choose(None, None)
-        self._update()
-
-    def _running_changed(self) -> None:
-        self._drop_question()
         self._update()
 
     def _drop_question(self) -> None:

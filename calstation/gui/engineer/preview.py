@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QSplitter, QWidget
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
@@ -23,6 +23,7 @@ from calstation.gui.widgets import (
     column,
     label,
     row,
+    split,
     stack,
     theme,
 )
@@ -43,10 +44,7 @@ class PreviewView(QWidget):
         #: Whether the choice has changed since the job of the preview was started, and since that of the next one.
         self._outdated = self._next_outdated = False
         self._error: CalstationError | None = None
-        self.watch = JobWatch(self)
-        self.watch.done.connect(self._done)
-        self.watch.failed.connect(self._show_error)
-        self.watch.cancelled.connect(self._refresh)
+        self.watch = JobWatch(self, self._done, self._show_error, self._refresh)
         self._job = JobRow(self.watch)
         self.button = button("preview_button", lambda: self.tr("Preview"), self._start)
         self._badge = StateBadge()
@@ -57,13 +55,7 @@ class PreviewView(QWidget):
         self._plot.setMinimumHeight(22 * theme.GRID)
         self._table = CellTable("preview_table", grouped=True)
         self._empty = EmptyState()
-        split = QSplitter(Qt.Orientation.Vertical)
-        split.setChildrenCollapsible(False)
-        for number, widget in enumerate((self._plot, self._table)):
-            split.addWidget(widget)
-            split.setStretchFactor(number, 2 + number)
-        split.setSizes([26 * theme.GRID, 36 * theme.GRID])
-        self._stack = stack(self._empty, split)
+        self._stack = stack(self._empty, split((self._plot, 2), (self._table, 3), along=Qt.Orientation.Vertical))
         column(
             row(self._badge, (self._summary, 1), (self._job, 1), self.button, spacing=2 * theme.GRID),
             self._problems,

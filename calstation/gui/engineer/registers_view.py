@@ -8,6 +8,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import RegisterOperation, RunRequest
+from calstation.errors import CalstationError
 from calstation.gui.engineer.shared_views import CellTable
 from calstation.gui.shell import AppContext
 from calstation.gui.text import (
@@ -71,12 +72,8 @@ class RegistersView(QWidget):
         self._why_not = ""
         self._error: Words | None = None
         self._progress: Words | None = None
-        self.watch, self._target_watch = JobWatch(self), JobWatch(self)
-        self.watch.done.connect(self._show_unit)
-        self.watch.cancelled.connect(self._refresh)
-        self._target_watch.done.connect(self._show_target)
-        for watch in (self.watch, self._target_watch):
-            watch.failed.connect(lambda error: self._show_error(lambda: error_text(error).sentences))
+        self.watch = JobWatch(self, self._show_unit, self._show_failure, self._refresh)
+        self._target_watch = JobWatch(self, self._show_target, self._show_failure)
         self._lay_out()
         app.engine_link.event.connect(self._follow)
         app.product_changed.connect(self._product_changed)
@@ -218,6 +215,9 @@ class RegistersView(QWidget):
     def _show_progress(self, words: Words) -> None:
         self._progress = words
         self._refresh()
+
+    def _show_failure(self, error: CalstationError) -> None:
+        self._show_error(lambda: error_text(error).sentences)
 
     def _show_error(self, words: Words) -> None:
         self._error, self._progress = words, None

@@ -227,18 +227,15 @@ class ResultAnalysis(QObject):
         self._path: Path | None = None
         #: The log whose diagnostics are shown or being computed.
         self._diagnosed_log: Path | None = None
-        self.loading, self._diagnosing = JobWatch(self), JobWatch(self)
+        self.loading = JobWatch(self, self._loaded, self._not_loaded)
+        self._diagnosing = JobWatch(self, self._diagnosed, cancelled=self._not_diagnosed)
         self.result, self.observability = _LazyView(ResultView), _LazyView(ObservabilityView)
         self.innovations = _LazyView(InnovationsView, self._diagnosing)
         self.residuals = _LazyView(ResidualsView, self._diagnosing)
         self._computed = self.innovations, self.residuals
         #: The views in order: parameters, innovations, residuals, observability.
         self.views: tuple[QWidget, ...] = (self.result, *self._computed, self.observability)
-        self.loading.done.connect(self._loaded)
-        self.loading.failed.connect(self._not_loaded)
-        self._diagnosing.done.connect(self._diagnosed)
         self._diagnosing.failed.connect(lambda error: self._not_diagnosed(lambda: error_text(error).sentences))
-        self._diagnosing.cancelled.connect(lambda: self._not_diagnosed(None))
 
     def open(self, path: Path) -> None:
         """Open a result or a log."""
@@ -306,7 +303,7 @@ class ResultAnalysis(QObject):
         for lazy in self._computed:
             lazy.show_view()
 
-    def _not_diagnosed(self, why: Words | None) -> None:
+    def _not_diagnosed(self, why: Words | None = None) -> None:
         self._diagnosed_log = None
         for lazy in self._computed:
             lazy.show_empty(why)

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEd
 
 from calstation.config import ScheduleField, ScheduleOptions, ScheduleProblem, schedule_fields, schedule_problems
 from calstation.gui.text import bind, on_language_change, say, term
-from calstation.gui.widgets import Words, column, enable, label, row, theme
+from calstation.gui.widgets import Words, column, enable, label, row, show_text, theme
 from calstation.messages import known
 from calstation.physics import DISPLAY
 
@@ -155,8 +155,7 @@ class _Row(QWidget):
 
     def show_state(self, problem: ScheduleProblem | None, *, departs: bool) -> None:
         """Show any error in the value, and show the name in bold if the value differs from the product's."""
-        self._problem.setText(_problem_text(self._field, problem) if problem else "")
-        self._problem.setVisible(problem is not None)
+        show_text(self._problem, _problem_text(self._field, problem) if problem else "")
         self._name.setFont(theme.font(bold=departs))
 
 

@@ -40,7 +40,10 @@ from calstation.physics import display
 from calstation.records import IndexedRun, RunRecord
 from calstation.results import Result
 
-_MAX_FAILED = 8
+#: Maximum numbers of failed checks listed, of runs in the trend, and of dates on its axis.
+_MAX_FAILED, _MAX_RUNS, _MAX_DATES = 8, 30, 4
+#: Vertical margin of the trend as a fraction of its range, and space for the first and last date per run.
+_MARGIN, _DATE_MARGIN = 0.1, 0.06
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,7 @@ class Trend(QWidget):
 
     def show_runs(self, runs: Sequence[IndexedRun], selected: str, limits: Mapping[str, tuple[float, float]]) -> None:
         """Show a unit's solved runs, oldest first, with the run `selected` enlarged, and the parameter limits, SI."""
-        self._runs, self._selected, self._limits = tuple(runs[-30:]), selected, limits
+        self._runs, self._selected, self._limits = tuple(runs[-_MAX_RUNS:]), selected, limits
         wanted = self._combo.currentData()
         found = dict.fromkeys(name for run in self._runs for name in run.values)
         names = ordered(found)
@@ -89,11 +92,6 @@ class Trend(QWidget):
             self._combo.setCurrentIndex(max(0, self._combo.findData(wanted)))
         self.setVisible(bool(names))
         self.draw()
-
-    @property
-    def points(self) -> int:
-        """Number of plotted runs."""
-        return sum(self._combo.currentData() in run.values for run in self._runs)
 
     def draw(self) -> None:
         """Plot the selected parameter."""
@@ -122,11 +120,11 @@ class Trend(QWidget):
         for bound in bounds:
             plot.addLine(y=bound, pen=QPen(QColor(c.caution), 0, Qt.PenStyle.DashLine))
         low, high = min([values.min(), *bounds]), max([values.max(), *bounds])
-        pad = 0.1 * (high - low) or 1.0
+        pad = _MARGIN * (high - low) or 1.0
         plot.setYRange(low - pad, high + pad, padding=0)
-        edge = 0.5 + 0.06 * len(runs)  # space for the first and last date
+        edge = 0.5 + _DATE_MARGIN * len(runs)
         plot.setXRange(-edge, max(len(runs), 2) - 1 + edge, padding=0)
-        step = max(1, -(-len(runs) // 4))  # at most four dates
+        step = max(1, -(-len(runs) // _MAX_DATES))
         dates = [(i, local_time(runs[i].record.started_utc)[2:10]) for i in range(0, len(runs), step)]
         plot.getAxis("bottom").setTicks([dates])
         plot.setLabel("left", display(name, 0.0)[1])
@@ -184,11 +182,9 @@ class RunDetails(QFrame):
         content = QWidget()
         items = (self.reason_label, self.failed_label, self._figures, self._facts, None)
         column(*items, on=content, spacing=2 * theme.GRID, margins=(0, 0, theme.GRID, 0))
-        scroll = scroll_area(content)
-        scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column(
             row((self._serial, 1), self.badge),
-            (scroll, 5),
+            (scroll_area(content, wide=False), 5),
             (self.trend, 3),
             row((self.resume_button, 1), (self.close_button, 1)),
             row((self.result_button, 1), (self.log_button, 1), (self.folder_button, 1)),

@@ -3,7 +3,7 @@
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, Qt, QUrl, SignalInstance
+from PySide6.QtCore import QT_TRANSLATE_NOOP, Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 
 from calstation.config import computer_user
@@ -25,6 +25,8 @@ _MAX_RUNS = 300
 class HistoryPage(Page):
     """Lists the runs in the runs folder, with the details of the selected run."""
 
+    TITLE = str(QT_TRANSLATE_NOOP("HistoryPage", "History"))
+
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("history_page")
@@ -42,11 +44,6 @@ class HistoryPage(Page):
         column(self._filters, self.notice, (self._stack, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
         on_language_change(self, self._show_nothing)
-
-    @staticmethod
-    def title() -> str:
-        """Return the name of the page on its tab."""
-        return QCoreApplication.translate("HistoryPage", "History")
 
     @property
     def busy(self) -> bool:
@@ -94,7 +91,8 @@ class HistoryPage(Page):
         self.notice.report_failures(self._closer, lambda: self.tr("The run was not closed"), focus)
         self._offers.done.connect(self._show_resumable)
         for ended in (self._closer.done, self._closer.failed):
-            ended.connect(self._run_closed)
+            ended.connect(self._update)
+            ended.connect(self.refresh)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._list_visible)
         app.engine_link.running_changed.connect(lambda _: self._update())
@@ -163,10 +161,6 @@ class HistoryPage(Page):
             job = self.app.job_queue.submit(close_incomplete_job, self.table.run.log, computer_user())
             self._closer.watch(job)
             self._update()
-
-    def _run_closed(self) -> None:
-        self._update()
-        self.refresh()
 
     def _show_nothing(self) -> None:
         self._filters.show_count(len(self.table.runs), _MAX_RUNS)

@@ -7,21 +7,22 @@ from typing import Any
 from PySide6.QtCore import QObject
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-from calstation.gui.widgets import JobWatch
+from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.jobs import JobQueue
 from calstation.results import Result, drop_partial, export_log, export_result
 from calstation.results.plots import LogIndex
 
 
 class Exports(QObject):
-    """Asks for the target file and submits the export job; `watch` reports its progress."""
+    """Asks for the target file and submits the export job; `notice` shows how it ended, then `focus` is called."""
 
-    def __init__(self, job_queue: JobQueue, page: QWidget) -> None:
+    def __init__(self, job_queue: JobQueue, page: QWidget, notice: NoticeBar, focus: Callable[[], None]) -> None:
         super().__init__(page)
+        self._notice, self._focus = notice, focus
         self._job_queue, self._page = job_queue, page
         self._target = Path()
-        self.watch, self._cleanup = JobWatch(self), JobWatch(self)
-        self.watch.cancelled.connect(self._drop_partial)
+        self.watch, self._cleanup = JobWatch(self, self._written, cancelled=self._drop_partial), JobWatch(self)
+        notice.report_failures(self.watch, lambda: self.tr("The export failed"), focus)
 
     def ask_log(self, log: LogIndex, first: int, last: int) -> None:
         """Ask for the file to which a log's samples from `first` to `last` are exported."""
@@ -60,6 +61,9 @@ class Exports(QObject):
         dialog.fileSelected.connect(begin)
         dialog.finished.connect(dialog.deleteLater)
         dialog.open()
+
+    def _written(self, target: Path) -> None:
+        self._notice.inform("good", lambda: self.tr("Written"), lambda: str(target), self._focus)
 
     def _drop_partial(self) -> None:  # a cancelled job worker leaves a partial file
         self._cleanup.watch(self._job_queue.submit(drop_partial, self._target))

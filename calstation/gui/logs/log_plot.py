@@ -156,11 +156,6 @@ class LogPlot(QWidget):
         """The view box of the gyro plot."""
         return self._plots[0].getViewBox()
 
-    @property
-    def points(self) -> int:
-        """Total number of points of all curves."""
-        return sum(0 if curve.xData is None else len(curve.xData) for curve in self._curves)
-
     def whole(self) -> None:
         """Bring the whole log into view."""
         self._set_view(0.0, self._length, _MARGIN)

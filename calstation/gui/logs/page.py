@@ -6,7 +6,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QCoreApplication, QMimeData, Qt
+from PySide6.QtCore import QT_TRANSLATE_NOOP, QMimeData, Qt
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import QSplitter, QWidget
 
@@ -17,7 +17,7 @@ from calstation.gui.logs.log_head import LogHead
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.methods import MethodBar
 from calstation.gui.logs.range_bar import RangeBar, StageChoice
-from calstation.gui.logs.source_bar import ENDINGS, SourceBar
+from calstation.gui.logs.source_bar import ENDINGS, MAX_RECENT, SourceBar
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import on_language_change, say, term
@@ -46,6 +46,8 @@ if TYPE_CHECKING:
 class OfflinePage(Page):
     """Shows a log, the selected range, and its solution."""
 
+    TITLE = str(QT_TRANSLATE_NOOP("OfflinePage", "Offline"))
+
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("offline_page")
@@ -56,19 +58,15 @@ class OfflinePage(Page):
         weakref.finalize(self, shutil.rmtree, self._indexes, ignore_errors=True)
         self._opened = 0
         self._wanted: Wanted | None = None
-        self.reader, self.solver, self._sampler = JobWatch(self), JobWatch(self), JobWatch(self)
-        self.exports = Exports(app.job_queue, self)
+        self.reader = JobWatch(self, self._show_log, self._close, self._close)
+        self.solver, self._sampler = JobWatch(self, self._show_solved), JobWatch(self, self._show_samples)
         self.methods, self.source = MethodBar(), SourceBar(app.settings, self._latest_runs)
         self.notice = NoticeBar("offline_notice")
+        self.exports = Exports(app.job_queue, self, self.notice, lambda: self.plot.setFocus())
         self._panels: dict[str, MethodPanel] = {}
         self._build()
         self._connect()
         on_language_change(self, self._refresh)
-
-    @staticmethod
-    def title() -> str:
-        """Return the name of the page on its tab."""
-        return QCoreApplication.translate("OfflinePage", "Offline")
 
     @property
     def panel(self) -> "MethodPanel | None":
@@ -160,20 +158,9 @@ class OfflinePage(Page):
         self.stages.changed.connect(self._update)
         for watch in (self.reader, self.solver, self.exports.watch):
             watch.busy_changed.connect(self._update)
-        self.reader.done.connect(self._show_log)
-        self.reader.failed.connect(self._close)
-        self.reader.cancelled.connect(self._close)
-        self.solver.done.connect(self._show_solved)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
-        self.exports.watch.done.connect(
-            lambda target: self.notice.inform(
-                "good", lambda: self.tr("Written"), lambda: str(target), self.plot.setFocus
-            )
-        )
         self.notice.report_failures(self.reader, lambda: self.tr("This log cannot be opened"), self.plot.setFocus)
         self.notice.report_failures(self.solver, lambda: self.tr("This range cannot be solved"), self.plot.setFocus)
-        self.notice.report_failures(self.exports.watch, lambda: self.tr("The export failed"), self.plot.setFocus)
-        self._sampler.done.connect(self._show_samples)
         shortcut = QShortcut(QKeySequence.StandardKey.Open, self, self.source.browse)
         shortcut.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)
 
@@ -184,7 +171,7 @@ class OfflinePage(Page):
         folder = self.app.runs_folder
         if not folder.is_dir():
             return []
-        return [run.log.absolute() for run in History(folder).runs(limit=8) if run.log.is_file()]
+        return [run.log.absolute() for run in History(folder).runs(limit=MAX_RECENT) if run.log.is_file()]
 
     def _open_chosen(self, path: Path) -> None:
         panel = self.panel

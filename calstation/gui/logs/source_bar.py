@@ -13,6 +13,8 @@ from calstation.gui.widgets import button, enable, label, row
 _KEY = "offline/recent"
 #: File name endings of logs.
 ENDINGS = (".h5", ".csv", ".csv.gz")
+#: Maximum number of recent logs, and of logs of the latest runs, in the menu.
+MAX_RECENT = 8
 
 
 def ask_log(parent: QWidget, title: str, folder: Path, chosen: Callable[[Path], object]) -> None:
@@ -63,7 +65,7 @@ class SourceBar(QWidget):
 
     def remember(self, path: Path) -> None:
         """Add a log at the top of the recent logs."""
-        recent = [path, *(p for p in self.recent() if p != path)][:8]  # number of recent logs
+        recent = [path, *(p for p in self.recent() if p != path)][:MAX_RECENT]
         self._settings.setValue(_KEY, [str(p) for p in recent])
         self._fill()
 

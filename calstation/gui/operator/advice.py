@@ -8,6 +8,9 @@ from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
 from calstation.results import Parameter, Result
 
+#: Maximum number of figures, which fit beside the verdict on a small screen.
+_MAX_FIGURES = 10
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -53,7 +56,7 @@ def next_action(outcome: str, result: Result | None) -> str:
 
 
 def figures(result: Result) -> list[Figure]:
-    """Return at most 10 rows, one per parameter group and product check; failures and near-misses have priority."""
+    """Return one row per parameter group and product check; failures and near-misses first if there are too many."""
     found: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}
     for name, row in result.parameters.items():
@@ -71,7 +74,7 @@ def figures(result: Result) -> list[Figure]:
         figure = Figure(check_name(check), shown.value, "", shown.limit, shown.unit, check.passed, check.near_miss)
         rows.append(figure)
     order = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= len(parameters)))
-    return [rows[k] for k in sorted(order[:10])]  # 10 rows fit beside the verdict on a small screen
+    return [rows[k] for k in sorted(order[:_MAX_FIGURES])]
 
 
 def failed_check_text(check: Check, result: Result) -> str:

@@ -14,6 +14,13 @@ from calstation.gui.text import term
 from calstation.gui.widgets import LineLabel, LineLabels, ThemedPlot, column, label, row, theme
 from calstation.physics import DISPLAY
 
+#: Maximum number of stored points per line; beyond it, every second point is dropped.
+_MAX_POINTS = 2000
+#: Minimum host time between two drawings, s.
+_DRAW_INTERVAL = 0.25
+#: Ratios that the vertical axis always includes, and its margin, decades.
+_RATIOS, _MARGIN = (0.3, 30.0), 0.1
+
 
 @dataclass
 class Line:
@@ -31,7 +38,7 @@ class Line:
             return
         self.times.append(at)
         self.ratios.append(ratio)
-        if len(self.times) > 2000:  # drop every second point
+        if len(self.times) > _MAX_POINTS:
             del self.times[1:-1:2], self.ratios[1:-1:2]
 
     @property
@@ -85,15 +92,14 @@ class Convergence(QFrame):
             line = self.lines.get(group)
             if line is not None and value > 0.0:
                 line.add(self._now, value / line.target)
-        if time.monotonic() - self._drawn >= 0.25:  # host time between two drawings, s
+        if time.monotonic() - self._drawn >= _DRAW_INTERVAL:
             self.draw()
 
     def draw(self) -> None:
         """Update the plot."""
         self._drawn = time.monotonic()
-        shown = [ratio for line in self.lines.values() for ratio in line.ratios]
-        low = np.log10(min([0.3, *shown])) - 0.1
-        high = np.log10(max([30.0, *shown])) + 0.1
+        shown = [*_RATIOS, *(ratio for line in self.lines.values() for ratio in line.ratios)]
+        low, high = np.log10(min(shown)) - _MARGIN, np.log10(max(shown)) + _MARGIN
         for line in self.lines.values():
             if line.times:  # extend the last value to the current time
                 times, ratios = [*line.times, self._now], [*line.ratios, line.ratios[-1]]

@@ -76,8 +76,7 @@ class Drawing(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Set up the painter and draw."""
-        painter = self._painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = self._painter = theme.painter(self)
         scale = min(self.width(), self.height()) / (2.0 * _EXTENT)
         painter.translate(self.width() / 2.0, self.height() / 2.0)
         painter.scale(scale, scale)

@@ -33,12 +33,7 @@ class Preparation(QFrame):
             for at, widget in enumerate(widgets):
                 steps.addWidget(widget, number, at, Qt.AlignmentFlag.AlignVCenter)
         column(
-            label(lambda: self.tr("Preparing"), "section"),
-            steps,
-            None,
-            on=self,
-            spacing=2 * theme.GRID,
-            margins=PANEL,
+            label(lambda: self.tr("Preparing"), "section"), steps, None, on=self, spacing=2 * theme.GRID, margins=PANEL
         )
         run.changed.connect(self._refresh)
         on_language_change(self, self._refresh)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication
+from PySide6.QtCore import QT_TRANSLATE_NOOP
 from PySide6.QtGui import QShowEvent
 
 from calstation.config import (
@@ -55,6 +55,8 @@ from calstation.sequencer import Command
 class OperatorPage(Page):
     """Page with everything an operator needs and without settings that an operator must not change."""
 
+    TITLE = str(QT_TRANSLATE_NOOP("OperatorPage", "Operator"))
+
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
@@ -78,11 +80,6 @@ class OperatorPage(Page):
         self._connect()
         self._read_products()
         on_language_change(self, self._refresh)
-
-    @staticmethod
-    def title() -> str:
-        """Return the title of the page's tab."""
-        return QCoreApplication.translate("OperatorPage", "Operator")
 
     def showEvent(self, event: QShowEvent) -> None:
         """Prepare for a scan; when first shown, offer to resume interrupted runs."""

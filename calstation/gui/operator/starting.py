@@ -14,7 +14,7 @@ from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
 from calstation.gui.shell import AppContext
 from calstation.gui.text import event_sentence
-from calstation.gui.widgets import JobWatch, NoticeBar, Words
+from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery, History
 from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup
@@ -30,14 +30,9 @@ class RunStarter(QObject):
         self.run_summary: RunSummary | None = None
         self._wanted: Path | None = None
         self._serial: str | None = None
-        self._search, self._closing, self._recovery = JobWatch(self), JobWatch(self), JobWatch(self)
-        self._search.done.connect(self._found)
-        self._recovery.done.connect(lambda recovery: self._show_delivery(recovery.delivery))
-        self._report(self._recovery, lambda: self.tr("Earlier runs were not closed or handed over"), self.offer)
-        self._search.failed.connect(
-            lambda error: ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
-        )
-        self._report(self._closing, lambda: self.tr("The run was not closed"), header.focus_serial)
+        self._search, self._closing = JobWatch(self, self._found, self._not_found), JobWatch(self)
+        self._recovery = JobWatch(self, lambda done: self._show_delivery(done.delivery), self._not_recovered)
+        notice.report_failures(self._closing, lambda: self.tr("The run was not closed"), header.focus_serial)
         app.resume_run.connect(lambda log: self.offer(log=log))
         header.serial_entered.connect(self.check)
         header.serial_edited.connect(self._edited)
@@ -130,14 +125,9 @@ class RunStarter(QObject):
             self._recovery.watch(recovery)
         self.offer()
 
-    def _report(self, watch: JobWatch, title: Words, then: Callable[[], None]) -> None:
-        """Show errors of jobs, unless the page shows that station and product cannot be used."""
-
-        def show(error: CalstationError) -> None:
-            if self.run_summary is not None:
-                self._notice.report(title, error, then)
-
-        watch.failed.connect(show)
+    def _not_recovered(self, error: CalstationError) -> None:
+        if self.run_summary is not None:  # otherwise the page shows what is wrong with station and product
+            self._notice.report(lambda: self.tr("Earlier runs were not closed or handed over"), error, self.offer)
 
     def _show_delivery(self, delivery: Delivery) -> None:
         """Show why results could not be handed over."""
@@ -163,6 +153,9 @@ class RunStarter(QObject):
             self._offer(chosen)  # it was chosen on another page, so someone may be at the fixture
         else:
             ask(self._notice, "caution", Text.of("question.nothing_to_resume"), {})
+
+    def _not_found(self, error: CalstationError) -> None:
+        ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
 
     def _offer(self, runs: list[Resumable]) -> None:
         if not runs or self._notice.asking:

@@ -13,6 +13,8 @@ from calstation.sequencer import Trace
 
 #: Selectable time spans, s; the second is the default.
 _SPANS = (10.0, 60.0, 600.0)
+#: Approximate number of points drawn per line, and number of rows stored, about a quarter of an hour.
+_POINTS, _MAX_ROWS = 2000, 16_384
 
 
 class _Plot(QWidget):
@@ -41,7 +43,7 @@ class _Plot(QWidget):
         self.plot.setXRange(-span, 0.0, padding=0.0)
         values = rows[:, 1:][:, self._columns] * self._factor
         times = rows[:, 0] - rows[-1:, 0]
-        step = max(1, len(rows) // 2000)  # draw about 2000 points
+        step = max(1, len(rows) // _POINTS)
         for curve, line in zip(self._curves, values.T, strict=True):
             curve.setData(times[::step], line[::step])
         labels = []
@@ -100,7 +102,7 @@ class Traces(QFrame):
         """Store a trace; the timer draws it."""
         times = np.array(trace.time)
         rows = np.column_stack((times, np.array(trace.output).reshape(len(times), 6)))
-        self.rows = np.concatenate((self.rows, rows))[-16_384:]  # about a quarter of an hour
+        self.rows = np.concatenate((self.rows, rows))[-_MAX_ROWS:]
         self._new_rows = True
 
     def start(self) -> None:

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtGui import QColor, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
@@ -55,8 +55,7 @@ class _Banner(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the background and the shape."""
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = theme.painter(self)
         painter.setPen(Qt.PenStyle.NoPen)
         painter.setBrush(state_colour(self._kind))
         painter.drawRoundedRect(QRectF(self.rect()), 4.0, 4.0)

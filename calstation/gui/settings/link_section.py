@@ -66,9 +66,7 @@ class LinkSection(Section):
         self.own_box.typed.connect(self._choose_own)
         self.port_box = PortBox()
         self.search_button = button(f"{device}_search_button", lambda: self.tr("Look for ports again"), self.search)
-        self.searching = JobWatch(self)
-        self.searching.done.connect(self._found)
-        self.searching.failed.connect(self._not_found)
+        self.searching = JobWatch(self, self._found, self._not_found)
         self.test = TestPanel(app, device, self._station)
         self._make_form()
         heading = label(
@@ -227,11 +225,8 @@ class TestPanel(QFrame):
             kind="primary",
         )
         self.button.setSizePolicy(QSizePolicy.Policy.Maximum, QSizePolicy.Policy.Fixed)
-        self.watch = JobWatch(self)
+        self.watch = JobWatch(self, self._done, self._failed, self._show_running)
         self.watch.progress.connect(self._show_note)
-        self.watch.done.connect(self._done)
-        self.watch.failed.connect(self._failed)
-        self.watch.cancelled.connect(self._show_running)
         self._progress, self._note = JobRow(self.watch), label(kind="muted")
         self.badge = StateBadge(theme.SECTION)
         self.badge.setObjectName(f"{device}_test_badge")
@@ -249,8 +244,6 @@ class TestPanel(QFrame):
     def _lay_out(self) -> None:
         self._lines = QWidget()
         self._list = column(None, on=self._lines, margins=(0, 0, theme.GRID, 0))
-        findings = scroll_area(self._lines)
-        findings.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         caption = label(lambda: self.tr("Expected: the IMU of product"), buddy=self.product_box)
         for widget in (caption, self.product_box):
             widget.setVisible(self._device == "imu")
@@ -265,7 +258,7 @@ class TestPanel(QFrame):
             self._why,
             self.reset,
             self._nothing,
-            (findings, 1),
+            (scroll_area(self._lines, wide=False), 1),
             on=self,
             margins=(2 * theme.GRID, 2 * theme.GRID, theme.GRID, theme.GRID),
         )

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QCoreApplication, QSignalBlocker, QSize, Qt
+from PySide6.QtCore import QT_TRANSLATE_NOOP, QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QStackedWidget, QWidget
 
@@ -35,6 +35,8 @@ _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
 
 class StationPage(Page):
     """Lists the sections, and shows the selected one; edits are checked immediately and saved on demand."""
+
+    TITLE = str(QT_TRANSLATE_NOOP("StationPage", "Station"))
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
@@ -71,11 +73,6 @@ class StationPage(Page):
         on_language_change(self, self._fill)
         on_language_change(self, self._lock)
 
-    @staticmethod
-    def title() -> str:
-        """Return the name of the page on its tab."""
-        return QCoreApplication.translate("StationPage", "Station")
-
     def _make_header(self) -> QWidget:
         self.station_box = QComboBox()
         self.station_box.setObjectName("station_combo")
@@ -102,12 +99,7 @@ class StationPage(Page):
         self._stack = QStackedWidget()
         for section in self._sections:
             QListWidgetItem(self.nav).setSizeHint(QSize(_NAV, theme.BUTTON))
-            if section is self.profiles:
-                self._stack.addWidget(section)
-            else:
-                area = scroll_area(section)
-                area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-                self._stack.addWidget(area)
+            self._stack.addWidget(section if section is self.profiles else scroll_area(section, wide=False))
         self.nav.currentRowChanged.connect(self._show_section)
         self._problems = label(kind="error", name="station_problem_label", wrap=True)
         right = column(self.notice, self._new_bar, self._problems, (self._stack, 1))

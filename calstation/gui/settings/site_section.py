@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from PySide6.QtCore import QPointF, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtGui import QColor, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import StationConfig, confirmation_key, normal_gravity_at, site_advice, this_computer
@@ -165,8 +165,7 @@ class _Compass(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the compass rose and the arrow."""
         c = theme.colours()
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = theme.painter(self)
         painter.translate(self.width() / 2, self.height() / 2)
         radius = self.width() / 2 - 3 * theme.GRID
         painter.setPen(QPen(QColor(c.line), 2))

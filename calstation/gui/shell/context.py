@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QObject, QSettings, Signal
+from PySide6.QtCore import QCoreApplication, QObject, QSettings, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import library
@@ -97,15 +97,17 @@ class Page(QWidget):
     """
 
     header: QWidget | None = None
+    #: Title of the page's tab in English; the class is its context in the translations.
+    TITLE = ""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
         self.app = app
 
-    @staticmethod
-    def title() -> str:
+    @classmethod
+    def title(cls) -> str:
         """Return the title of the page's tab in the current language."""
-        raise NotImplementedError
+        return QCoreApplication.translate(cls.__name__, cls.TITLE)
 
     def may_leave(self, go: Callable[[], object]) -> bool:
         """Whether the page may be left now; a page that asks first returns False and calls `go` after confirmation."""

@@ -133,11 +133,8 @@ class MainWindow(QMainWindow):
         theme.themes.changed.connect(self._set_icons)
         app.engine_link.running_changed.connect(self._running_changed)
         app.page_wanted.connect(self.show_page)
-        for signal, page in (
-            (app.open_run, "engineer_page"),
-            (app.resume_run, "operator_page"),
-        ):
-            signal.connect(lambda *_, page=page: self.show_page(page))
+        app.open_run.connect(lambda _: self.show_page("engineer_page"))
+        app.resume_run.connect(lambda _: self.show_page("operator_page"))
         app.open_log.connect(self._open_log)
 
     @property

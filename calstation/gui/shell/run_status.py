@@ -56,6 +56,10 @@ _TRANSFER = "transfer"
 #: Messages that mark the start and the end of the transfer.
 _TRANSFER_STARTS = ("reference", "registers_transfer", "registers_writing")
 _TRANSFER_ENDS = ("registers_written", "registers_proved", "registers_read_back")
+#: Host time after which the pace is accurate enough, s.
+_PACE_FROM = 2.0
+#: Part of the transfer completed by one move of the verification, which has 17 moves that may be repeated.
+_VERIFICATION_STEP = 1.0 / 18.0
 
 
 @dataclass
@@ -154,7 +158,7 @@ class RunStatus(QObject):
         if self.run_summary is not None and not self.run_summary.virtual:
             return 1.0
         elapsed, done = time.monotonic() - self._begun, self.done - self._done_before
-        return done / elapsed if self._begun and elapsed > 2.0 and done > 0.0 else None  # accurate enough after 2 s
+        return done / elapsed if self._begun and elapsed > _PACE_FROM and done > 0.0 else None
 
     @property
     def remaining(self) -> float | None:
@@ -261,7 +265,7 @@ class RunStatus(QObject):
         self.latest = ("step", event.kind, self.latest[2] if after_move and self.latest else event.label)
         row = self._row(_TRANSFER)
         if event.label[:1] == ("verify",) and row.state == "active":
-            row.fraction = min(1.0, row.fraction + 1.0 / 18.0)  # verification takes 17 moves, which may be repeated
+            row.fraction = min(1.0, row.fraction + _VERIFICATION_STEP)
             row.remaining = row.duration * (1.0 - row.fraction)
 
     def _handle_message(self, message: str, values: Mapping[str, Any]) -> None:

@@ -13,7 +13,7 @@
     </message>
     <message>
         <source>Reset</source>
-        <extracomment>Stages of each part, by the end of the part&apos;s object name.</extracomment>
+        <extracomment>Stages of each part of the calibration, by the suffix of its check box&apos;s object name.</extracomment>
         <translation>恢复</translation>
     </message>
     <message>
@@ -33,7 +33,6 @@
     <name>EngineerPage</name>
     <message>
         <source>Engineer</source>
-        <extracomment>Why station and product cannot be used together.</extracomment>
         <translation>工程师</translation>
     </message>
     <message>
@@ -98,6 +97,7 @@
     </message>
     <message>
         <source>Open</source>
+        <extracomment>Error that prevents the use of station and product, or None.</extracomment>
         <translation>打开</translation>
     </message>
 </context>
@@ -140,7 +140,7 @@
     <name>InnovationsView</name>
     <message>
         <source>Stage</source>
-        <extracomment>Largest number of observations inside ±3 σ drawn in each plot; more are thinned out. With fewer observations, a mean below its band is not significant. Least range of a plot, sigmas either way.</extracomment>
+        <extracomment>Maximum number of observations within ±3 σ drawn per plot; larger numbers are decimated. With fewer observations, a mean below its band is not significant. Minimum half range of a plot, in sigmas.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -195,7 +195,7 @@
     <name>ObservabilityView</name>
     <message>
         <source>Stage</source>
-        <extracomment>Strength from which a state counts as observable. Range of the scale: strengths from 1 to 100 000.</extracomment>
+        <extracomment>Strength above which a state counts as observable. Range of the colour scale in decades: strengths from 1 to 100 000.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -242,7 +242,7 @@
     <name>PreviewView</name>
     <message>
         <source>Preview</source>
-        <extracomment>Shape of each verdict of a parameter (`widgets.badge.KINDS`).</extracomment>
+        <extracomment>Badge shape (`widgets.badge.KINDS`) of each parameter verdict. Whether the choice has changed since the job of the preview was started, and since that of the next one.</extracomment>
         <translation>预览</translation>
     </message>
     <message>
@@ -302,7 +302,7 @@
     </message>
     <message>
         <source>Read the unit</source>
-        <extracomment>Stands for the unit in a request while no serial number is given. Events that tell in which state an incomplete write has left the unit. Registers read from the unit, None before, and those that the result asks for, None without a result. The station whose table turns to verify a write, &quot;&quot; for a rig turned by hand. The last event of `_INCOMPLETE` of the present write. What verified the present write, &quot;&quot; if there was none; see `Settled.proof`.</extracomment>
+        <extracomment>Placeholder for the serial number in a request while none has been entered. Events that report the state in which an incomplete write has left the unit. Registers read from the unit, None before reading, and the target registers of the result, None without one. Name of the station whose table rotates to verify a write, &quot;&quot; for a manual rig. The last event of the current write that is in `_INCOMPLETE`, &quot;&quot; if none. How the current write was verified, &quot;&quot; if it was not; see `Settled.proof`.</extracomment>
         <translation>读取产品</translation>
     </message>
     <message>
@@ -334,7 +334,7 @@
     <name>ResidualsView</name>
     <message>
         <source>gravity, µg</source>
-        <extracomment>A rest is named by the axis that is within this angle (its cosine) of up. Each rest drawn, as its stage and its number in it.</extracomment>
+        <extracomment>Cosine of 30°; a rest period is named after the body axis within this angle of the upward direction. Stage and index within the stage of each rest period drawn.</extracomment>
         <translation>重力，µg</translation>
     </message>
     <message>
@@ -354,7 +354,7 @@
     <name>ResultAnalysis</name>
     <message>
         <source>Opening {0}</source>
-        <extracomment>The log whose diagnostics are shown or being computed. Parameters, innovations, residuals, observability.</extracomment>
+        <extracomment>The log whose diagnostics are shown or being computed. The views in order: parameters, innovations, residuals, observability.</extracomment>
         <translation>正在打开 {0}</translation>
     </message>
 </context>
@@ -362,7 +362,7 @@
     <name>ResultView</name>
     <message>
         <source>Unit</source>
-        <extracomment>A change of more than this many sigmas is marked. Greatest height of the table of checks that concern no single parameter, px. Shape of each verdict of a parameter (`widgets.badge.KINDS`).</extracomment>
+        <extracomment>Maximum height of the table of checks that do not concern a single parameter, px. Badge shape (`widgets.badge.KINDS`) of each parameter verdict.</extracomment>
         <translation>单位</translation>
     </message>
     <message>

@@ -17,7 +17,7 @@
     </message>
     <message>
         <source>Serial number, date, product, operator</source>
-        <extracomment>Delay between the last key and the search, ms.</extracomment>
+        <extracomment>Choices of outcome, and of the number of past days; None for all. Columns hidden first if there is too little space: attempt, operator, product; the details also show them. Right-aligned columns of numbers: attempt, duration.</extracomment>
         <translation>序列号、日期、产品、操作员</translation>
     </message>
     <message>
@@ -49,6 +49,7 @@
     <name>HistoryPage</name>
     <message>
         <source>History</source>
+        <extracomment>Maximum number of runs listed.</extracomment>
         <translation>历史记录</translation>
     </message>
     <message>
@@ -57,7 +58,6 @@
     </message>
     <message>
         <source>Runs, the latest first</source>
-        <extracomment>Most runs listed. Widths of table and details, parts of their sum.</extracomment>
         <translation>标定记录，最近的在前</translation>
     </message>
     <message>
@@ -75,6 +75,10 @@
     <message>
         <source>The runs could not be read</source>
         <translation>无法读取标定记录</translation>
+    </message>
+    <message>
+        <source>The run was not closed</source>
+        <translation>这次标定未能结束</translation>
     </message>
     <message>
         <source>No run matches</source>
@@ -217,7 +221,6 @@
     <name>RunTable</name>
     <message>
         <source>Outcome</source>
-        <extracomment>Width that the stages need, px. Columns hidden first if the width is short: attempt, operator, product, which the details show as well. Columns of numbers, aligned at the right: attempt, duration.</extracomment>
         <translation>结果</translation>
     </message>
     <message>
@@ -261,7 +264,7 @@
     </message>
     <message>
         <source>Parameter</source>
-        <extracomment>Most runs shown, the latest. Dates on the time axis.</extracomment>
+        <extracomment>Maximum numbers of failed checks listed, of runs in the trend, and of dates on its axis. Vertical margin of the trend as a fraction of its range, and space for the first and last date per run.</extracomment>
         <translation>参数</translation>
     </message>
     <message>

@@ -5,7 +5,6 @@
     <name>AnswerTable</name>
     <message>
         <source>Parameters found</source>
-        <extracomment>A difference of more than so many sigmas is marked.</extracomment>
         <translation>求得的参数</translation>
     </message>
     <message>
@@ -88,6 +87,7 @@
     <name>AppliedView</name>
     <message>
         <source>Apply to a recording…</source>
+        <extracomment>Emitted when a job starts; earlier notices are then out of date. The solution shown, and the one that the running job applies.</extracomment>
         <translation>应用于数据…</translation>
     </message>
     <message>
@@ -202,7 +202,6 @@
     <name>GimbalView</name>
     <message>
         <source>Drift | D | in each turn, ″</source>
-        <extracomment>A prediction below this share of the smallest measured drift is not drawn: it is below the noise.</extracomment>
         <translation>每次转动的漂移 | D |，″</translation>
     </message>
     <message>
@@ -238,7 +237,7 @@
     <name>MethodBar</name>
     <message>
         <source>Stages of the log</source>
-        <extracomment>The methods by the names of their stages, in the page&apos;s order. The kind of recording (`simulation.recordings.Kind`) that each of them solves.</extracomment>
+        <extracomment>Stage names of the methods, in the order of the tabs. The kind of recording (`simulation.recordings.Kind`) that each method solves.</extracomment>
         <translation>记录中的阶段</translation>
     </message>
     <message>
@@ -261,16 +260,8 @@
         <translation>无法检查</translation>
     </message>
     <message>
-        <source>The export failed</source>
-        <translation>导出失败</translation>
-    </message>
-    <message>
         <source>The answer cannot be applied</source>
         <translation>无法应用结果</translation>
-    </message>
-    <message>
-        <source>Written</source>
-        <translation>已写入</translation>
     </message>
     <message>
         <source>Open a recording first, or make one</source>
@@ -282,6 +273,7 @@
     </message>
     <message>
         <source>Solve</source>
+        <extracomment>Emitted when a job on a recording begins and after it has ended.</extracomment>
         <translation>解算</translation>
     </message>
     <message>
@@ -329,7 +321,7 @@
     </message>
     <message>
         <source>Check now</source>
-        <extracomment>Unit of a deviation at rest.</extracomment>
+        <extracomment>Display unit of a deviation at rest, and its size in SI.</extracomment>
         <translation>立即检查</translation>
     </message>
     <message>

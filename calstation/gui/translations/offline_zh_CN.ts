@@ -33,7 +33,6 @@
     </message>
     <message>
         <source>Difference</source>
-        <extracomment>A difference of more than so many sigmas is marked.</extracomment>
         <translation>比较</translation>
     </message>
     <message>
@@ -112,12 +111,20 @@
         <translation>导出记录</translation>
     </message>
     <message>
+        <source>The export failed</source>
+        <translation>导出失败</translation>
+    </message>
+    <message>
         <source>Export the range</source>
         <translation>导出范围</translation>
     </message>
     <message>
         <source>Parameters as CSV (*.csv)</source>
         <translation>参数表 CSV (*.csv)</translation>
+    </message>
+    <message>
+        <source>Written</source>
+        <translation>已写入</translation>
     </message>
     <message>
         <source>Export the result</source>
@@ -171,7 +178,7 @@
     <name>LogPlot</name>
     <message>
         <source>outer</source>
-        <extracomment>Channels of each plot: gyro, accelerometer, angles. Width of the axes at the left, px. Height of the row of stage names, px. Margin beyond the log&apos;s ends, in terms of its length: an edge of the range there can still be dragged. Samples in the closest view. Width of the view after zooming in, in terms of the width before. Shift of the view by an arrow key, in terms of its width. Samples that a drawn column joins; 1 if single samples are drawn.</extracomment>
+        <extracomment>Channels of each plot: gyro, accelerometer, angles. Height of the row of stage names, px. Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged. Ratio of the width of the view after zooming in to the width before. Number of samples merged into a drawn column; 1 if single samples are drawn.</extracomment>
         <translation>外框</translation>
     </message>
     <message>
@@ -199,7 +206,6 @@
     <name>OfflinePage</name>
     <message>
         <source>Offline</source>
-        <extracomment>Number of latest runs that are offered.</extracomment>
         <translation>离线解算</translation>
     </message>
     <message>
@@ -209,14 +215,6 @@
     <message>
         <source>This range cannot be solved</source>
         <translation>这个范围无法解算</translation>
-    </message>
-    <message>
-        <source>Written</source>
-        <translation>已写入</translation>
-    </message>
-    <message>
-        <source>The export failed</source>
-        <translation>导出失败</translation>
     </message>
     <message>
         <source>Sample {0}</source>
@@ -283,7 +281,7 @@
     <name>RangeBar</name>
     <message>
         <source>First sample</source>
-        <extracomment>Largest number up to which a double, and so this box, holds every whole number.</extracomment>
+        <extracomment>Number of stage check boxes in a row. Largest number up to which a double, the value type of the spin box, represents every integer.</extracomment>
         <translation>起始采样点</translation>
     </message>
     <message>
@@ -323,7 +321,7 @@
     </message>
     <message>
         <source>Logs (*.h5 *.csv *.csv.gz)</source>
-        <extracomment>Number of recent logs. A path that has not changed for this long and leads to a file is opened, for example one that was pasted. File name endings of logs.</extracomment>
+        <extracomment>File name endings of logs. Maximum number of recent logs, and of logs of the latest runs, in the menu.</extracomment>
         <translation>数据记录 (*.h5 *.csv *.csv.gz)</translation>
     </message>
     <message>
@@ -336,6 +334,7 @@
     </message>
     <message>
         <source>Path of a raw log (.h5) or of a CSV with its TOML beside it</source>
+        <extracomment>A path that is unchanged for this interval, such as a pasted one, is opened if the file exists.</extracomment>
         <translation>原始记录（.h5）的路径，或旁边有 TOML 的 CSV 的路径</translation>
     </message>
     <message>

@@ -5,7 +5,7 @@
     <name>Convergence</name>
     <message>
         <source>Sigma as a multiple of its target</source>
-        <extracomment>Points kept per line; beyond that every other one is dropped. Least span of the time axis, min. Host time between two drawings, s.</extracomment>
+        <extracomment>Maximum number of stored points per line; beyond it, every second point is dropped. Minimum host time between two drawings, s. Ratios that the vertical axis always includes, and its margin, decades.</extracomment>
         <translation>标准差与目标值之比</translation>
     </message>
     <message>
@@ -25,7 +25,6 @@
     <name>FiguresTable</name>
     <message>
         <source>nearest to its limit</source>
-        <extracomment>Most height of a row, px.</extracomment>
         <translation>最接近限差的</translation>
     </message>
     <message>
@@ -56,7 +55,6 @@
     <name>OperatorPage</name>
     <message>
         <source>Operator</source>
-        <extracomment>Steps of the progress bar. Most compatible products that get a button; all are named.</extracomment>
         <translation>操作员</translation>
     </message>
 </context>
@@ -64,7 +62,7 @@
     <name>PositionPanel</name>
     <message>
         <source>Enough positions: finish</source>
-        <extracomment>Text sizes, px, legible from two metres; a third larger on a wide panel. Least turn of a rail that is asked for, rad.</extracomment>
+        <extracomment>Text sizes, px, legible from two metres; a third larger on a wide panel.</extracomment>
         <translation>位置已够，结束采集</translation>
     </message>
 </context>
@@ -72,7 +70,7 @@
     <name>PositionPicture</name>
     <message>
         <source>down</source>
-        <extracomment>Half of the unit&apos;s box along x, y, z; the globe&apos;s radius is 1. Radius and width of the ring that fills while the unit rests. Opacity of what is behind the unit, and of the next position there. Cosine of the angle below which two positions are one dot.</extracomment>
+        <extracomment>Half size of the unit&apos;s box along x, y, z; the globe&apos;s radius is 1. Radius and width of the ring that fills while the unit is at rest. Opacity of elements behind the unit, and of the next position if it is behind the unit. Cosine of the angle below which two positions are drawn as one dot.</extracomment>
         <translation>下</translation>
     </message>
 </context>
@@ -80,7 +78,7 @@
     <name>Preparation</name>
     <message>
         <source>Preparing</source>
-        <extracomment>Steps by the message that starts each; the first starts with START. Message that ends the preparation of a register operation; the first stage ends that of a run.</extracomment>
+        <extracomment>Preparation steps, each identified by the message that starts it; the first step starts with START.</extracomment>
         <translation>准备</translation>
     </message>
 </context>
@@ -126,12 +124,20 @@
 <context>
     <name>RunStarter</name>
     <message>
+        <source>The run was not closed</source>
+        <extracomment>Summary of the next run; None while station and product cannot be used.</extracomment>
+        <translation>这次标定未能结束</translation>
+    </message>
+    <message>
         <source>attempt {count}</source>
         <translation>第 {count} 次</translation>
     </message>
     <message>
+        <source>Earlier runs were not closed or handed over</source>
+        <translation>以前的标定未能结束或上交</translation>
+    </message>
+    <message>
         <source>not valid</source>
-        <extracomment>Serial numbers that are tried for the virtual bench.</extracomment>
         <translation>无效</translation>
     </message>
 </context>
@@ -139,7 +145,6 @@
     <name>StageList</name>
     <message>
         <source>Stages</source>
-        <extracomment>Size of the shape of a state, and height of the progress bar, px.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -163,7 +168,7 @@
     <name>TablePanel</name>
     <message>
         <source>outer</source>
-        <extracomment>Height of the floor that the stand stands on. Opacity of a table whose angles are unknown. Corners of the unit&apos;s box on the disc, along two directions of the disc and its normal.</extracomment>
+        <extracomment>Corners of the unit&apos;s box on the disc, shape (8, 3), along two directions in the disc&apos;s plane and its normal.</extracomment>
         <translation>外框</translation>
     </message>
     <message>
@@ -211,7 +216,7 @@
     </message>
     <message>
         <source>Hold</source>
-        <extracomment>Rows kept, a quarter of an hour of device time. Interval between two drawings, ms. Points drawn per line. Spans that can be chosen, s, and the first one. Newest rows: time, s, and the six outputs, shape (n, 7).</extracomment>
+        <extracomment>Selectable time spans, s; the second is the default. Approximate number of points drawn per line, and number of rows stored, about a quarter of an hour. Newest rows: time, s, and the six outputs, shape (n, 7).</extracomment>
         <translation>定格</translation>
     </message>
     <message>
@@ -227,7 +232,6 @@
     </message>
     <message>
         <source>Details</source>
-        <extracomment>Height of the shape in the head, as a fraction of the head.</extracomment>
         <translation>详情</translation>
     </message>
     <message>

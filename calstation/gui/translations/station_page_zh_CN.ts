@@ -20,7 +20,7 @@
     </message>
     <message>
         <source>Look for ports again</source>
-        <extracomment>Kinds of connection over a network, as schemes of addresses, and the common port number of each. The last address typed for each kind of connection.</extracomment>
+        <extracomment>Address schemes of the network connections, and the usual port number of each. The address typed last for each kind of connection.</extracomment>
         <translation>重新查找端口</translation>
     </message>
     <message>
@@ -86,10 +86,6 @@
         <translation>选择文件夹</translation>
     </message>
     <message>
-        <source>The current PIN is wrong.</source>
-        <translation>当前密码不正确。</translation>
-    </message>
-    <message>
         <source>Change the PIN</source>
         <translation>修改密码</translation>
     </message>
@@ -100,10 +96,6 @@
     <message>
         <source>Too short: at least {0} characters.</source>
         <translation>太短：至少 {0} 个字符。</translation>
-    </message>
-    <message>
-        <source>Wait {0:.0f} s.</source>
-        <translation>请等待 {0:.0f} 秒。</translation>
     </message>
     <message>
         <source>The PIN has been changed.</source>
@@ -212,7 +204,6 @@
     </message>
     <message>
         <source>Site</source>
-        <extracomment>Gravity in m/s² shown until the surveyed value is typed: it occurs nowhere, so no run starts with it. The last azimuth and gravity given.</extracomment>
         <translation>站址</translation>
     </message>
     <message>
@@ -221,6 +212,7 @@
     </message>
     <message>
         <source>given here</source>
+        <extracomment>Gravity shown until the surveyed value is typed, m/s²; it occurs nowhere on earth, so no run starts with it. The azimuth and gravity entered last.</extracomment>
         <translation>在此填写</translation>
     </message>
     <message>
@@ -240,7 +232,9 @@
     <name>StationPage</name>
     <message>
         <source>Station</source>
-        <extracomment>Entries of the station file in each of the first sections. Names of the files saved last, until something is typed again.</extracomment>
+        <extracomment>Key paths of the station file that each of the first four sections edits.
+----------
+Names of the files saved last; empty after the next edit.</extracomment>
         <translation>工位</translation>
     </message>
     <message>
@@ -462,7 +456,7 @@
     </message>
     <message>
         <source>Test the table</source>
-        <extracomment>Shapes of the states of a finding, and of the whole test. Findings after which a reset of the table is offered. The settings that were tested.</extracomment>
+        <extracomment>Symbols for the states of a finding and of the whole test. Findings after which a reset of the table is offered. The settings that were tested.</extracomment>
         <translation>测试转台</translation>
     </message>
     <message>

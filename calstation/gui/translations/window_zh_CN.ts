@@ -40,7 +40,7 @@
     <name>JobRow</name>
     <message>
         <source>Cancel</source>
-        <extracomment>Interval between two polls of a job, ms. Steps of the progress bar. Fraction from which the time left is shown.</extracomment>
+        <extracomment>Minimum progress, as a fraction, at which the remaining time is shown. A function that receives the arguments of a signal; None for no function.</extracomment>
         <translation>取消</translation>
     </message>
     <message>
@@ -56,7 +56,7 @@
     <name>MainWindow</name>
     <message>
         <source>STOP</source>
-        <extracomment>Height of the strip with STOP at the top of every page, px.</extracomment>
+        <extracomment>Height of the strip with STOP at the top of every page, px. Pages that follow a run from the start or are used before they are shown; others are created when first shown.</extracomment>
         <translation>停止</translation>
     </message>
     <message>
@@ -166,7 +166,7 @@
     </message>
     <message>
         <source>Cancel</source>
-        <extracomment>Interval at which the time to wait is updated, ms.</extracomment>
+        <extracomment>The engineer&apos;s PIN is to be requested from the user.</extracomment>
         <translation>取消</translation>
     </message>
     <message>

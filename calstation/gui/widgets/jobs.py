@@ -1,5 +1,7 @@
 """Polls background jobs with a timer, and shows their progress in a row with a Cancel button."""
 
+from collections.abc import Callable
+
 from PySide6.QtCore import QObject, Qt, QTimer, Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
@@ -11,9 +13,12 @@ from calstation.jobs import Job
 #: Minimum progress, as a fraction, at which the remaining time is shown.
 _MIN_FRACTION = 0.05
 
+#: A function that receives the arguments of a signal; None for no function.
+Slot = Callable[..., object] | None
+
 
 class JobWatch(QObject):
-    """Polls one job at a time.
+    """Polls one job at a time; `done`, `failed` and `cancelled` are slots for the signals of the same names.
 
     Signals: `busy_changed()` when a job begins and after it has ended; `progress(fraction, remaining)` with the
     remaining seconds or None; `done(result)`; `failed(error)` with a `CalstationError`; `cancelled()`.
@@ -25,8 +30,11 @@ class JobWatch(QObject):
     failed = Signal(object)
     cancelled = Signal()
 
-    def __init__(self, parent: QObject | None = None) -> None:
+    def __init__(self, parent: QObject | None = None, done: Slot = None, failed: Slot = None, cancelled: Slot = None):
         super().__init__(parent)
+        for signal, slot in ((self.done, done), (self.failed, failed), (self.cancelled, cancelled)):
+            if slot is not None:
+                signal.connect(slot)
         self.job: Job | None = None
         self._timer = QTimer(self, interval=50)
         self._timer.timeout.connect(self._poll)

@@ -81,13 +81,15 @@ def panel(*items: Item) -> QFrame:
     return frame
 
 
-def scroll_area(content: QWidget) -> QScrollArea:
-    """Make a frameless scroll area whose scroll bars appear if the content is too large."""
+def scroll_area(content: QWidget, *, wide: bool = True) -> QScrollArea:
+    """Make a frameless scroll area for contents that may be too high and, if `wide`, too wide."""
     area = QScrollArea()
     area.setWidgetResizable(True)
     area.setFrameShape(QFrame.Shape.NoFrame)
     area.setProperty("kind", "clear")
     area.setWidget(content)
+    if not wide:
+        area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
     return area
 
 
@@ -99,9 +101,11 @@ def stack(*pages: QWidget) -> QStackedWidget:
     return stacked
 
 
-def split(*parts: tuple[QWidget, int], handle: int = theme.GRID) -> QSplitter:
-    """Lay out widgets side by side, each with a share of the width that the user can change."""
-    made = QSplitter(Qt.Orientation.Horizontal)
+def split(
+    *parts: tuple[QWidget, int], handle: int = theme.GRID, along: Qt.Orientation = Qt.Orientation.Horizontal
+) -> QSplitter:
+    """Lay out widgets in a line, each with a share of its length that the user can change."""
+    made = QSplitter(along)
     made.setChildrenCollapsible(False)
     made.setHandleWidth(handle)
     for index, (widget, share) in enumerate(parts):

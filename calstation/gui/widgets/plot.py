@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
@@ -114,8 +114,7 @@ class LineLabels(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the labels and leader lines."""
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = theme.painter(self)
         line = theme.BODY + 4.0
         half = line / 2
         positions = spread([label.y for label in self._labels], line, half, self.height() - half)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import cache
 
 from PySide6.QtCore import QObject, Signal
-from PySide6.QtGui import QColor, QFont, QPalette
+from PySide6.QtGui import QColor, QFont, QPainter, QPalette
 from PySide6.QtWidgets import QApplication, QWidget
 
 from calstation.gui.text import on_language_change
@@ -246,8 +246,15 @@ def _font(size: int, bold: bool) -> QFont:
     return made
 
 
+def painter(widget: QWidget) -> QPainter:
+    """Return a painter that draws smooth lines on a widget."""
+    made = QPainter(widget)
+    made.setRenderHint(QPainter.RenderHint.Antialiasing)
+    return made
+
+
 def set_kind(widget: QWidget, kind: str) -> None:
-    """Set the kind of a widget in the style sheet: primary, panel, section, muted or error."""
+    """Set the kind of a widget, such as primary, panel or muted, which selects its style in the style sheet."""
     widget.setProperty("kind", kind)
     widget.style().unpolish(widget)
     widget.style().polish(widget)

@@ -45,7 +45,7 @@ class AppliedView(QWidget):
         self.applied: Applied | None = None
         self._other: OtherUnit | None = None
         self._received = ""
-        self.watch = JobWatch(self)
+        self.watch = JobWatch(self, self._done)
         self.force_figure, self.rate_figure = Figure(), Figure()
         self.choose_button = button("apply_button", lambda: self.tr("Apply to a recording…"), self._choose)
         self.unit_button = button("apply_unit_button", lambda: self.tr("From the unit now"), self._apply_to_unit)
@@ -65,7 +65,6 @@ class AppliedView(QWidget):
         parts = figures, self.name_label, self.unit_label, (self._stack, 1)
         column(*parts, on=self, margins=(0, theme.GRID, 0, 0))
         self.watch.busy_changed.connect(self._update)
-        self.watch.done.connect(self._done)
         app.engine_link.running_changed.connect(self._update)
         theme.on_appearance_change(self, self._refresh)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
+from PySide6.QtGui import QColor, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QFrame, QWidget
 
 from calstation.gui.logs.methods.plots import MethodPlot, three_digits
@@ -87,8 +87,7 @@ class _GainBar(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the bar."""
         axis, c = self._axis, theme.colours()
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = theme.painter(self)
         width = self.width() - 2.0
         scale = width / (_EXTENT * max(axis.largest, axis.gain / 1.1, 1e-9))
         best, largest, gain = (1.0 + scale * value for value in (axis.best, axis.largest, axis.gain))

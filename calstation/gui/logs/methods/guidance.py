@@ -65,8 +65,7 @@ class MethodPicture(QWidget):
         box = QRectF(self.rect())
         half = min(box.width() * (1.0 - _NAMES_SHARE), box.height()) / 2.0
         square = QRectF(box.center().x() - half, box.center().y() - half, 2.0 * half, 2.0 * half)
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = theme.painter(self)
         _renderer(self._stage, theme.current()).render(painter, square)
         self._write_names(painter, box, half)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QPaintEvent, QPen
 from PySide6.QtWidgets import QGridLayout, QWidget
 
 from calstation.gui.text import duration_text, on_language_change, term
@@ -67,8 +67,7 @@ class _Bar(QWidget):
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the track, bar and threshold; two slanted cuts mark a clipped bar."""
         c, width, middle = theme.colours(), float(self.width()), self.height() / 2.0
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = theme.painter(self)
         length = max(min(self._share * _LIMIT_AT, 1.0) * width, 2.0)
         painter.fillRect(QRectF(0, middle - 7, width, 14), QColor(c.line))
         painter.fillRect(QRectF(0, middle - 7, length, 14), state_colour("bad" if self._share > 1.0 else "good"))
@@ -113,8 +112,7 @@ class Timeline(QWidget):
         if p is None:
             return
         c = theme.colours()
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = theme.painter(self)
         painter.setFont(theme.font())
         left, line = 1.5 * theme.GRID, _TOP + _MARK / 2
         length = self.width() - 2.0 * left

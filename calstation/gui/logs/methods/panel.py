@@ -29,10 +29,11 @@ class MethodPanel(QWidget):
         self.app, self.stage, self.source = app, stage, source
         self.path: Path | None = None
         self.answer: MethodAnswer | None = None
-        self.maker, self.solver, self.checker = JobWatch(self), JobWatch(self), JobWatch(self)
-        self.exports = Exports(app.job_queue, self)
-        self._watches = self.maker, self.solver, self.checker, self.exports.watch
+        self.maker, self.solver = JobWatch(self, self.open), JobWatch(self, self._solved)
+        self.checker = JobWatch(self, None, self._show_progress, self._show_progress)
         self.notice, self.bench = NoticeBar(f"{stage}_notice"), BenchBox(stage)
+        self.exports = Exports(app.job_queue, self, self.notice, self.setFocus)
+        self._watches = self.maker, self.solver, self.checker, self.exports.watch
         self.solve_button = button(f"{stage}_solve_button", lambda: self.tr("Solve"), self.solve, kind="primary")
         self.live_button = button("guide_live_button", lambda: self.tr("Guide me live"), self._guide_live)
         self.live_button.setVisible(stage == MULTI_POSITION)
@@ -108,15 +109,9 @@ class MethodPanel(QWidget):
         for watch in self._watches:
             watch.busy_changed.connect(self._update)
             watch.busy_changed.connect(self.busy_changed)
-        self.maker.done.connect(self.open)
-        self.solver.done.connect(self._solved)
         self.notice.report_failures(self.maker, lambda: self.tr("No recording was made"), self.setFocus)
         self.notice.report_failures(self.solver, lambda: self.tr("This recording gives no answer"), self.setFocus)
         self.notice.report_failures(self.checker, lambda: self.tr("The pair cannot be checked"), self.setFocus)
-        self.notice.report_failures(self.exports.watch, lambda: self.tr("The export failed"), self.setFocus)
-        self.exports.watch.done.connect(
-            lambda target: self.notice.inform("good", lambda: self.tr("Written"), lambda: str(target), self.setFocus)
-        )
         if self.answers.applied is not None:
             self.answers.applied.began.connect(self.notice.dismiss)
             self.notice.report_failures(
@@ -125,8 +120,6 @@ class MethodPanel(QWidget):
         if self.answers.check is not None:
             self.answers.check.check_wanted.connect(self._check)
             self.checker.progress.connect(self._show_progress)
-            for ended in (self.checker.cancelled, self.checker.failed):
-                ended.connect(self._show_progress)
             self.checker.done.connect(self.answers.check.show_checked)
         self.app.station_changed.connect(self._update)
         self.app.engine_link.running_changed.connect(self._update)

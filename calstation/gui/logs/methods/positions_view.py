@@ -2,7 +2,7 @@
 
 import numpy as np
 from PySide6.QtCore import QLineF, QPointF, QSize, Qt
-from PySide6.QtGui import QColor, QMouseEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QMouseEvent, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from calstation.gui.logs.methods.plots import Figure, MethodPlot
@@ -130,8 +130,7 @@ class PositionSphere(QWidget):
             return [centre + QPointF(x, y) for x, y in (points @ flat.T).tolist()]
 
         c = theme.colours()
-        painter = QPainter(self)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter = theme.painter(self)
         painter.setFont(theme.font(theme.SECTION, bold=True))
         metrics = painter.fontMetrics()
         painter.setPen(QPen(QColor(c.line), 1))
