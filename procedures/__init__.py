@@ -1,4 +1,4 @@
-"""Calibration methods, one file per method; to add a method, add a file with an object `METHOD`."""
+"""Calibration methods, one file with an object `METHOD` per method; docs/how-to/extend.md says how to add one."""
 
 from functools import cache
 from importlib import import_module

@@ -1,6 +1,6 @@
 """The virtual bench: a simulated table and unit with known true values and the real protocols.
 
-It shares only constants, units and parameter names with the other packages; estimators must not use its equations.
+It shares only parameter names, steps of a plan and array types with the estimators, and none of their equations.
 """
 
 import lazy_loader as lazy

@@ -40,7 +40,7 @@ _SHORT: dict[str, ProblemKind] = {
 _KINDS: dict[Any, Kind] = {bool: "flag", int: "count", float: "number"}
 
 #: Units by the suffix of a field's name.
-UNITS = {"_s": "s", "_dps": "°/s", "_dps2": "°/s²", "_deg": "°"}
+UNITS = {"_s": "s", "_dps": "°/s", "_dps2": "°/s²", "_deg": "°", "_arcsec": "″"}
 
 
 @dataclass(frozen=True)

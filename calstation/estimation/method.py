@@ -87,7 +87,7 @@ class RepeatedSchedule(BaseModel):
 class Method:
     """A calibration method: the object `METHOD` of a file in `procedures/`."""
 
-    name: str  #: Stage name in CONTRACT.md.
+    name: str  #: Stage name in docs/contract.md: that of the file.
     schedule: type[BaseModel]  #: Pydantic model of the schedule, with defaults.
     #: (geometry, schedule) -> steps, in joint angles within the table's limits; a repeated plan is endless
     #: and ends each round with `RoundEnd`.

@@ -1,4 +1,4 @@
-"""Reader and writer of the CSV format of CONTRACT.md: chunks of checked cells as blocks, and exact export."""
+"""Reader and writer of the CSV format of docs/contract.md: chunks of checked cells as blocks, and exact export."""
 
 import csv
 import difflib
@@ -285,7 +285,7 @@ class _Table:
 
 
 def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
-    """Write blocks in the CSV format of CONTRACT.md; all values are read back exactly."""
+    """Write blocks in the CSV format of docs/contract.md; all values are read back exactly."""
     first = next(blocks, None)
     further = 0 if first is None else first.others.shape[1]
     names = [*REQUIRED, "temp_c", "valid"]

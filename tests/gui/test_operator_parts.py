@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PySide6.QtCore import QTranslator
+from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 import calstation
@@ -32,6 +34,17 @@ def test_every_text_is_translated_with_its_values(path: Path) -> None:
         assert translation.get("type") is None, source.text
         assert translation.text, source.text
         assert _fields(translation.text) <= _fields(source.text or ""), source.text
+
+
+@pytest.mark.parametrize("path", sorted((PACKAGE / "gui" / "translations").glob("*.ts")), ids=lambda p: p.stem)
+def test_the_compiled_texts_are_those_of_the_translation_file(path: Path, qapp: QApplication) -> None:
+    compiled = QTranslator()
+    assert compiled.load(str(path.with_suffix(".qm")))
+    for context in ElementTree.parse(path).getroot().iter("context"):
+        for message in context.iter("message"):
+            source, chinese = message.findtext("source", ""), message.findtext("translation")
+            found = compiled.translate(context.findtext("name", ""), source, message.findtext("comment", ""))
+            assert found == chinese, f"{source}: make translations"
 
 
 def _fields(text: str) -> set[str]:

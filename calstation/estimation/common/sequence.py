@@ -1,4 +1,4 @@
-"""Continuous sample counters: wraps, resets and gaps are distinguished (CONTRACT.md, "CSV import")."""
+"""Continuous sample counters: wraps, resets and gaps are distinguished (docs/contract.md, "CSV import")."""
 
 from collections.abc import Sequence
 

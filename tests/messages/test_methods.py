@@ -1,0 +1,65 @@
+"""The schedules and plans of every method are worded by the catalogue."""
+
+from collections.abc import Iterator
+from itertools import takewhile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import procedures
+from calstation.config import schedule_fields
+from calstation.errors import ConfigurationError
+from calstation.messages.catalogue import entry, known
+from calstation.messages.progress import step_text
+from calstation.messages.rendering import sentence
+from calstation.physics import Carry, JointLimits, Move, RoundEnd, TableGeometry
+from calstation.sequencer.guiding import carry_label
+from procedures import method
+
+STAGES = sorted(path.stem for path in Path(procedures.__file__).parent.glob("*.py") if path.stem != "__init__")
+
+#: A table with travel to spare, and one on which the joints must unwind.
+TABLES = (TableGeometry(), TableGeometry(limits=JointLimits(np.deg2rad([-200.0] * 2), np.deg2rad([200.0] * 2))))
+
+
+def labels(stage: str) -> Iterator[tuple[str, tuple[str | float, ...]]]:
+    """Kind and label of every step that the plan yields on these tables; none of a method that no table can drive."""
+    chosen = method(stage)
+    manual = ({"manual": True},) if "manual" in chosen.schedule.model_fields else ()
+    for table in TABLES:
+        for values in ({}, *manual):
+            try:
+                steps = chosen.plan(table, chosen.schedule.model_validate(values))
+                for step in takewhile(lambda each: not isinstance(each, RoundEnd), steps):
+                    if isinstance(step, Move):
+                        yield "move", step.label
+                    elif isinstance(step, Carry):
+                        yield "carry", carry_label(step)
+            except ConfigurationError:
+                continue
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_every_field_of_a_schedule_form_has_its_name_and_description_in_the_catalogue(stage: str) -> None:
+    for field in schedule_fields(stage):
+        if field.kind == "other":
+            continue  # the form does not show it
+        about = next((c for c in (f"about_{stage}_{field.name}", f"about_{field.name}") if known(f"schedule.{c}")), "")
+        assert about, f"schedule.toml: about_{field.name}"
+        for name in (field.name, about):
+            assert known(f"schedule.{name}"), f"schedule.toml: {name}"
+            assert entry(f"schedule.{name}").zh, name
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_every_step_of_a_plan_is_described_in_both_languages(stage: str) -> None:
+    for kind, label in labels(stage):
+        assert label, "without a label the window says only that the table moves"
+        assert known(f"step.{label[0]}"), f"step.toml: {label[0]}"
+        assert sentence(step_text(kind, label)) != sentence(step_text(kind, label), "zh_CN")
+
+
+def test_the_plans_on_these_tables_include_steps_that_only_some_tables_need() -> None:
+    names = {label[0] for stage in STAGES for _, label in labels(stage)}
+    assert {"unwind", "carry", "whole_turns", "position"} <= names
