@@ -28,6 +28,7 @@ CODE_FROM_ELSEWHERE = {
     "calstation/sequencer/events.py",
     "calstation/errors.py",
     "calstation/schema.py",
+    "calstation/gui/text/messages.py",
     "calstation/messages/rendering.py",
     "calstation/messages/progress.py",
 }
