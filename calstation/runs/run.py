@@ -99,22 +99,22 @@ def _sequence(run: OpenRun, devices: Devices) -> None:
 def _drive(run: OpenRun, devices: Devices) -> Ended:
     try:
         after = _resume(run)
+        solved = tuple(run.chain.solutions)
+        if solved:
+            devices.imu.read()  # discards samples received while they were solved
+        task = run.setup.task()
+        slot = Slot(devices.imu, run.setup.unit_task(run.meta), run.log, run.chain, after)
+        context = RunContext(
+            replace(task, stages=task.stages[len(solved) :]),
+            devices.table,
+            (slot,),
+            devices.clock,
+            run.prepared.emit,
+            run.prepared.control,
+        )
+        return Sequencer(context, Finalization(run, devices.imu), solved).run()
     except (StopRequested, CalstationError) as error:
         return _ended(run, error)
-    solved = tuple(run.chain.solutions)
-    if solved:
-        devices.imu.read()  # discards samples received while they were solved
-    task = run.setup.task()
-    slot = Slot(devices.imu, run.setup.unit_task(run.meta), run.log, run.chain, after)
-    context = RunContext(
-        replace(task, stages=task.stages[len(solved) :]),
-        devices.table,
-        (slot,),
-        devices.clock,
-        run.prepared.emit,
-        run.prepared.control,
-    )
-    return Sequencer(context, Finalization(run, devices.imu), solved).run()
 
 
 def _resume(run: OpenRun) -> LastSample | None:
