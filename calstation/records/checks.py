@@ -121,7 +121,7 @@ def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: M
     if rule is None or not shared:
         return []
     apart = {n: abs(offline[n]["value"] - online[n]["value"]) / max(offline[n]["sigma"], 1e-300) for n in shared}
-    worst = max(apart, key=lambda n: apart[n])
+    worst = max(apart, key=lambda n: float(np.nan_to_num(apart[n], nan=np.inf)))
     return [
         Check.compare(
             "offline_online",

@@ -172,6 +172,8 @@ def test_offline_must_be_online():
     assert told.value == pytest.approx(0.5)
     assert (told.passed, told.where) == (False, Where("a"))
     assert offline_online(section, {"a": row}, {"a": {**row, "stage": "excitation"}}) == []
+    (told,) = offline_online(section, {"a": row, "b": row}, {"a": row, "b": {**row, "value": np.nan}})
+    assert (told.passed, told.where) == (False, Where("b"))
 
 
 def test_no_check_without_evidence():
