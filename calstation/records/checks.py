@@ -1,7 +1,7 @@
 """Acceptance checks of a product and their evaluation with the evidence from a calibration."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -29,7 +29,7 @@ class ImprovementAtRest(StrictModel):
 
     below: float = Field(gt=0)  #: Largest remaining fraction.
     or_within: float = Field(default=0.0, ge=0)  #: An error up to this, m/s², needs no improvement.
-    positions: list[int] | None = None  #: Numbers of the rests, from 0; by default all.
+    positions: list[Annotated[int, Field(ge=0)]] | None = None  #: Numbers of the rests, from 0; by default all.
     stage: str | None = None  #: Stage of the rests; by default the last stage with rests.
 
 

@@ -162,7 +162,8 @@ class RawLogWriter:
         rows["seq"], rows["time"], rows["counts"] = block.seq, block.time, block.counts
         rows["angles"], rows["temperature"] = block.angles, block.temperature
         rows["step"], rows["valid"] = block.step, block.valid
-        rows["stage"] = self._stage_index(block.stage)
+        with self._writing():
+            rows["stage"] = self._stage_index(block.stage)
         for name, values in (("others", block.others), ("joints", block.joints)):
             if name in (self._row.names or ()):
                 rows[name] = values if values.shape[1] else np.nan

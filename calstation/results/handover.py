@@ -121,10 +121,11 @@ def _waiting(runs: Path) -> list[str]:
     """Return the stems of the pending runs, oldest first; drop those without any file."""
     names = []
     for entry in (runs / WAITING).glob("*"):
-        if (runs / f"{entry.name}.json").exists():
-            names.append((entry.stat().st_mtime, entry.name))
-        elif not (runs / f"{entry.name}{SUFFIX}").exists() and not entry.name.startswith("."):
-            entry.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process has delivered it
+            if (runs / f"{entry.name}.json").exists():
+                names.append((entry.stat().st_mtime, entry.name))
+            elif not (runs / f"{entry.name}{SUFFIX}").exists() and not entry.name.startswith("."):
+                entry.unlink()
     return [name for _, name in sorted(names)]
 
 
