@@ -104,7 +104,6 @@ class Acquisition:
         self.valid = True
         self.unlogged = False
         self.newest: float | None = None
-        self.received = 0
         self.gaps = 0
         self.breaks = self.restarts = 0
         self._was_ready = False
@@ -135,7 +134,6 @@ class Acquisition:
         self._last_seq = int(batch.seq[-1])
         missing = self._last_seq - before - count
         if not self.unlogged:
-            self.received += count
             self.gaps += missing > 0
         self.breaks += missing > 0
         self.newest = float(batch.time[-1])

@@ -78,17 +78,6 @@ class TableMoved(Event):
 
 
 @dataclass(frozen=True)
-class SampleStats(Event):
-    """Sample counts so far, and the mean output of the latest tick: gyro x y z, accel x y z, SI."""
-
-    received: int
-    gaps: int
-    crc_errors: int
-    mean: tuple[float, ...]
-    temperature: float | None
-
-
-@dataclass(frozen=True)
 class Trace(Event):
     """Live output since the last trace: for each tick the IMU `time`, s, and the mean gyro x y z, accel x y z, SI."""
 
@@ -182,7 +171,7 @@ class Fault(Event):
 _KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event.__subclasses__()}
 
 #: Events that only refresh a display: a slow listener may miss some, and they are not logged.
-LOSSY = (StageProgress, TableMoved, SampleStats, Trace, PositionGuided)
+LOSSY = (StageProgress, TableMoved, Trace, PositionGuided)
 
 
 def to_json(event: Event) -> dict[str, Any]:
@@ -197,7 +186,7 @@ def from_json(data: Mapping[str, Any]) -> Event:
     """Return the event converted by `to_json`. Raises KeyError for an unknown kind."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
-    for name in ("label", "mean", "time", "output", "up", "done"):
+    for name in ("label", "time", "output", "up", "done"):
         if name in values:
             values[name] = tuple(values[name])
     if "values" in values:
