@@ -210,11 +210,9 @@ class Driving:
         """Move to the load position and switch the axes off."""
         self._context.emit(Message("finishing"))
         task = self._context.task
-        outer, inner = task.load_angle
-        rate = min(task.travel_rate, *task.geometry.limits.rate)
-        acceleration = min(task.travel_acceleration, *task.geometry.limits.acceleration)
-        if not self.runner.arrived((outer, inner)):
-            self.runner.drive(Move(outer, inner, rate, acceleration, ("load",)))
+        if not self.runner.arrived(task.load_angle):
+            speeds = task.geometry.limits.limited(task.travel_rate, task.travel_acceleration)
+            self.runner.drive(Move(*task.load_angle, *speeds, ("load",)))
         self.control_loop.powered = False
         self._context.table.disable()
 

@@ -164,10 +164,9 @@ class StepRunner:
         """Return to the start of the step, restore the unit's stream and increment the step number."""
         if moved and not self.arrived(start):
             check_motion(self.control_loop.status)
-            rate = min(_RETURN_RATE, *self._limits.rate)
-            acceleration = min(_RETURN_ACCELERATION, *self._limits.acceleration)
+            speeds = self._limits.limited(_RETURN_RATE, _RETURN_ACCELERATION)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
-            self.drive(Move(outer, inner, rate, acceleration, ("return",)))
+            self.drive(Move(outer, inner, *speeds, ("return",)))
         self.stream.restore()
         self.acquisition.step += 1
         self.acquisition.valid = True
