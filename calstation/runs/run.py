@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from calstation import applog
-from calstation.config import ResolvedConfiguration, RunRequest, check_seen_latitude, load_station
+from calstation.config import ResolvedConfiguration, RunRequest, check_seen_latitude
 from calstation.connection import Devices, connected
 from calstation.devices import Imu
 from calstation.devices.imu import flash_registers
@@ -42,7 +42,7 @@ def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHo
     """
     prepared = prepare(request, emit, control, hooks())
     setup = prepared.setup
-    hand_over = HandOver(prepared.folder, load_station(setup.request.station)[0], setup.station, prepared.emit)
+    hand_over = HandOver(prepared.folder, setup.sources["station"].path, setup.station, prepared.emit)
     hand_over.start()
     try:
         with one_blas_thread():
