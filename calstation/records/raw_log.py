@@ -113,7 +113,7 @@ class RawLogWriter:
 
     The file is locked until the writer closes it (`raw_read.being_written`). Data are buffered between flushes;
     `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
-    created.
+    created; so do all methods that write, flush or sync if a write fails, and nothing more is written then.
     """
 
     def __init__(self, path: Path, meta: LogMeta, joints: bool = False) -> None:

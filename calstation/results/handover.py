@@ -75,7 +75,10 @@ class HandOver:
         self._thread.start()
 
     def finish(self) -> None:
-        """Deliver all pending results, and emit a message if some remain or earlier ones were delivered."""
+        """Deliver all pending results, and emit a message if some remain or earlier ones were delivered.
+
+        It waits at most 10 s of host time for a delivery in progress, and as long for its own.
+        """
         if self._thread is not None:
             self._thread.join(_WAIT)
         before = 0 if self._delivery is None else self._delivery.done

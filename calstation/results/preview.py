@@ -88,7 +88,7 @@ class Preview:
 
 
 def compute_preview(report: ProgressCallback, request: RunRequest) -> Preview:
-    """Job: compute the preview of a run; the serial number may be empty. Raises ConfigurationError."""
+    """Job: compute the preview of a run; its serial number need not match the product. Raises ConfigurationError."""
     setup = resolve_configuration(request)
     check_manual_rig(setup)
     with one_blas_thread():

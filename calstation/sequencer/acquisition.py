@@ -53,7 +53,7 @@ class Acquisition:
 
     The IMU time of a table poll is the midpoint between the station times of request and reply, minus the latency and
     the smallest delay observed between IMU clock and station clock. The angle, extrapolated with the polled rate, is
-    assigned to the nearest sample; other samples have NaN.
+    assigned to the nearest sample; other samples have NaN. `latency` is the age of a polled angle at the midpoint, s.
 
     If exactly one wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss: the
     samples after it are later than all before it by the duration of a wrap.
@@ -110,7 +110,10 @@ class Acquisition:
         self._polls.append((middle, np.array(status.angles), np.array(status.rates)))
 
     def drain(self) -> Flow:
-        """Read all samples received so far, stamp them and pass them on."""
+        """Read all samples received so far, stamp them and pass them on.
+
+        Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
+        """
         batch = self._imu.read()
         count = len(batch.seq)
         if count == 0:

@@ -127,7 +127,10 @@ class ControlLoop:
         return enough()
 
     def rest(self, seconds: float) -> None:
-        """Tick until `seconds` of IMU time have been received."""
+        """Tick until `seconds` of IMU time have been received.
+
+        Raises DeviceFaultError without a sample for 5 s, or after 1.5·`seconds` + 10 s of station time; see `update`.
+        """
         self.wait(lambda: self.acquisition.newest is not None, 5.0, DeviceFaultError("stream.no_data"))
         self.wait(self._received(seconds), 1.5 * seconds + 10.0, _late(seconds))
 

@@ -90,9 +90,10 @@ class PositionGuided(Event):
     """Progress at a position to which the operator turns the unit.
 
     `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is that of a
-    `Guidance`. `outer` and `inner` are the requested rail angles, rad, `*_before` the previous ones. `up` is the
-    direction of gravity in the body frame; `done` contains those of the completed positions, concatenated. `suffices`
-    is True if they determine all parameters of the stage.
+    `Guidance`; `rest` and `wanted` are the rest so far and the required one, s. `outer` and `inner` are the requested
+    rail angles, rad, `*_before` the previous ones. `up` is the unit vector opposite to gravity in the body frame, shape
+    (3,); `done` contains those of the completed positions, concatenated. `suffices` is True if they determine all
+    parameters of the stage.
     """
 
     stage: str

@@ -51,7 +51,8 @@ class StepRunner:
         """Execute a step to its end; repeat it if it is interrupted.
 
         A dwell is repeated together with the move before it, because every turn must end in a rest.
-        Raises DeviceFaultError after too many repetitions, and StopRequested.
+        Raises DeviceFaultError, also after too many repetitions, ConfigurationError for a move outside the limits, and
+        StopRequested.
         """
         if isinstance(step, Carry):
             with self.guiding.listening():
@@ -96,7 +97,11 @@ class StepRunner:
         self.guiding.begin()
 
     def drive(self, move: Move) -> None:
-        """Move both joints and wait until they have arrived and settled."""
+        """Move both joints and wait until they have arrived and settled.
+
+        Raises DeviceFaultError, also if this takes too long, ConfigurationError for a move outside the limits, and the
+        interruptions of `ControlLoop.update`.
+        """
         check_move(self.control_loop.status, self._limits, move)
         start = self.position()
         self.acquisition.step += 1

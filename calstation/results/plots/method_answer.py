@@ -51,7 +51,7 @@ class GimbalAxis:
     """Turns about one axis."""
 
     axis: str
-    angle: float
+    angle: float  #: Mean size of the turns, rad.
     drift: FloatArray  #: Larger drift of the other two joints in each turn, rad, shape (turns,).
     predicted: FloatArray  #: Drift predicted from the first turn and the gain, rad, shape (turns,).
     gain: float  #: Gain used, rad/rad.
