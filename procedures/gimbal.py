@@ -14,7 +14,6 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import Solution, batch_method
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise, nis_consistency, restricted
 from calstation.estimation.gimbal import (
-    AXES,
     AxisTurns,
     GimbalIteration,
     Motion,
@@ -26,8 +25,8 @@ from calstation.estimation.gimbal import (
     others,
     sign_of,
 )
-from calstation.estimation.positions import CHANNELS, require_changing
-from calstation.physics import INDEX, NAMES, FloatArray, Step, TableGeometry
+from calstation.estimation.positions import require_changing
+from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, Step, TableGeometry
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))

@@ -30,7 +30,7 @@ from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
-from calstation.physics import INDEX, PARAMETERS, Step, group_indices, normal_gravity
+from calstation.physics import INDEX, PARAMETERS, Step, group_indices
 from calstation.records import (
     FileSection,
     ImuSection,
@@ -252,7 +252,7 @@ class ResolvedConfiguration:
             model=context.imu,
             preflight=PreflightLimits(
                 serial_pattern=self.product.serial_pattern,
-                gravity=site.gravity or normal_gravity(site.latitude, site.height),
+                gravity=site.local_gravity,
                 rate_low=prior.mean[biases] - spread,
                 rate_high=prior.mean[biases] + spread,
                 warm_up=warm_up.time_s,

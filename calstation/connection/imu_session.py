@@ -14,7 +14,7 @@ from calstation.devices import Imu, ImuIdentity, NoFramesError, SampleBatch
 from calstation.errors import DeviceFaultError
 from calstation.jobs import ProgressCallback
 from calstation.physics import FloatArray
-from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, mean_at_rest, to_si
+from calstation.sequencer import NO_DATA, REST, Clock, Output, VerificationData, mean_at_rest
 
 #: Timeout for capturing a rest without gaps, station time in s.
 _REST_TIMEOUT = 60.0
@@ -69,7 +69,7 @@ def _rest(
     parts = read_contiguous(session, ready, count, lambda taken: check_cancelled(), corrected=corrected)
     if parts is None:
         raise DeviceFaultError("connection.no_rest", seconds=_REST_TIMEOUT)
-    return mean_at_rest(np.concatenate([part.counts for part in parts])) * to_si(model)
+    return mean_at_rest(np.concatenate([part.counts for part in parts])) * model.count_size
 
 
 def read_contiguous(

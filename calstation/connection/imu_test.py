@@ -20,7 +20,7 @@ from calstation.estimation.common import ImuModel
 from calstation.jobs import ProgressCallback
 from calstation.messages import Finding, Value
 from calstation.physics import normal_gravity
-from calstation.sequencer import PreflightLimits, to_si
+from calstation.sequencer import PreflightLimits
 
 _BAUDS = (9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600)
 #: Timeout for a unit to report that it is ready, station time in s.
@@ -130,7 +130,7 @@ class ImuTest:
         stream, noise = profile.stream, profile.noise
         scale = (stream.sample_rate_hz, stream.output, stream.gyro_lsb, stream.accel_lsb)
         model = ImuModel("", *scale, noise.gyro_arw, noise.accel_vrw)
-        mean = np.concatenate([part.counts for part in parts]).mean(axis=0) * to_si(model)
+        mean = np.concatenate([part.counts for part in parts]).mean(axis=0) * model.count_size
         measured = float(np.linalg.norm(mean[3:]))
         site = self.setup.station.site
         gravity = site.gravity_mps2 or normal_gravity(float(np.deg2rad(site.latitude_deg)), site.height_m)

@@ -1,4 +1,3 @@
-from .method import BatchStage as BatchStage
 from .method import Estimate as Estimate
 from .method import Innovations as Innovations
 from .method import Method as Method

@@ -15,6 +15,7 @@ from .motion import Prepare as Prepare
 from .motion import RoundEnd as RoundEnd
 from .motion import Step as Step
 from .parameters import AXES as AXES
+from .parameters import CHANNELS as CHANNELS
 from .parameters import COUNT as COUNT
 from .parameters import GROUPS as GROUPS
 from .parameters import INDEX as INDEX

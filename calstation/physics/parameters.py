@@ -13,6 +13,8 @@ import numpy as np
 from calstation.physics.arrays import FloatArray
 
 AXES = "xyz"
+#: Channels of an IMU, in the order of its samples.
+CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in AXES)
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,10 @@ class JointLimits:
         """Whether `angle`, rad, is within the travel of the joint, with a tolerance of 1e-9 rad for rounding."""
         return self.low[joint] - 1e-9 <= angle <= self.high[joint] + 1e-9
 
+    def limited(self, rate: float, acceleration: float) -> tuple[float, float]:
+        """Return a rate, rad/s, and an acceleration, rad/s², reduced to what both joints allow."""
+        return min(rate, *self.rate), min(acceleration, *self.acceleration)
+
 
 @dataclass(frozen=True)
 class BodyTurn:

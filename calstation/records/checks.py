@@ -1,7 +1,7 @@
 """Acceptance checks of a product and their evaluation with the evidence from a calibration."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -29,7 +29,7 @@ class ImprovementAtRest(StrictModel):
 
     below: float = Field(gt=0)  #: Largest remaining fraction.
     or_within: float = Field(default=0.0, ge=0)  #: An error up to this, m/s², needs no improvement.
-    positions: list[int] | None = None  #: Numbers of the rests, from 0; by default all.
+    positions: list[Annotated[int, Field(ge=0)]] | None = None  #: Numbers of the rests, from 0; by default all.
     stage: str | None = None  #: Stage of the rests; by default the last stage with rests.
 
 
@@ -121,7 +121,7 @@ def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: M
     if rule is None or not shared:
         return []
     apart = {n: abs(offline[n]["value"] - online[n]["value"]) / max(offline[n]["sigma"], 1e-300) for n in shared}
-    worst = max(apart, key=lambda n: apart[n])
+    worst = max(apart, key=lambda n: float(np.nan_to_num(apart[n], nan=np.inf)))
     return [
         Check.compare(
             "offline_online",

@@ -17,10 +17,9 @@ import numpy as np
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, SequenceError, SequenceUnwrapper, snap_angles
 from calstation.messages import os_reason
-from calstation.physics import BoolArray, FloatArray, IntArray
+from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, IntArray
 from calstation.records.meta import FURTHER_IMUS, LogMeta
 
-CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 ANGLES = ("outer_deg", "inner_deg")
 #: Both columns of `ANGLES` may be absent, because a recording on a manual rig has no table.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
@@ -30,7 +29,7 @@ COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
 
 def further_channels(number: int) -> tuple[str, ...]:
     """Return the columns of a secondary IMU on the same body: gyro2_x, ..., accel2_z."""
-    return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
+    return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in AXES)
 
 
 _CHUNK_BYTES = 1 << 17

@@ -38,7 +38,7 @@ class SiteSection(StrictModel):
 
 
 class ImuSection(StrictModel):
-    """`[imu]`: output format and noise, in the units of `estimation.context.ImuModel`."""
+    """`[imu]`: output format and noise, in the units of `estimation.common.context.ImuModel`."""
 
     serial: str = Field(min_length=1)
     sample_rate_hz: float = Field(gt=0, le=100_000)
@@ -52,7 +52,7 @@ class ImuSection(StrictModel):
 
 
 class StoredPairSection(StrictModel):
-    """`[imuN.stored]`: the last cross-calibration, as in `estimation.context.StoredPair`."""
+    """`[imuN.stored]`: the last cross-calibration, as in `estimation.common.context.StoredPair`."""
 
     values: dict[str, float] = Field(default_factory=dict)
     gyro_static: float | None = Field(default=None, ge=0)

@@ -113,7 +113,7 @@ class RawLogWriter:
 
     The file is locked until the writer closes it (`raw_read.being_written`). Data are buffered between flushes;
     `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
-    created.
+    created; so do all methods that write, flush or sync if a write fails, and nothing more is written then.
     """
 
     def __init__(self, path: Path, meta: LogMeta, joints: bool = False) -> None:
@@ -162,7 +162,8 @@ class RawLogWriter:
         rows["seq"], rows["time"], rows["counts"] = block.seq, block.time, block.counts
         rows["angles"], rows["temperature"] = block.angles, block.temperature
         rows["step"], rows["valid"] = block.step, block.valid
-        rows["stage"] = self._stage_index(block.stage)
+        with self._writing():
+            rows["stage"] = self._stage_index(block.stage)
         for name, values in (("others", block.others), ("joints", block.joints)):
             if name in (self._row.names or ()):
                 rows[name] = values if values.shape[1] else np.nan

@@ -133,7 +133,10 @@ def begin(
     purpose: Purpose,
     site: Path | None = None,
 ) -> Transfer:
-    """Record an intended transfer on disk. Raises ConfigurationError if the journal is damaged or cannot be written."""
+    """Record an intended transfer, SI by parameter; `site` as in `history`. Raises ConfigurationError.
+
+    The error means that the journal is damaged or cannot be written; otherwise the record is on disk.
+    """
     history(runs, serial, site)
     path = _path(site or runs, serial)
     ident = f"{datetime.now(UTC):%Y%m%dT%H%M%S%f}-{secrets.token_hex(3)}"

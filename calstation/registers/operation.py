@@ -77,18 +77,12 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
     the journal cannot be written (the unit is then unchanged); DeviceFaultError if another unit is connected, an
     earlier transfer is open, a value is out of range, or the link fails.
     """
-
-    def check_cancelled() -> None:
-        control.take()
-        if control.stopping:
-            raise StopRequested
-
     work = _ActiveOperation.of(operation, resolve_configuration(operation.request), emit)
     try:
         if operation.at_rest or work.setup.by_hand:
-            settled: Settled | None = _at_rest(work, check_cancelled)
+            settled: Settled | None = _at_rest(work, control.check_cancelled)
         else:
-            settled = _with_turns(work, control, check_cancelled)
+            settled = _with_turns(work, control, control.check_cancelled)
     except StopRequested:
         settled = Settled(operation.request.serial, "stopped", "")
     if settled is not None:

@@ -34,7 +34,6 @@ from calstation.physics import (
     group_indices,
     group_matrix,
     group_vector,
-    normal_gravity,
     rotation_matrix,
 )
 from calstation.records import context_from_meta, prior_from_meta
@@ -180,7 +179,7 @@ def verify_output(
     rests = np.array(data.rests)
     omega, force = compensate(correction, rests[:, :3], rests[:, 3:])
     site, imu, seconds = context.site, context.imu, data.seconds
-    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    gravity = site.local_gravity
     noises = _force_noise(context, seconds), _rate_noise(imu, seconds)
     for f, w in zip(force, omega, strict=True):
         tolerance = _tolerance(covariance, "accel", f, noises[0], imu.accel_bias_instability)

@@ -31,6 +31,7 @@ from .resolving import FinishedRun as FinishedRun
 from .resolving import Resolved as Resolved
 from .resolving import load_finished_run as load_finished_run
 from .resolving import resolve as resolve
+from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
 from .result import Parameter as Parameter
 from .result import Registers as Registers

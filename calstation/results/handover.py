@@ -75,7 +75,10 @@ class HandOver:
         self._thread.start()
 
     def finish(self) -> None:
-        """Deliver all pending results, and emit a message if some remain or earlier ones were delivered."""
+        """Deliver all pending results, and emit a message if some remain or earlier ones were delivered.
+
+        It waits at most 10 s of host time for a delivery in progress, and as long for its own.
+        """
         if self._thread is not None:
             self._thread.join(_WAIT)
         before = 0 if self._delivery is None else self._delivery.done
@@ -121,10 +124,11 @@ def _waiting(runs: Path) -> list[str]:
     """Return the stems of the pending runs, oldest first; drop those without any file."""
     names = []
     for entry in (runs / WAITING).glob("*"):
-        if (runs / f"{entry.name}.json").exists():
-            names.append((entry.stat().st_mtime, entry.name))
-        elif not (runs / f"{entry.name}{SUFFIX}").exists() and not entry.name.startswith("."):
-            entry.unlink(missing_ok=True)
+        with suppress(FileNotFoundError):  # another process has delivered it
+            if (runs / f"{entry.name}.json").exists():
+                names.append((entry.stat().st_mtime, entry.name))
+            elif not (runs / f"{entry.name}{SUFFIX}").exists() and not entry.name.startswith("."):
+                entry.unlink()
     return [name for _, name in sorted(names)]
 
 

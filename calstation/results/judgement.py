@@ -121,7 +121,7 @@ def build_result(
             "station": run.station if run else None,
             "product": meta.product.name if meta.product else None,
             "configuration_sha256": hashlib.sha256(meta.to_json().encode()).hexdigest(),
-            "configuration": (run.files if run else None) or {},
+            "configuration": {kind: file.model_dump() for kind, file in ((run.files if run else None) or {}).items()},
             "temperature_c": facts.temperature and dict(zip(("mean", "min", "max"), facts.temperature, strict=True)),
             "registers": ending.registers,
             "log": {

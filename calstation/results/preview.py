@@ -14,10 +14,10 @@ from calstation.errors import ConfigurationError, InputError, InsufficientDataEr
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
-from calstation.physics import NAMES, Carry, Finish, FloatArray, Move, RoundEnd, Step
+from calstation.physics import JOINTS, NAMES, Carry, Finish, FloatArray, Move, RoundEnd, Step
 from calstation.records import context_from_meta
 from calstation.results.solver_chain import StageChain, one_blas_thread
-from calstation.sequencer import JOINTS, StagePlan, check_limits, move_time, named, planned, step_time
+from calstation.sequencer import StagePlan, check_limits, move_time, named, planned, step_time
 from procedures import method
 
 #: Maximum number of rounds of a stage that ends only when its targets are reached.
@@ -88,7 +88,7 @@ class Preview:
 
 
 def compute_preview(report: ProgressCallback, request: RunRequest) -> Preview:
-    """Job: compute the preview of a run; the serial number may be empty. Raises ConfigurationError."""
+    """Job: compute the preview of a run; its serial number need not match the product. Raises ConfigurationError."""
     setup = resolve_configuration(request)
     check_manual_rig(setup)
     with one_blas_thread():

@@ -6,20 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from calstation.config import unconfirmed_latitude
-from calstation.errors import ConfigurationError, InsufficientDataError
+from calstation.errors import ConfigurationError, InputError, InsufficientDataError
+from calstation.estimation.navigation import warm_up as compile_kernels
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, sentence
 from calstation.records import SUFFIX, Log, damage_summary, offline_online, open_log, solved_stages
 from calstation.results.history import History
 from calstation.results.judgement import Ending, build_result, judge, solved_parameters
-from calstation.results.result import DamagedRange, Result, load_result
+from calstation.results.result import SCHEMA, DamagedRange, Result, load_result
 from calstation.results.solver_chain import SolveProgress, solve
 
 
 def warm_up() -> None:
     """Compile the kernels for solving; importing this module has already loaded everything else."""
-    from calstation.estimation.navigation import warm_up as compile_kernels
-
     compile_kernels()
 
 
@@ -56,10 +55,11 @@ def resolve(
     solutions, missing = tuple(chain.solutions), chain.missing_data
     judgement = judge(log.meta, chain.prior, solutions)
     section = log.meta.product.checks if log.meta.product is not None else None
-    if section is not None and log.results:
-        online = log.results[-1].get("parameters", {})
-        solved = {name: row.model_dump() for name, row in solved_parameters(solutions).items()}
-        judgement = judgement.with_more(offline_online(section, solved, online))
+    stored = None if section is None else stored_result(log)
+    if section is not None and stored is not None:
+        both = (solved_parameters(solutions), stored.parameters)
+        offline, online = ({name: row.model_dump() for name, row in rows.items()} for rows in both)
+        judgement = judgement.with_more(offline_online(section, offline, online))
     if missing and judgement.passed:
         judgement = replace(judgement, passed=None)
     ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq)
@@ -77,6 +77,14 @@ def resolve(
     return Resolved(result, tuple(messages), tuple(missing.values()))
 
 
+def stored_result(log: Log) -> Result | None:
+    """Return the last result in a log, None if there is none. Raises InputError if it is malformed."""
+    try:
+        return Result.from_json(log.results[-1]) if log.results else None
+    except ValueError as exc:
+        raise InputError("result.not_a_result", file=log.path, schema=SCHEMA) from exc
+
+
 def _check_complete(log: Log, solved: list[str]) -> None:
     """Raise InsufficientDataError if damage destroyed all samples of a stage that the run had solved."""
     for stage in solved_stages(log.events):
@@ -92,7 +100,6 @@ class FinishedRun:
     result: Result
     log: Path | None  #: The run's log; None if it is missing.
     previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
-    solved_now: bool = False  #: Whether the log had no result and was solved now.
 
 
 def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
@@ -100,21 +107,19 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
 
     Raises InputError or ConfigurationError if the file cannot be used.
     """
-    solved_now = False
     if path.suffix == ".json":
         result = load_result(path)
         candidates = (Path(result.log.file), path.with_suffix(SUFFIX))
         log = next((candidate for candidate in candidates if candidate.is_file()), None)
     else:
         log = path
-        stored = open_log(path).results
-        solved_now = not stored
+        stored = stored_result(open_log(path))
         report(0.1)
-        result = Result.from_json(stored[-1]) if stored else resolve(path).result
+        result = stored or resolve(path).result
     report(0.9)
     previous: Mapping[str, float] = {}
     if runs.is_dir():
         history = History(runs)
         history.refresh()
         previous = history.previous(result.serial, result.started_utc)
-    return FinishedRun(result, log, previous, solved_now)
+    return FinishedRun(result, log, previous)

@@ -182,7 +182,10 @@ class Result(_Section):
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Result":
         """Read a result JSON. Raises ValueError for anything else."""
-        return cls.model_validate(data)
+        try:
+            return cls.model_validate(data)
+        except (KeyError, TypeError, AttributeError) as exc:  # pydantic passes on those of a malformed check
+            raise ValueError(f"malformed check: {exc!r}") from exc
 
     def to_json(self) -> dict[str, Any]:
         """Return the result JSON of the contract, with the keys that were set."""

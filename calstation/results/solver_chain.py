@@ -49,7 +49,7 @@ class StageChain:
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
         self._gather = checks is not None and checks.need_samples
-        self._kept = Spool()
+        self._kept: Spool | None = None
         imu = self._context.imu
         self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
 
@@ -63,13 +63,13 @@ class StageChain:
         self._stage = stage
         schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
         self._solver = chosen.solver(self._context, self.belief, schedule)
-        self._kept = Spool()
+        self._kept = Spool() if self._gather else None
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the started stage."""
         assert self._solver is not None, "start a stage before feeding it"
         self._solver.feed(block)
-        if self._gather:
+        if self._kept is not None:
             self._kept.append(block)
         if self._resting is not None:
             self._resting.feed(block)
@@ -87,7 +87,7 @@ class StageChain:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
         self._solver = None
-        if self._gather:
+        if self._kept is not None:
             data = stage_data(list(self._kept.blocks()), self._context.imu)
             found = gather(self._stage, data, self._context, self.prior.mean, solution.belief.mean)
             solution = replace(solution, evidence=found)

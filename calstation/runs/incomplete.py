@@ -9,15 +9,15 @@ from typing import Any
 
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
-from calstation.records import SUFFIX, Log, being_written, open_log, solved_stages
+from calstation.records import SUFFIX, Log, being_written, open_log, prior_from_meta, solved_stages
 from calstation.results import (
     Delivery,
     Ending,
     History,
-    StageChain,
     build_result,
     deliver_pending,
     judge,
+    load_result,
     register_pending,
     write_json,
 )
@@ -47,8 +47,8 @@ def finish_incomplete(folder: Path) -> list[Path]:
 def close_incomplete(path: Path, operator: str | None = None) -> Path:
     """Record the decision not to resume a run; return its result file, which contains the operator and the time.
 
-    Raises ConfigurationError if the run is still in progress or the folder cannot be written, InputError if the log
-    cannot be read.
+    Raises ConfigurationError if the run is still in progress or the folder cannot be written, InputError if the log or
+    its result file cannot be read.
     """
     if not path.with_suffix(".json").exists() and being_written(path):
         raise ConfigurationError("run.still_running", path=path)
@@ -61,6 +61,7 @@ def close_incomplete(path: Path, operator: str | None = None) -> Path:
             write_json(beside, log.results[-1])
         else:
             raise InputError("run.not_resumable", path=path)
+    load_result(beside)  # raises the errors of an unreadable file
     result: dict[str, Any] = json.loads(beside.read_text(encoding="utf-8"))
     closed = {"closed_utc": datetime.now(UTC).isoformat(timespec="seconds"), "closed_by": operator}
     write_json(beside, {**result, **closed})
@@ -68,7 +69,7 @@ def close_incomplete(path: Path, operator: str | None = None) -> Path:
 
 
 def _write_result(log: Log) -> None:
-    prior = StageChain(log.meta).prior
+    prior = prior_from_meta(log.meta)
     facts = log.facts()
     finished = solved_stages(log.events)
     ending = Ending(

@@ -41,7 +41,10 @@ class PreparedRun:
         return self.setup.request.out
 
     def meta(self, registers: dict[str, float] | None) -> LogMeta:
-        """Return the log's configuration; `registers` are those of the unit, or None if they could not be read."""
+        """Return the log's configuration; `registers` are those of the unit, SI, or None if they could not be read.
+
+        Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
+        """
         if self.continuation is not None:
             return self.continuation.meta(self.setup, self.started, registers)
         serial = self.setup.request.serial
@@ -53,7 +56,10 @@ class PreparedRun:
         return meta.model_copy(update={"previous": known})
 
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
-        """Open the run's log and register its result as pending for the hand-over."""
+        """Open the run's log and register its result as pending for the hand-over.
+
+        Raises like `meta`, and ConfigurationError if the log cannot be created.
+        """
         meta = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
         log = RawLogWriter(self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta)

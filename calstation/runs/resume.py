@@ -17,7 +17,6 @@ from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.records import (
     SUFFIX,
-    Check,
     Log,
     LogMeta,
     RawLogWriter,
@@ -26,7 +25,7 @@ from calstation.records import (
     open_log,
     solved_stages,
 )
-from calstation.results import History, StageChain
+from calstation.results import History, StageChain, stored_result
 from calstation.sequencer import LastSample, solution_events, to_json
 from procedures import method
 
@@ -95,12 +94,12 @@ def _offer(record: RunRecord) -> list[Resumable]:
     try:
         log = open_log(record.log)
         finished = _finished(log)
-    except (InputError, ConfigurationError):
+        result = stored_result(log)
+    except (InputError, ConfigurationError, ValueError, KeyError):
         return []  # a log that cannot be used cannot be resumed
-    result = log.results[-1] if log.results else {}
-    if (result.get("registers") or {}).get("new") is not None:
+    if result is not None and result.registers is not None and result.registers.new is not None:
         return []  # its registers have changed: finish or restore the transfer instead
-    if not latitude_agrees(map(Check.from_json, result.get("checks", ()))):
+    if result is not None and not latitude_agrees(result.checks):
         return []  # it was solved for another latitude
     return [
         Resumable(
@@ -114,7 +113,7 @@ def _offer(record: RunRecord) -> list[Resumable]:
             stages=_run_stages(log),
             finished=finished,
             outcome=record.outcome,
-            why=str(result.get("error") or result.get("stop_reason") or ""),
+            why=(result.end_reason if result is not None else None) or "",
         )
     ]
 

@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from calstation import applog
-from calstation.config import ResolvedConfiguration, RunRequest, check_seen_latitude, load_station
+from calstation.config import ResolvedConfiguration, RunRequest, check_seen_latitude
 from calstation.connection import Devices, connected
 from calstation.devices import Imu
 from calstation.devices.imu import flash_registers
@@ -42,7 +42,7 @@ def execute(request: RunRequest, emit: Emit, control: Control, hooks: type[RunHo
     """
     prepared = prepare(request, emit, control, hooks())
     setup = prepared.setup
-    hand_over = HandOver(prepared.folder, load_station(setup.request.station)[0], setup.station, prepared.emit)
+    hand_over = HandOver(prepared.folder, setup.sources["station"].path, setup.station, prepared.emit)
     hand_over.start()
     try:
         with one_blas_thread():
@@ -99,22 +99,22 @@ def _sequence(run: OpenRun, devices: Devices) -> None:
 def _drive(run: OpenRun, devices: Devices) -> Ended:
     try:
         after = _resume(run)
+        solved = tuple(run.chain.solutions)
+        if solved:
+            devices.imu.read()  # discards samples received while they were solved
+        task = run.setup.task()
+        slot = Slot(devices.imu, run.setup.unit_task(run.meta), run.log, run.chain, after)
+        context = RunContext(
+            replace(task, stages=task.stages[len(solved) :]),
+            devices.table,
+            (slot,),
+            devices.clock,
+            run.prepared.emit,
+            run.prepared.control,
+        )
+        return Sequencer(context, Finalization(run, devices.imu), solved).run()
     except (StopRequested, CalstationError) as error:
         return _ended(run, error)
-    solved = tuple(run.chain.solutions)
-    if solved:
-        devices.imu.read()  # discards samples received while they were solved
-    task = run.setup.task()
-    slot = Slot(devices.imu, run.setup.unit_task(run.meta), run.log, run.chain, after)
-    context = RunContext(
-        replace(task, stages=task.stages[len(solved) :]),
-        devices.table,
-        (slot,),
-        devices.clock,
-        run.prepared.emit,
-        run.prepared.control,
-    )
-    return Sequencer(context, Finalization(run, devices.imu), solved).run()
 
 
 def _resume(run: OpenRun) -> LastSample | None:

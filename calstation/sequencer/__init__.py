@@ -1,6 +1,6 @@
 """Executes steps, guards motion and emits events for one table and its units.
 
-The package is independent of file formats and user interfaces.
+The package is independent of user interfaces; it writes the raw log only through `Slot.journal`.
 """
 
 import lazy_loader as lazy

@@ -1,5 +1,4 @@
 from .acquisition import SLOWEST_POLL as SLOWEST_POLL
-from .acquisition import to_si as to_si
 from .capture import DURATION as DURATION
 from .capture import REST as REST
 from .capture import Turned as Turned
@@ -43,7 +42,6 @@ from .events import Verdict as Verdict
 from .events import from_json as from_json
 from .events import solution_events as solution_events
 from .events import to_json as to_json
-from .guard import JOINTS as JOINTS
 from .guard import check_limits as check_limits
 from .guard import check_power as check_power
 from .plan import StagePlan as StagePlan

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.devices import Imu, SampleBatch, TableStatus
-from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
-from calstation.physics import FloatArray
+from calstation.estimation.common import SampleBlock, snap_angles
+from calstation.physics import CHANNELS, FloatArray
 from calstation.sequencer.context import Clock, LastSample, UnitTask
 
 #: Number of ticks over which the minimum delay between IMU clock and station clock is determined.
@@ -19,8 +19,6 @@ CLOCK_WINDOW = 200
 #: Assumed interval, in counter and IMU time, between the last sample of a run and the first after it is resumed, s. The
 #: true interval is unknown if the unit lost power.
 INTERRUPTION = 1.0
-
-CHANNELS = ("gyro x", "gyro y", "gyro z", "accel x", "accel y", "accel z")
 
 #: A channel is stuck if its noise is at least this many output steps and its value is constant over this many samples;
 #: the probability of this happening by chance is 1e-28.
@@ -50,18 +48,12 @@ class Flow:
     stuck: str = ""
 
 
-def to_si(model: ImuModel) -> FloatArray:
-    """Return the factors from counts to rad/s (gyro) and m/s² (accel), shape (6,)."""
-    rate = model.sample_rate if model.output == "increment" else 1.0
-    return np.repeat([model.gyro_lsb * rate, model.accel_lsb * rate], 3)
-
-
 class Acquisition:
     """Converts the IMU's samples into stamped blocks for the log and the solver.
 
     The IMU time of a table poll is the midpoint between the station times of request and reply, minus the latency and
     the smallest delay observed between IMU clock and station clock. The angle, extrapolated with the polled rate, is
-    assigned to the nearest sample; other samples have NaN.
+    assigned to the nearest sample; other samples have NaN. `latency` is the age of a polled angle at the midpoint, s.
 
     If exactly one wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss: the
     samples after it are later than all before it by the duration of a wrap.
@@ -83,7 +75,7 @@ class Acquisition:
     ) -> None:
         self._imu, self._unit, self._clock, self._sink = imu, unit, clock, sink
         self._latency = latency
-        self.scale = to_si(unit.model)
+        self.scale = unit.model.count_size
         self._latest: SampleBatch | None = None
         self._period = 1.0 / unit.model.sample_rate
         #: Station time (s), angles (rad) and rates (rad/s) of each poll of the table.
@@ -104,7 +96,6 @@ class Acquisition:
         self.valid = True
         self.unlogged = False
         self.newest: float | None = None
-        self.received = 0
         self.gaps = 0
         self.breaks = self.restarts = 0
         self._was_ready = False
@@ -119,7 +110,10 @@ class Acquisition:
         self._polls.append((middle, np.array(status.angles), np.array(status.rates)))
 
     def drain(self) -> Flow:
-        """Read all samples received so far, stamp them and pass them on."""
+        """Read all samples received so far, stamp them and pass them on.
+
+        Raises DeviceFaultError, or ConfigurationError if the log cannot be written.
+        """
         batch = self._imu.read()
         count = len(batch.seq)
         if count == 0:
@@ -135,7 +129,6 @@ class Acquisition:
         self._last_seq = int(batch.seq[-1])
         missing = self._last_seq - before - count
         if not self.unlogged:
-            self.received += count
             self.gaps += missing > 0
         self.breaks += missing > 0
         self.newest = float(batch.time[-1])
@@ -224,7 +217,7 @@ class Acquisition:
         last = len(counts) - 1 - np.argmax(changed[::-1], axis=0)
         self._unchanged = np.where(changed.any(axis=0), len(counts) - 1 - last, self._unchanged + len(counts))
         stuck = np.flatnonzero(self._has_noise & (self._unchanged >= _STUCK_AFTER))
-        return CHANNELS[int(stuck[0])] if len(stuck) else ""
+        return CHANNELS[int(stuck[0])].replace("_", " ") if len(stuck) else ""
 
     def _note_restart(self, batch: SampleBatch) -> None:
         """Count restarts of the unit's counter and losses of readiness."""

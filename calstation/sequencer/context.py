@@ -52,9 +52,9 @@ class PreflightLimits:
     """Limits for a unit and its mounting, checked before the run.
 
     Times are in s, angles in rad, rates in rad/s; `warm_up_slope` is in °C/min, None if temperature does not matter.
-    `gravity_tolerance` and `turn_tolerance` are fractions of the magnitude. At rest each gyro must
-    measure between `rate_low` and `rate_high`, shape (3,). `flow` seconds of data must have no gap. `output` is False
-    if registers that may be wrong are applied to the output, which is then not checked.
+    `gravity` is in m/s²; `gravity_tolerance` and `turn_tolerance` are fractions of the magnitude. At rest each gyro
+    must measure between `rate_low` and `rate_high`, shape (3,). `flow` seconds of data must have no gap. `output` is
+    False if registers that may be wrong are applied to the output, which is then not checked.
     """
 
     serial_pattern: str

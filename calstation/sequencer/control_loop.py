@@ -13,14 +13,14 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition, Flow
 from calstation.sequencer.context import RunContext
 from calstation.sequencer.control import PauseRequested, StepInvalid
-from calstation.sequencer.events import SampleStats, TableMoved, Trace
+from calstation.sequencer.events import TableMoved, Trace
 from calstation.sequencer.guard import latched
 
 #: Station time without a sample after which the unit counts as silent, s.
 NO_DATA = 1.0
 
 #: Minimum host time between two events that only refresh a display, s.
-_SHOW_TABLE, _SHOW_SAMPLES = 0.1, 0.5
+_SHOW_TABLE, _SHOW_PROGRESS = 0.1, 0.5
 
 #: Host time of a tick above which a warning is logged, s.
 _SLOW_TICK = 1.0
@@ -44,7 +44,7 @@ class ControlLoop:
         self.acquisition = acquisition
         self._on_show = on_show
         self._traced: deque[tuple[float, tuple[float, ...]]] = deque(maxlen=_MAX_TRACED)
-        self._fed = self._shown_table = self._shown_samples = -1e9
+        self._fed = self._shown_table = self._shown_progress = -1e9
         self.status: TableStatus = context.table.status()
         self.flow = Flow()
         self.powered = False
@@ -127,7 +127,10 @@ class ControlLoop:
         return enough()
 
     def rest(self, seconds: float) -> None:
-        """Tick until `seconds` of IMU time have been received."""
+        """Tick until `seconds` of IMU time have been received.
+
+        Raises DeviceFaultError without a sample for 5 s, or after 1.5·`seconds` + 10 s of station time; see `update`.
+        """
         self.wait(lambda: self.acquisition.newest is not None, 5.0, DeviceFaultError("stream.no_data"))
         self.wait(self._received(seconds), 1.5 * seconds + 10.0, _late(seconds))
 
@@ -166,12 +169,9 @@ class ControlLoop:
                 times, outputs = zip(*self._traced, strict=True)
                 emit(Trace(times, tuple(chain.from_iterable(outputs))))
                 self._traced.clear()
-        recent = self.acquisition.recent
-        if now - self._shown_samples >= _SHOW_SAMPLES and recent is not None:
-            self._shown_samples = now
+        if now - self._shown_progress >= _SHOW_PROGRESS and self.acquisition.recent is not None:
+            self._shown_progress = now
             self._on_show()
-            crc_errors = self.context.slot.imu.stats.crc_errors
-            emit(SampleStats(self.acquisition.received, self.acquisition.gaps, crc_errors, *recent))
 
 
 def _late(seconds: float) -> DeviceFaultError:

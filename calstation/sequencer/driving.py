@@ -71,16 +71,16 @@ class Driving:
         """
         control = self._context.control
         try:
-            with control.ticking():
-                end = work()
-        except StopRequested:
             try:
+                with control.ticking():
+                    end = work()
+            except StopRequested:
                 self.go(State.STOPPING)
                 if control.stop_reason not in (None, StopReason.OPERATOR):
                     self._context.emit(Message("stopped_because", {"reason": str(control.stop_reason)}))
-            finally:
                 self._stop_safely()
-            self.go(State.STOPPED)
+                end = State.STOPPED
+            self.go(end)
             return None
         except CalstationError as error:
             logger.error("fault %s: %s", error.code, error)
@@ -91,14 +91,13 @@ class Driving:
         except BaseException:
             self._stop_safely()
             raise
-        self.go(end)
-        return None
 
     def go(self, state: State) -> None:
         """Change the state of the run."""
-        previous, self.state = self.state, transition(self.state, state)
+        previous, state = self.state, transition(self.state, state)
         logger.info("state %s -> %s", previous, state)
-        self._context.emit(StateChanged(self.state, previous))
+        self._context.emit(StateChanged(state, previous))
+        self.state = state  # not earlier: a fault of the log must be possible from the previous state
 
     def begin(self) -> None:
         """Poll the table for the first time; nothing moves. Raises DeviceFaultError if it does not respond."""
@@ -211,11 +210,9 @@ class Driving:
         """Move to the load position and switch the axes off."""
         self._context.emit(Message("finishing"))
         task = self._context.task
-        outer, inner = task.load_angle
-        rate = min(task.travel_rate, *task.geometry.limits.rate)
-        acceleration = min(task.travel_acceleration, *task.geometry.limits.acceleration)
-        if not self.runner.arrived((outer, inner)):
-            self.runner.drive(Move(outer, inner, rate, acceleration, ("load",)))
+        if not self.runner.arrived(task.load_angle):
+            speeds = task.geometry.limits.limited(task.travel_rate, task.travel_acceleration)
+            self.runner.drive(Move(*task.load_angle, *speeds, ("load",)))
         self.control_loop.powered = False
         self._context.table.disable()
 
@@ -224,7 +221,7 @@ class Driving:
         failures = safe_stop(self._context.table, self._context.clock)
         try:
             self.acquisition.drain()
-        except DeviceFaultError as error:
+        except CalstationError as error:  # of the unit, or of the log, which this flushes
             failures.append(reason_of(error))
         for failure in failures:
             self._context.emit(Message("safe_stop_incomplete", {"text": failure}))

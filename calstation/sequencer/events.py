@@ -78,17 +78,6 @@ class TableMoved(Event):
 
 
 @dataclass(frozen=True)
-class SampleStats(Event):
-    """Sample counts so far, and the mean output of the latest tick: gyro x y z, accel x y z, SI."""
-
-    received: int
-    gaps: int
-    crc_errors: int
-    mean: tuple[float, ...]
-    temperature: float | None
-
-
-@dataclass(frozen=True)
 class Trace(Event):
     """Live output since the last trace: for each tick the IMU `time`, s, and the mean gyro x y z, accel x y z, SI."""
 
@@ -101,9 +90,10 @@ class PositionGuided(Event):
     """Progress at a position to which the operator turns the unit.
 
     `stage` is "" while the unit is turned to verify its new registers; `index` counts from 1; `state` is that of a
-    `Guidance`. `outer` and `inner` are the requested rail angles, rad, `*_before` the previous ones. `up` is the
-    direction of gravity in the body frame; `done` contains those of the completed positions, concatenated. `suffices`
-    is True if they determine all parameters of the stage.
+    `Guidance`; `rest` and `wanted` are the rest so far and the required one, s. `outer` and `inner` are the requested
+    rail angles, rad, `*_before` the previous ones. `up` is the unit vector opposite to gravity in the body frame, shape
+    (3,); `done` contains those of the completed positions, concatenated. `suffices` is True if they determine all
+    parameters of the stage.
     """
 
     stage: str
@@ -182,7 +172,7 @@ class Fault(Event):
 _KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event.__subclasses__()}
 
 #: Events that only refresh a display: a slow listener may miss some, and they are not logged.
-LOSSY = (StageProgress, TableMoved, SampleStats, Trace, PositionGuided)
+LOSSY = (StageProgress, TableMoved, Trace, PositionGuided)
 
 
 def to_json(event: Event) -> dict[str, Any]:
@@ -197,7 +187,7 @@ def from_json(data: Mapping[str, Any]) -> Event:
     """Return the event converted by `to_json`. Raises KeyError for an unknown kind."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
-    for name in ("label", "mean", "time", "output", "up", "done"):
+    for name in ("label", "time", "output", "up", "done"):
         if name in values:
             values[name] = tuple(values[name])
     if "values" in values:

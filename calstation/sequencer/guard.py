@@ -8,10 +8,8 @@ from collections.abc import Callable
 from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, Table, TableStatus
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Text, os_reason
-from calstation.physics import JointLimits, Move
+from calstation.physics import JOINTS, JointLimits, Move
 from calstation.sequencer.context import Clock
-
-JOINTS = ("outer", "inner")
 
 #: Maximum station and host time for stopping, s.
 _REST_WITHIN = 30.0

@@ -7,9 +7,9 @@ import numpy as np
 
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import SampleBlock
-from calstation.physics import UP, FloatArray, Move, rotation_vector
+from calstation.physics import AXES, JOINTS, UP, FloatArray, Move, rotation_vector
 from calstation.sequencer.events import Message
-from calstation.sequencer.guard import JOINTS, check_power
+from calstation.sequencer.guard import check_power
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import check_unit
 
@@ -131,7 +131,7 @@ class Preflight:
             raise DeviceFaultError("preflight.gravity_size", measured=size, expected=limits.gravity)
         rates: FloatArray = mean[:3]
         # With a gyro so far from its profile, no stage could detect rests in its data.
-        for axis, rate, low, high in zip("xyz", rates, limits.rate_low, limits.rate_high, strict=True):
+        for axis, rate, low, high in zip(AXES, rates, limits.rate_low, limits.rate_high, strict=True):
             if not low <= rate <= high:
                 rate_dps, low_dps, high_dps = (float(np.rad2deg(v)) for v in (rate, low, high))
                 raise DeviceFaultError(
@@ -176,9 +176,8 @@ class Preflight:
             self._runner.drive(self._turn_to(0.0, 0.0))
 
     def _turn_to(self, outer: float, inner: float) -> Move:
-        limits = self._geometry.limits
-        rate = min(self._limits.turn_rate, *limits.rate)
-        return Move(outer, inner, rate, min(self._limits.turn_rate, *limits.acceleration), ("check",))
+        rate = self._limits.turn_rate
+        return Move(outer, inner, *self._geometry.limits.limited(rate, rate), ("check",))
 
 
 def _counts(blocks: list[SampleBlock]) -> FloatArray:

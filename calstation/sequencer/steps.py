@@ -51,7 +51,8 @@ class StepRunner:
         """Execute a step to its end; repeat it if it is interrupted.
 
         A dwell is repeated together with the move before it, because every turn must end in a rest.
-        Raises DeviceFaultError after too many repetitions, and StopRequested.
+        Raises DeviceFaultError, also after too many repetitions, ConfigurationError for a move outside the limits, and
+        StopRequested.
         """
         if isinstance(step, Carry):
             with self.guiding.listening():
@@ -96,7 +97,11 @@ class StepRunner:
         self.guiding.begin()
 
     def drive(self, move: Move) -> None:
-        """Move both joints and wait until they have arrived and settled."""
+        """Move both joints and wait until they have arrived and settled.
+
+        Raises DeviceFaultError, also if this takes too long, ConfigurationError for a move outside the limits, and the
+        interruptions of `ControlLoop.update`.
+        """
         check_move(self.control_loop.status, self._limits, move)
         start = self.position()
         self.acquisition.step += 1
@@ -164,10 +169,9 @@ class StepRunner:
         """Return to the start of the step, restore the unit's stream and increment the step number."""
         if moved and not self.arrived(start):
             check_motion(self.control_loop.status)
-            rate = min(_RETURN_RATE, *self._limits.rate)
-            acceleration = min(_RETURN_ACCELERATION, *self._limits.acceleration)
+            speeds = self._limits.limited(_RETURN_RATE, _RETURN_ACCELERATION)
             outer, inner = (float(v) for v in np.clip(start, self._limits.low, self._limits.high))
-            self.drive(Move(outer, inner, rate, acceleration, ("return",)))
+            self.drive(Move(outer, inner, *speeds, ("return",)))
         self.stream.restore()
         self.acquisition.step += 1
         self.acquisition.valid = True

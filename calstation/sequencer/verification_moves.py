@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.errors import ConfigurationError
-from calstation.physics import INNER, OUTER, UP, FloatArray, JointLimits, Move, TableGeometry
-from calstation.sequencer.guard import JOINTS
+from calstation.physics import INNER, JOINTS, OUTER, UP, FloatArray, JointLimits, Move, TableGeometry
 
 #: Maximum rate, rad/s, and acceleration, rad/s²; the turns take a minute if the table and the unit's range allow it.
 RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(120.0)
@@ -84,8 +83,7 @@ class _PathBuilder:
         self.legs: list[Leg] = []
         self.turns: list[Turn] = []
         self._geometry, self._own = geometry, own
-        limits = geometry.limits
-        self._rate, self._acceleration = (min(RATE, fastest, *limits.rate), min(ACCELERATION, *limits.acceleration))
+        self._speeds = geometry.limits.limited(min(RATE, fastest), ACCELERATION)
         self._rested = [(start, self._up(start))]
 
     def amount(self, joint: int, sign: float = 0.0) -> float:
@@ -136,7 +134,7 @@ class _PathBuilder:
 
     def _add(self, joint: int, amount: float, turn: int | None, rest: bool) -> None:
         self.pose[joint] += amount
-        move = Move(self.pose[OUTER], self.pose[INNER], self._rate, self._acceleration, ("verify",))
+        move = Move(self.pose[OUTER], self.pose[INNER], *self._speeds, ("verify",))
         self.legs.append(Leg(move, turn, rest))
         if rest:
             self._rest()

@@ -73,7 +73,11 @@ class Judged:
 def judge_run(
     planned: Planned, request: RunRequest, hung: bool, engine_mb: float, seconds: float, report: Path
 ) -> Judged:
-    """Evaluate a run from its files; `report` is the bench's report, missing if the bench died with the engine."""
+    """Evaluate a run from its files; `report` is the bench's report, missing if the bench died with the engine.
+
+    `hung` is True if the run did not end in time; `engine_mb` and `seconds` are as in `Judged`. Waits at most 10 s of
+    host time for the report.
+    """
     kinds = [kind for kind, _ in planned.faults]
     bench = _bench_report(report)
     died = "engine_killed" in kinds and not list(request.out.glob(f"{request.serial}_*.json"))

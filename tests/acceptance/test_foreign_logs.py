@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calstation.errors import InputError
-from calstation.estimation import BatchStage
+from calstation.estimation.method import BatchStage
 from calstation.physics.parameters import PARAMETERS
 from calstation.results.resolving import resolve
 from tests.cli.conftest import HEADER, META, Done, six_position_rows, write_log

@@ -19,7 +19,6 @@ from calstation.gui.shell.app import create_window
 from calstation.gui.shell.main_window import MainWindow
 from calstation.physics.parameters import GROUPS
 from calstation.sequencer.events import (
-    SampleStats,
     StageProgress,
     StageStarted,
     StepStarted,
@@ -132,7 +131,6 @@ def test_memory_does_not_grow_over_hours_of_a_run(window: MainWindow, benchmark,
             if k % 5 == 0:
                 sigma = dict.fromkeys(GROUPS, 1.0 / (k + 1.0))
                 emit(StageProgress("rate", k / count, 0.1 * (count - k), sigma))
-                emit(SampleStats(200 * k, 0, 0, (0.0,) * 6, 25.0))
             if k % 100 == 0:
                 emit(StepStarted("rate", k, "move", ("whole_turns", "x", 720.0)))
             if k % 3 == 0:

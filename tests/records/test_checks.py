@@ -172,6 +172,8 @@ def test_offline_must_be_online():
     assert told.value == pytest.approx(0.5)
     assert (told.passed, told.where) == (False, Where("a"))
     assert offline_online(section, {"a": row}, {"a": {**row, "stage": "excitation"}}) == []
+    (told,) = offline_online(section, {"a": row, "b": row}, {"a": row, "b": {**row, "value": np.nan}})
+    assert (told.passed, told.where) == (False, Where("b"))
 
 
 def test_no_check_without_evidence():
@@ -191,6 +193,7 @@ def test_a_misspelt_rule_is_refused():
         ({"gravity_at_rst": {"within": 1.0}}, "Did you mean 'gravity_at_rest'"),
         ({"previous": {"change_within": {"gyro_bais": 1.0}}}, "Did you mean 'gyro_bias'"),
         ({"gravity_at_rest": {"within": 0.0}}, "greater than 0"),
+        ({"improvement_at_rest": {"below": 0.5, "positions": [0, -1]}}, "it must be at least 0"),
     ):
         with pytest.raises(ConfigurationError, match=told):
             validate(ChecksSection, wrong, Path("unit.toml"))

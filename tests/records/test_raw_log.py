@@ -301,6 +301,19 @@ def test_full_disk_is_reported_once_and_loses_no_recorded_sample(
     assert sum(len(b) for b in kept.blocks()) == 500
 
 
+def test_full_disk_at_the_start_of_a_stage_is_reported(
+    tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    log = RawLogWriter(tmp_path / "a.h5", meta)
+    monkeypatch.setattr(h5py.Dataset, "resize", full)
+    with raises_code(ConfigurationError, "log.not_written"):
+        log.append(make_block("rate", 0, 10))
+    log.close("fault")
+
+
 def test_slow_disk_does_not_block_and_its_errors_are_reported(
     tmp_path: Path, meta: LogMeta, monkeypatch: pytest.MonkeyPatch
 ) -> None:

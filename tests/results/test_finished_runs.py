@@ -27,7 +27,6 @@ def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(
     text = (Path(second.result_file)).read_text(encoding="utf-8")
     assert json.dumps(by_result.result.to_json(), indent=1, ensure_ascii=False) + "\n" == text
     assert by_result.log == by_log.log == Path(second.log)
-    assert not by_result.solved_now
     assert by_result.previous == {n: row["value"] for n, row in first.result["parameters"].items()}
     assert load_finished_run(ignore_progress, Path(first.result_file), runs).previous == {}
 
@@ -37,7 +36,6 @@ def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRun
     csv = tmp_path / "foreign.csv"
     export_csv(Path(verdict.log), csv)
     found = load_finished_run(ignore_progress, csv, tmp_path / "nowhere")
-    assert found.solved_now
     assert found.previous == {}
     assert found.result.to_json()["parameters"] == verdict.result["parameters"]
 

@@ -197,6 +197,16 @@ def test_a_run_in_progress_stays_pending_and_a_deleted_one_is_dropped(factory: F
     assert factory.events == []
 
 
+def test_a_result_that_another_program_delivers_meanwhile_is_passed_over(
+    factory: Factory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    factory.result("SN-1_a")
+    (factory.runs / WAITING / "SN-1_a").unlink()
+    monkeypatch.setattr(Path, "glob", lambda folder, pattern: [folder / "SN-1_a"])
+    factory.hand_over()
+    assert factory.events == []
+
+
 def test_lines_of_two_programs_do_not_mix(factory: Factory) -> None:
     """Two stations with runs of their own and one folder."""
     folder = factory.runs.parent / "other"

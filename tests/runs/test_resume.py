@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 
 from calstation.config.request import RunRequest
-from calstation.errors import ConfigurationError, InputError
+from calstation.devices.imu.framed_imu import FramedImu
+from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.records.log import open_log
 from calstation.results.history import History
-from calstation.results.resolving import resolve
+from calstation.results.resolving import load_finished_run, resolve
 from calstation.runs.engine import Engine
 from calstation.runs.incomplete import close_incomplete, finish_incomplete
 from calstation.runs.resume import Continuation, find_resumable, resumable
@@ -93,7 +94,7 @@ def test_a_stopped_run_is_resumed_at_its_last_finished_stage(site_folder: SiteFo
     assert Path(verdict.log).parent == Path(before.log).parent
     Path(before.log).unlink()
     again = resolve(Path(verdict.log)).result.to_json()
-    for key in ("parameters", "consistency", "unobservable", "details"):
+    for key in ("parameters", "consistency", "unobservable", "details", "configuration"):
         assert again[key] == result[key]
     assert resumable(site_folder.folder / "runs") == []
     assert History(site_folder.folder / "runs").attempts("SN-000042") == 1
@@ -226,8 +227,6 @@ def test_another_station_of_the_same_site_cannot_resume(site_folder: SiteFolder,
 def test_registers_that_changed_need_a_new_run(
     site_folder: SiteFolder, before: Verdict, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from calstation.devices.imu.framed_imu import FramedImu
-
     read = FramedImu.read_registers
     monkeypatch.setattr(FramedImu, "read_registers", lambda self: {**read(self), "gyro_scale_x": 1e-4})
     verdict = resumed(site_folder, before.log)
@@ -271,6 +270,35 @@ def test_a_log_that_solves_differently_is_not_resumed(site_folder: SiteFolder, b
     verdict = resumed(site_folder, before.log)
     assert verdict.outcome == "fault"
     assert site_folder.fault().code == "run.solved_differently"
+
+
+def test_a_unit_that_fails_before_the_remaining_stages_is_reported(
+    site_folder: SiteFolder, before: Verdict, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(self: FramedImu) -> None:
+        raise DeviceFaultError("stream.no_data")
+
+    monkeypatch.setattr(FramedImu, "read", fail)
+    verdict = resumed(site_folder, before.log)
+    assert (verdict.outcome, verdict.result["error_code"]) == ("fault", "stream.no_data")
+    assert site_folder.fault().code == "stream.no_data"
+
+
+def test_a_malformed_result_hides_only_its_own_run(site_folder: SiteFolder, before: Verdict) -> None:
+    import h5py
+
+    with h5py.File(before.log, "r+", libver="latest") as file:
+        at = bytes(file["results"][:]).index(b'"name"')
+        file["results"][at : at + 6] = list(b'"nome"')
+    assert resumable(site_folder.folder / "runs") == []
+    with raises_code(InputError, "result.not_a_result"):
+        load_finished_run(lambda *_, **__: None, Path(before.log), site_folder.folder)
+
+
+def test_a_damaged_result_file_of_a_run_to_close_is_reported(before: Verdict) -> None:
+    Path(before.result_file).write_text("{", "utf-8")
+    with raises_code(InputError, "result.not_json"):
+        close_incomplete(Path(before.log))
 
 
 def test_a_closed_run_is_not_offered_any_more(site_folder: SiteFolder, before: Verdict) -> None:

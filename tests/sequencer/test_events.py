@@ -8,7 +8,6 @@ import pytest
 from calstation.sequencer.events import (
     Fault,
     Message,
-    SampleStats,
     StageProgress,
     StateChanged,
     StepStarted,
@@ -23,7 +22,6 @@ from calstation.sequencer.events import (
     [
         StateChanged("running", "preparing"),
         StepStarted("rate", 3, "move", ("turn", "x", 2.0)),
-        SampleStats(10, 0, 1, (0.1, 0.2), None),
         Trace((0.05, 0.1), tuple(range(12))),
         StageProgress("rate", 0.5, 3.0, {"gyro_bias": 1e-6}),
         Message("homing"),

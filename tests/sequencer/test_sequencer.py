@@ -26,7 +26,7 @@ from calstation.sequencer.events import (
 )
 from calstation.sequencer.guard import safe_stop
 from calstation.sequencer.plan import StagePlan, StopRule
-from tests.sequencer.fakes import GRAVITY, MODEL, RATE, FakeClock, Scene, repeated
+from tests.sequencer.fakes import GRAVITY, MODEL, RATE, FakeClock, FakeTable, Scene, repeated
 
 
 def code(ended: Ended) -> str:
@@ -165,6 +165,43 @@ def test_pause_during_a_rest_repeats_the_move_that_led_there_and_the_rest(tick: 
     steps = [(s.kind, s.label[:1]) for s in scene.events_of(StepStarted) if s.stage]
     turn, rest = ("move", ("turn",)), ("dwell", ())
     assert steps == [turn, rest, ("move", ("return",)), rest, turn, rest, turn, rest]
+
+
+@pytest.mark.parametrize("state", ["stopping", "stopped", "passed"])
+def test_a_log_that_fails_at_a_change_of_state_is_a_fault(state: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene()
+    event = scene.journal.event
+
+    def fail(entry: dict[str, object]) -> None:
+        if entry.get("state") == state:
+            raise ConfigurationError("log.not_written", file="a.h5", reason="")
+        event(entry)
+
+    monkeypatch.setattr(scene.journal, "event", fail)
+    if state != "passed":
+        in_stage(scene, 1.0, lambda: scene.control.send(Command.STOP))
+    ended = scene.run()
+    assert (ended.state, code(ended)) == (State.FAULT, "log.not_written")
+    assert states(scene)[-1] == "fault"
+    assert scene.table.commands[-2:] == ["stop", "disable"]
+
+
+def test_a_log_that_fails_in_the_safe_stop_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene()
+
+    def fail(block: object) -> None:
+        raise ConfigurationError("log.not_written", file="a.h5", reason="")
+
+    def stop() -> None:
+        FakeTable.stop(scene.table)
+        scene.clock.sleep(0.5)
+        monkeypatch.setattr(scene.journal, "append", fail)
+
+    monkeypatch.setattr(scene.table, "stop", stop)
+    in_stage(scene, 1.0, lambda: scene.control.send(Command.STOP))
+    assert scene.run().state is State.STOPPED
+    assert "safe_stop_incomplete" in [m.id for m in scene.events_of(Message)]
+    assert scene.table.commands[-2:] == ["stop", "disable"]
 
 
 def test_lost_samples_repeat_the_step(tick: float) -> None:

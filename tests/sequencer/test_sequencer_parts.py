@@ -10,7 +10,7 @@ from calstation.devices.profiles.frame import Span
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, INDEX
-from calstation.sequencer.acquisition import INTERRUPTION, Acquisition, to_si
+from calstation.sequencer.acquisition import INTERRUPTION, Acquisition
 from calstation.sequencer.context import LastSample, StatusMasks
 from calstation.sequencer.plan import StopRule, move_time, named, plan_time, planned, reached
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
@@ -134,8 +134,8 @@ def test_the_mean_shown_ignores_non_numeric_samples() -> None:
 
 
 def test_increments_become_rates() -> None:
-    assert to_si(replace(MODEL, output="increment"))[0] == pytest.approx(MODEL.gyro_lsb * RATE)
-    assert math.isclose(to_si(MODEL)[5], MODEL.accel_lsb)
+    assert replace(MODEL, output="increment").count_size[0] == pytest.approx(MODEL.gyro_lsb * RATE)
+    assert math.isclose(MODEL.count_size[5], MODEL.accel_lsb)
 
 
 def test_a_resumed_run_continues_after_its_last_sample() -> None:

@@ -100,8 +100,8 @@ class Number:
     def column(
         self, wire: NDArray[np.uint8], byte_order: ByteOrder, word_order: WordOrder | None = None
     ) -> FloatArray | IntArray:
-        """Decode many numbers from their bytes, shape (n, width), to int64 if whole (u64 wraps around to negative
-        values), else to float64.
+        """Decode numbers from bytes, shape (n, width), to int64 if whole (u64 wraps around to negative values), else to
+        float64, scaled for a Q format; shape (n,).
         """
         plain = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":

@@ -31,7 +31,7 @@ class SampleCount:
         self.gaps = self.restarts = 0
 
     def in_order(self, raw: IntArray) -> IntArray:
-        """Return the indices that select and order new samples by their raw counter, shape (m,), m ≤ n.
+        """Return the indices of the new samples, in order, shape (m,), m ≤ n; `raw` is in order of arrival, shape (n,).
 
         A frame that arrives twice, or after its successors have been counted, is omitted; one that a few later frames
         have overtaken is put back in order.
@@ -62,7 +62,7 @@ class SampleCount:
         return np.asarray(np.rint(signed / self._per_sample).clip(-_MAX_STEP, _MAX_STEP).astype(np.int64))
 
     def feed(self, raw: IntArray) -> IntArray:
-        """Convert the raw counter of new samples to their continuous count."""
+        """Convert the raw counter of new samples in order, int64, shape (n,), to their continuous count, shape (n,)."""
         if not len(raw):
             return raw
         seq = self._of_clock(raw) if self._is_clock else self._of_counter(raw)

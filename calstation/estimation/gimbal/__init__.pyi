@@ -1,5 +1,4 @@
 from .fit import fit_gimbal as fit_gimbal
-from .iteration import AXES as AXES
 from .iteration import AxisTurns as AxisTurns
 from .iteration import GimbalIteration as GimbalIteration
 from .iteration import contraction as contraction

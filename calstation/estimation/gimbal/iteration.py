@@ -16,9 +16,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.physics import FloatArray, axis_rotation, rotation_matrix
+from calstation.physics import AXES, FloatArray, axis_rotation, rotation_matrix
 
-AXES = "xyz"
 _DERIVATIVE_STEP = 1e-5
 
 

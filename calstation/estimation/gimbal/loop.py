@@ -5,9 +5,9 @@ from typing import Protocol
 
 from calstation.errors import InputError
 from calstation.estimation.common import ImuModel, SampleBlock, stage_data
-from calstation.estimation.gimbal.iteration import AXES, GimbalIteration
+from calstation.estimation.gimbal.iteration import GimbalIteration
 from calstation.estimation.gimbal.motions import Motion, find_motions
-from calstation.physics import FloatArray
+from calstation.physics import AXES, FloatArray
 
 
 class Gimbal(Protocol):

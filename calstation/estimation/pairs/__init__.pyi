@@ -12,10 +12,7 @@ from .fit import GYRO_BIAS as GYRO_BIAS
 from .fit import GYRO_MATRIX as GYRO_MATRIX
 from .fit import LEVER as LEVER
 from .fit import OFFSET as OFFSET
-from .fit import Model as Model
-from .fit import PairChoice as PairChoice
 from .schedule import PairSchedule as PairSchedule
-from .schedule import Threshold as Threshold
 from .watch import PairWatch as PairWatch
 from .watch import WatchEvent as WatchEvent
 from .watch import check_values as check_values

@@ -20,7 +20,15 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.pairs.faults import require_pairs, require_sense
 from calstation.estimation.pairs.filtering import pair_data
-from calstation.estimation.pairs.fit import PairChoice, PairFit, fit_pair
+from calstation.estimation.pairs.fit import (
+    ACCEL_BIAS,
+    ACCEL_MATRIX,
+    GYRO_BIAS,
+    GYRO_MATRIX,
+    PairChoice,
+    PairFit,
+    fit_pair,
+)
 from calstation.estimation.pairs.schedule import PairSchedule
 from calstation.physics import PAIR_PARAMETERS, Compensation, FloatArray, compensate, compensation
 
@@ -65,8 +73,9 @@ def pair_vector(stored: StoredPair) -> FloatArray:
 
 def _as_primary(pair: FloatArray, gyro2: FloatArray, accel2: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the raw rate and specific force that the primary would measure at the secondary, each shape (n, 3)."""
-    C, A = pair[3:12].reshape(3, 3), pair[15:24].reshape(3, 3)
-    omega, force = np.linalg.solve(C, (gyro2 - pair[0:3]).T), np.linalg.solve(A, (accel2 - pair[12:15]).T)
+    C, A = pair[GYRO_MATRIX].reshape(3, 3), pair[ACCEL_MATRIX].reshape(3, 3)
+    omega = np.linalg.solve(C, (gyro2 - pair[GYRO_BIAS]).T)
+    force = np.linalg.solve(A, (accel2 - pair[ACCEL_BIAS]).T)
     return np.asarray(omega.T, dtype=np.float64), np.asarray(force.T, dtype=np.float64)
 
 

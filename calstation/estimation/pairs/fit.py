@@ -155,9 +155,9 @@ class _System:
             for i in range(3):
                 w = float(weights[:, i].sum()) / scale[i] ** 2
                 w2 = float(weights[:, 3 + i].sum()) / scale[3 + i] ** 2
-                for j in range(3):
-                    added[3 + 3 * i + j, 3 + 3 * i + j] = w * gyro
-                    added[15 + 3 * i + j, 15 + 3 * i + j] = w2 * accel
+                for j in range(3 * i, 3 * i + 3):
+                    added[GYRO_MATRIX, GYRO_MATRIX][j, j] = w * gyro
+                    added[ACCEL_MATRIX, ACCEL_MATRIX][j, j] = w2 * accel
                 added[LEVER, LEVER] += w2 * turning * (A[i] @ A[i] * np.eye(3) - np.outer(A[i], A[i]))
             return added[np.ix_(fitted, fitted)], (added @ value)[fitted]
 
@@ -195,11 +195,11 @@ def _columns(rows: Signals, part: slice, base: FloatArray, C: FloatArray, A: Flo
     X = np.zeros((part.stop - part.start, 6, COUNT))
     lever = rows.lever[part]
     for i in range(3):
-        X[:, i, i] = 1.0
-        X[:, i, 3 + 3 * i : 6 + 3 * i] = rows.gyro[part]
+        X[:, i, GYRO_BIAS][:, i] = 1.0
+        X[:, i, GYRO_MATRIX][:, 3 * i : 3 * i + 3] = rows.gyro[part]
         X[:, i, OFFSET] = rows.gyro_slope[part] @ C[i]
-        X[:, 3 + i, 12 + i] = 1.0
-        X[:, 3 + i, 15 + 3 * i : 18 + 3 * i] = base[part]
+        X[:, 3 + i, ACCEL_BIAS][:, i] = 1.0
+        X[:, 3 + i, ACCEL_MATRIX][:, 3 * i : 3 * i + 3] = base[part]
         X[:, 3 + i, LEVER] = A[i] @ lever
         X[:, 3 + i, OFFSET] = rows.accel_slope[part] @ A[i]
     return X

@@ -50,8 +50,8 @@ class PairSchedule(BaseModel):
     moving_dps: float = Field(10.0, gt=0.0)  #: Smallest rate above that at rest that counts as motion.
     primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: Permitted deviation at rest, rad/s.
     primary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: The same, m/s².
-    secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)
-    secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)
+    secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: The same, rad/s.
+    secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: The same, m/s².
 
     @property
     def choice(self) -> PairChoice:

@@ -9,7 +9,6 @@ from .fit import PositionFit as PositionFit
 from .fit import fit_positions as fit_positions
 from .guidance import Guidance as Guidance
 from .guidance import PositionGuide as PositionGuide
-from .recording_faults import CHANNELS as CHANNELS
 from .recording_faults import frozen_columns as frozen_columns
 from .recording_faults import require_changing as require_changing
 from .recording_faults import valid_links as valid_links

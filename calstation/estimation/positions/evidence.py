@@ -19,14 +19,14 @@ SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """A rest: sequence numbers, duration (s), mean raw force (m/s²) and rate (rad/s), encoder angles (rad) or None."""
+    """A rest: its first and last sequence number, its duration, s, and the means over it."""
 
     first_seq: int
     last_seq: int
     duration: float
-    force: FloatArray
-    rate: FloatArray
-    angles: FloatArray | None
+    force: FloatArray  #: Raw force, m/s², shape (3,).
+    rate: FloatArray  #: Raw rate, rad/s, shape (3,).
+    angles: FloatArray | None  #: Encoder angles, rad, shape (2,); None if they were not polled.
 
     def compensated(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return rate, rad/s, and specific force, m/s², compensated with these parameters, shape (3,) each."""

@@ -13,9 +13,8 @@ from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.common import Belief, ImuModel, Link, StageData, Stillness, find_stillness
 from calstation.estimation.positions.rows import integrate_rotation
 from calstation.messages import Text
-from calstation.physics import AXES, BoolArray, FloatArray, compensate, compensation, group_indices
+from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, compensate, compensation, group_indices
 
-CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 #: A channel that repeats one value for this time, s, and far longer than its noise makes likely, is frozen.
 FREEZE_TIME = 1.0
 #: Fraction of repeated samples below which every channel of a recording is noisy.

@@ -8,7 +8,7 @@ import numpy as np
 from calstation.errors import InsufficientDataError
 from calstation.estimation.common import SampleBlock, SolveContext, before_after, find_stillness, joined, stage_data
 from calstation.jobs import ProgressCallback
-from calstation.physics import RATE, FloatArray, normal_gravity
+from calstation.physics import RATE, FloatArray
 from calstation.records import context_from_meta, open_log
 
 _COLUMNS = 2000
@@ -65,8 +65,7 @@ def applied(
         if path is None:
             raise error
         raise InsufficientDataError("solution.in_log", file=path, what=error.as_text)
-    site = context.site
-    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    gravity = context.site.local_gravity
     stride = max(1, round(_MEAN_OVER * context.imu.sample_rate), len(whole) // _COLUMNS)
     shown = before_after(whole, context.imu, before, found, gravity, stride)
     start = float(data.time[0])

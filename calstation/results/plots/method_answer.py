@@ -9,10 +9,10 @@ import numpy as np
 
 from calstation.errors import InputError
 from calstation.estimation.common import SolveContext, StageData, stage_data
-from calstation.estimation.gimbal import AXES, contraction
+from calstation.estimation.gimbal import contraction
 from calstation.estimation.positions import gather, gravity_misses
 from calstation.jobs import ProgressCallback
-from calstation.physics import INDEX, NAMES, FloatArray, normal_gravity
+from calstation.physics import AXES, INDEX, NAMES, FloatArray
 from calstation.records import (
     Log,
     LogMeta,
@@ -51,7 +51,7 @@ class GimbalAxis:
     """Turns about one axis."""
 
     axis: str
-    angle: float
+    angle: float  #: Mean size of the turns, rad.
     drift: FloatArray  #: Larger drift of the other two joints in each turn, rad, shape (turns,).
     predicted: FloatArray  #: Drift predicted from the first turn and the gain, rad, shape (turns,).
     gain: float  #: Gain used, rad/rad.
@@ -157,8 +157,7 @@ def _before(meta: LogMeta, stage: str) -> dict[str, tuple[float, float | None]]:
 def _position_plot_data(
     data: StageData, context: SolveContext, before: FloatArray, found: FloatArray, product: ProductSection | None
 ) -> PositionPlotData:
-    site = context.site
-    gravity = site.gravity or normal_gravity(site.latitude, site.height)
+    gravity = context.site.local_gravity
     evidence = gather("multi_position", data, context, before, found)
     rests, motions = evidence.rests, evidence.motions
     lengths = [[float(np.linalg.norm(rest.compensated(p)[1])) - gravity for rest in rests] for p in (before, found)]

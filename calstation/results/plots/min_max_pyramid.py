@@ -11,10 +11,11 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from calstation.physics import IntArray
+from calstation.physics import CHANNELS as IMU_CHANNELS
+from calstation.physics import JOINTS, IntArray
 
 #: Columns of every array of values: °/s, m/s² and °.
-CHANNELS = ("gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z", "outer", "inner")
+CHANNELS = (*IMU_CHANNELS, *JOINTS)
 FACTOR = 16
 #: Samples in a bin of each level.
 BINS = (16, 256, 4096)
