@@ -16,9 +16,7 @@ from .unit_registers import compose as compose
 from .unit_registers import read_unit as read_unit
 from .unit_registers import wanted_registers as wanted_registers
 from .verification import AppliedRegisters as AppliedRegisters
-from .verification import close_verified as close_verified
-from .verification import output_error as output_error
-from .verification import restore_refuted as restore_refuted
+from .verification import close_checked as close_checked
 from .verification import verified_on as verified_on
 from .verification import verify_output as verify_output
 from .verification import without_register as without_register

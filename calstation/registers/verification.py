@@ -11,7 +11,7 @@ output of a unit that provides only raw output is corrected here by the register
 unit's function, but not how it applies the registers.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -95,34 +95,40 @@ def finish_verification(
 
     `run_in_background` runs a function while the table's watchdog is fed; None if no table moves.
     """
-    run: Callable[[Callable[[], object]], object] = run_in_background or (lambda work: work())
-    wrong = _wrong_checks(setup, done, data, restored=False)
-    if wrong:
-        run(lambda: restore_refuted(imu, register_map(setup), done.entry))
-        raise output_error(wrong[0])
-    run(lambda: close_verified(done.entry, data))
+    run: RunInBackground = run_in_background or (lambda work: work())
+    checks = _prior_checks(setup, done, data, restored=False)
+    run(lambda: close_checked(imu, register_map(setup), done.entry, checks, data))
 
 
 def finish_restored(setup: ResolvedConfiguration, done: Transferred, data: VerificationData) -> None:
     """Close the transfer of restored registers. Raises DeviceFaultError afterwards if the output is wrong."""
     entry = done.entry
-    wrong = _wrong_checks(setup, done, data, restored=True)
+    wrong = [check for check in _prior_checks(setup, done, data, restored=True) if not check.passed]
     entry.note(Step.REFUTED if wrong else verification_step(data))
     entry.close(Closing.RESTORED)
     if wrong:
         raise _check_error("verification.old_wrong", wrong[0])
 
 
-def restore_refuted(imu: Imu, registers: RegisterMap, entry: Entry) -> Mapping[str, float]:
-    """Restore the old registers of a unit whose output was wrong; return the registers read back."""
-    entry.note(Step.REFUTED)
-    return restore(imu, registers, entry)
+def close_checked(
+    imu: Imu,
+    registers: RegisterMap,
+    entry: Entry,
+    checks: Sequence[VerificationCheck],
+    data: VerificationData,
+    on_restored: Callable[[Mapping[str, float]], None] = lambda found: None,
+) -> None:
+    """Close the transfer if all `checks` of the unit's output passed.
 
-
-def close_verified(entry: Entry, data: VerificationData) -> None:
-    """Close the transfer of registers whose output is correct."""
-    entry.note(verification_step(data))
-    entry.close(Closing.DONE)
+    Otherwise restore the old registers, pass those read back to `on_restored`, SI, and raise DeviceFaultError.
+    """
+    wrong = next((check for check in checks if not check.passed), None)
+    entry.note(verification_step(data) if wrong is None else Step.REFUTED)
+    if wrong is None:
+        entry.close(Closing.DONE)
+        return
+    on_restored(restore(imu, registers, entry))
+    raise _check_error("verification.differs" if wrong.name in _DIFFERENCES else "verification.wrong", wrong)
 
 
 def verification_step(data: VerificationData) -> Step:
@@ -136,27 +142,21 @@ def verified_on(data: VerificationData) -> str:
     return "corrected_output" if data.corrected else "read_back"
 
 
-def output_error(check: VerificationCheck) -> DeviceFaultError:
-    """Return the fault of a unit whose output with new registers is wrong and whose old registers were restored."""
-    return _check_error("verification.differs" if check.name in _DIFFERENCES else "verification.wrong", check)
-
-
 def _check_error(code: str, check: VerificationCheck) -> DeviceFaultError:
     return DeviceFaultError(
         code, check=check.name, value=check.value, unit=check.unit, expected=check.expected, tolerance=check.tolerance
     )
 
 
-def _wrong_checks(
+def _prior_checks(
     setup: ResolvedConfiguration, done: Transferred, data: VerificationData, *, restored: bool
-) -> list[VerificationCheck]:
-    """Return the failed checks without an estimate from a run; the tolerances allow for any unit of the type."""
+) -> tuple[VerificationCheck, ...]:
+    """Check the output without an estimate from a run; the tolerances allow for any unit of the type."""
     meta = setup.log_meta()
     entry = done.entry
     registers = AppliedRegisters(entry.old if restored else entry.new, entry.old if setup.after_registers else None)
     prior = prior_from_meta(meta).covariance
-    checks = verify_output(data, registers, prior, context_from_meta(meta), setup.repeatability)
-    return [check for check in checks if not check.passed]
+    return verify_output(data, registers, prior, context_from_meta(meta), setup.repeatability)
 
 
 def verify_output(

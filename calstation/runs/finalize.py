@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
+from functools import partial
 
 from calstation.config import check_seen_latitude, unconfirmed_latitude
 from calstation.devices import Imu
@@ -13,11 +14,9 @@ from calstation.records import context_from_meta, estimated_stage
 from calstation.registers import (
     AppliedRegisters,
     Purpose,
-    close_verified,
+    close_checked,
     compose,
     journal_folder,
-    output_error,
-    restore_refuted,
     verified_on,
     verify_output,
     without_register,
@@ -114,11 +113,8 @@ class Finalization:
             self._setup.repeatability,
         )
         run.registers["proof"] = [check.to_json() for check in checks]
-        wrong = [check for check in checks if not check.passed]
-        if wrong:
-            run.registers["new"] = run_in_background(lambda: restore_refuted(self._imu, self._entries, entry))
-            raise output_error(wrong[0])
-        run_in_background(lambda: close_verified(entry, data))
+        restored = partial(run.registers.__setitem__, "new")
+        run_in_background(lambda: close_checked(self._imu, self._entries, entry, checks, data, restored))
         written = datetime.now(UTC).isoformat(timespec="seconds")
         run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
         message = "registers_written" if data.corrected else "registers_read_back"
