@@ -404,6 +404,7 @@ def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> N
     assert "1 near its limit" in advice.reason("passed", result_with(checks=checks[:1]))
 
 
+@pytest.mark.long
 def test_calibrations_by_triggers_are_shown_on_the_timeline(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], tmp_path: Path, qtbot: QtBot
 ) -> None:

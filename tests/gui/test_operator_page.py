@@ -171,6 +171,7 @@ def test_killed_engine_is_a_fault(operator: Operator) -> None:
     assert operator.widget("start_button").isEnabled()
 
 
+@pytest.mark.long
 def test_closing_during_a_run_asks_then_stops(operator: Operator) -> None:
     operator.site_folder.write(ONE_STAGE)
     operator.press("start_button")

@@ -359,7 +359,13 @@ def test_an_azimuth_found_from_the_data_is_not_in_the_file(page_driver: PageDriv
 # Leaving
 
 
-@pytest.mark.parametrize("answer", ["stay_button", "discard_and_go_button", "save_and_go_button"])
+@pytest.mark.parametrize(
+    "answer",
+    [
+        "stay_button",
+        *(pytest.param(other, marks=pytest.mark.long) for other in ("discard_and_go_button", "save_and_go_button")),
+    ],
+)
 def test_leaving_with_unsaved_changes_asks_first(
     whole: PageDriver, window: MainWindow, site_folder: Any, answer: str
 ) -> None:

@@ -118,11 +118,13 @@ def keys(node: ast.expr | None) -> frozenset[str] | None:
 
 def calls(tree: ast.AST, function: ast.AST | None = None) -> Iterator[tuple[ast.Call, ast.AST | None]]:
     """Every call of a module with the innermost function that it stands in."""
-    for node in ast.iter_child_nodes(tree):
-        if isinstance(node, ast.Call):
-            yield node, function
-        inside = node if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else function
-        yield from calls(node, inside)
+    waiting = [(tree, function)]
+    while waiting:
+        above, function = waiting.pop()
+        for node in ast.iter_child_nodes(above):
+            if isinstance(node, ast.Call):
+                yield node, function
+            waiting.append((node, node if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else function))
 
 
 @cache
@@ -136,24 +138,23 @@ def sites() -> tuple[Site, ...]:
     modules = [(path, tree) for path, tree in everything if path not in CODE_FROM_ELSEWHERE]
     found: list[Site] = []
     passed: dict[tuple[str, str], int] = {}
-    for path, tree in modules:
-        for call, function in calls(tree):
-            site = _site(f"{path}:{call.lineno}", call, errors, function)
-            if site is None:
-                continue
-            position = _parameter(call.args[0], function) if not site.codes else None
-            if position is None:
-                found.append(site)
-            elif isinstance(function, ast.FunctionDef):
-                passed[path if function.name.startswith("_") else "", function.name] = position
-    for path, tree in modules:
-        for call, function in calls(tree):
-            everywhere = passed.get(("", _name(call))) if isinstance(call.func, ast.Name) else None
-            position = passed.get((path, _name(call)), everywhere)
-            if position is not None and position < len(call.args):
-                codes = literals(call.args[position], function)
-                if codes or _parameter(call.args[position], function) is None:
-                    found.append(Site(f"{path}:{call.lineno}", _name(call), codes, None))
+    made = [(path, call, function) for path, tree in modules for call, function in calls(tree)]
+    for path, call, function in made:
+        site = _site(f"{path}:{call.lineno}", call, errors, function)
+        if site is None:
+            continue
+        position = _parameter(call.args[0], function) if not site.codes else None
+        if position is None:
+            found.append(site)
+        elif isinstance(function, ast.FunctionDef):
+            passed[path if function.name.startswith("_") else "", function.name] = position
+    for path, call, function in made:
+        everywhere = passed.get(("", _name(call))) if isinstance(call.func, ast.Name) else None
+        position = passed.get((path, _name(call)), everywhere)
+        if position is not None and position < len(call.args):
+            codes = literals(call.args[position], function)
+            if codes or _parameter(call.args[position], function) is None:
+                found.append(Site(f"{path}:{call.lineno}", _name(call), codes, None))
     return tuple(found)
 
 
@@ -172,7 +173,7 @@ def _name(call: ast.Call) -> str:
 
 def _site(where: str, call: ast.Call, errors: set[str], function: ast.AST | None) -> Site | None:
     name = _name(call)
-    if not call.args or isinstance(call.args[0], ast.Starred):
+    if name not in {*errors, *_SHORT, "of", "Text"} or not call.args or isinstance(call.args[0], ast.Starred):
         return None
     if isinstance(call.args[0], ast.Attribute | ast.Subscript) and name in errors:
         return None  # the code of another error

@@ -44,6 +44,7 @@ def mems():
     return primary, secondary, recording(primary, [secondary], 1)
 
 
+@pytest.mark.long
 def test_errors_of_many_pairs_agree_with_their_sigmas():
     errors = []
     for seed in range(9):

@@ -70,6 +70,7 @@ def test_solution_without_azimuth_and_encoders_is_as_accurate(nav):
     assert said == {"turns_assumed_whole", "azimuth_from_data"}
 
 
+@pytest.mark.long
 def test_solution_from_any_attitude_with_an_ambiguous_heading(nav):
     # on its side, from the middle of the excitation, nothing known of a bias a hundred times the earth's rate
     log = blind(nav, lambda block: block.stage == "excitation")

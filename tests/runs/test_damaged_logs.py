@@ -75,6 +75,7 @@ def test_damaged_rows_are_a_gap_and_reported(log: Damaged, run_log: Path) -> Non
     assert "damaged" not in whole["log"]
 
 
+@pytest.mark.long
 def test_only_stages_with_missing_data_are_refused(log: Damaged) -> None:
     rate = np.flatnonzero(log.stages == "rate")
     for row in rate[:: len(rate) // 25]:

@@ -8,9 +8,8 @@ from calstation.errors import ConfigurationError
 from calstation.simulation.method_study import KIND_OF, run_method_study
 
 
-@pytest.mark.parametrize(
-    "stage", ["gimbal", *(pytest.param(stage, marks=pytest.mark.long) for stage in KIND_OF if stage != "gimbal")]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("stage", list(KIND_OF))
 def test_errors_agree_with_their_sigmas(stage: str) -> None:
     progress: list[tuple[int, int]] = []
     study = run_method_study(stage, "mems", 4, lambda *done: progress.append(done))

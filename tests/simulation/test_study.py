@@ -30,14 +30,14 @@ def outside(study: dict) -> list:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("grade", "seeds", "names"),
     [
-        pytest.param("nav", 2, ("full", "full, no outer lever"), marks=pytest.mark.long),
-        pytest.param("nav", 12, ("rate", "six_position", "scale factors"), marks=pytest.mark.long),
-        pytest.param("tactical", 2, ("full", "excitation"), marks=pytest.mark.long),
-        pytest.param("mems", 3, ("full", "azimuth_flip"), marks=pytest.mark.long),
-        ("mems", 3, ("rate", "excitation")),
+        ("nav", 2, ("full", "full, no outer lever")),
+        ("nav", 12, ("rate", "six_position", "scale factors")),
+        ("tactical", 2, ("full", "excitation")),
+        ("mems", 3, ("full", "azimuth_flip")),
     ],
 )
 def test_errors_agree_with_their_sigmas_and_come_near_the_bound(grade, seeds, names):
@@ -51,6 +51,7 @@ def test_errors_agree_with_their_sigmas_and_come_near_the_bound(grade, seeds, na
     assert json.loads(json.dumps(study)) == study
 
 
+@pytest.mark.long
 def test_bias_instability_widens_the_bands_by_what_the_noise_explains():
     study = run("tactical", 2, "excitation, bias instability")
     (row,) = study["rows"]
