@@ -77,7 +77,8 @@ class LentBench:
     def send_signal(self, number: int) -> None:
         """Send a signal to the process, where it still lives."""
         if self.poll() is None:
-            os.kill(self.pid, number)
+            with suppress(ProcessLookupError):  # the server has reaped it, its exit code is on its way
+                os.kill(self.pid, number)
 
     def kill(self) -> None:
         """End the process at once."""

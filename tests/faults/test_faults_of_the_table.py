@@ -39,7 +39,7 @@ def test_a_fault_of_the_table_stops_the_run(
 @pytest.mark.parametrize(
     ("profile", "stopped"),
     sampled(
-        3,
+        5,
         ["cia402_drives", "indexing_unit", "aerosmith_atl", "acutronic_acl", "mn_ascii"],
         [
             ("stall", None, ("fault", "then run calstation table reset")),

@@ -58,7 +58,7 @@ def test_noise_decodes_the_same_however_it_is_cut(name: str, parts: list[bytes],
     )
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.skipif(
     importlib.util.find_spec("atheris") is None,
     reason="atheris is not installed: not fuzzed by coverage here",

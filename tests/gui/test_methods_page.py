@@ -183,6 +183,7 @@ def test_data_of_the_connected_unit_are_shown_before_and_after(
         assert "STOP" in button.toolTip()
 
 
+@pytest.mark.long
 def test_a_gimbal_recording_of_the_bench_shows_both_solutions_in_both_languages(
     chosen: Callable[[str], MethodPanel], qtbot: QtBot, site_folder: SiteFolder
 ) -> None:
@@ -255,6 +256,7 @@ def test_a_secondary_out_of_tolerance_is_calibrated_stored_and_within_at_the_nex
     assert view.timeline.progress is None
 
 
+@pytest.mark.long
 def test_a_failed_solution_is_reported_and_a_running_one_can_be_cancelled(
     chosen: Callable[[str], MethodPanel], recordings: dict[str, Path], qtbot: QtBot
 ) -> None:

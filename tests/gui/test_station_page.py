@@ -435,6 +435,7 @@ def test_connection_tests_of_the_virtual_bench_pass(page_driver: PageDriver) -> 
         assert page_driver.find(QWidget, f"{device}_test_badge").text() == "The link works"
 
 
+@pytest.mark.long
 def test_a_missing_port_is_explained_in_both_languages(page_driver: PageDriver, chinese: Callable[[], None]) -> None:
     page_driver.copy_station("line_3")
     page_driver.show_section(TABLE_LINK)

@@ -329,7 +329,7 @@ def test_a_run_on_the_table_is_refused():
 
 @pytest.mark.long
 @pytest.mark.skipif(not real.IMU_ARRAY.exists(), reason="the real recordings are not beside the project")
-@pytest.mark.parametrize("number", [3, 8])
+@pytest.mark.parametrize("number", [3, pytest.param(8, marks=pytest.mark.exhaustive)])
 def test_the_array_recording_agrees_with_its_references(number: int, tmp_path: Path) -> None:
     result = resolve(real.imu_array(tmp_path, number)).result.to_json()
     parameters = result["parameters"]

@@ -51,7 +51,7 @@ def worst(log, chain):
     return errors.max(), NAMES[int(errors.argmax())]
 
 
-@pytest.mark.parametrize("name", ["nav", "mems"])
+@pytest.mark.parametrize("name", [pytest.param("nav", marks=pytest.mark.long), "mems"])
 def test_every_parameter_is_within_four_sigma_of_its_truth(name, request):
     log = request.getfixturevalue(name)
     chain = solve(lambda: log.blocks, log.meta)

@@ -10,6 +10,7 @@ from tests.helpers import Progress, ignore_progress
 from tests.shared_runs import SharedRuns
 
 
+@pytest.mark.long
 def test_a_log_tells_innovations_residuals_and_observability_of_every_stage(
     tmp_path: Path, shared_runs: SharedRuns
 ) -> None:

@@ -71,6 +71,7 @@ def resumed(site_folder: SiteFolder, log: str | Path, **more: object) -> Verdict
     return verdict
 
 
+@pytest.mark.long
 def test_a_stopped_run_is_resumed_at_its_last_finished_stage(site_folder: SiteFolder, before: Verdict) -> None:
     assert before.result["stages"] == ["rate"]
     assert (before.result["advice"], before.result["stop_reason"]) == ("resume", "operator")

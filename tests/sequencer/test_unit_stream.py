@@ -50,7 +50,8 @@ def turned(data: Any) -> list[float]:
 
 @pytest.mark.parametrize("mute", [False, True])
 @pytest.mark.parametrize(
-    "delay", [*(pytest.param(delay, marks=pytest.mark.long) for delay in (0.3, 2.0, 9.0, 14.0, 26.0, 32.0)), 5.0, 20.0]
+    "delay",
+    [*(pytest.param(delay, marks=pytest.mark.exhaustive) for delay in (0.3, 2.0, 9.0, 14.0, 26.0, 32.0)), 5.0, 20.0],
 )
 def test_a_restart_during_the_capture_begins_it_again(delay: float, mute: bool) -> None:
     scene = asked()

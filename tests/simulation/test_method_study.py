@@ -8,7 +8,7 @@ from calstation.errors import ConfigurationError
 from calstation.simulation.method_study import KIND_OF, run_method_study
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("stage", list(KIND_OF))
 def test_errors_agree_with_their_sigmas(stage: str) -> None:
     progress: list[tuple[int, int]] = []

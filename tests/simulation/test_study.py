@@ -34,9 +34,9 @@ def outside(study: dict) -> list:
 @pytest.mark.parametrize(
     ("grade", "seeds", "names"),
     [
-        ("nav", 2, ("full", "full, no outer lever")),
+        pytest.param("nav", 2, ("full", "full, no outer lever"), marks=pytest.mark.exhaustive),
         ("nav", 12, ("rate", "six_position", "scale factors")),
-        ("tactical", 2, ("full", "excitation")),
+        pytest.param("tactical", 2, ("full", "excitation"), marks=pytest.mark.exhaustive),
         ("mems", 3, ("full", "azimuth_flip")),
     ],
 )
@@ -51,7 +51,7 @@ def test_errors_agree_with_their_sigmas_and_come_near_the_bound(grade, seeds, na
     assert json.loads(json.dumps(study)) == study
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_bias_instability_widens_the_bands_by_what_the_noise_explains():
     study = run("tactical", 2, "excitation, bias instability")
     (row,) = study["rows"]
