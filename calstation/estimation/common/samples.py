@@ -1,4 +1,4 @@
-"""`SampleBlock`, which transfers samples from the driver to log and solver, and `Spool`, which stores them."""
+"""`SampleBlock`, which transfers samples from the sequencer to log and solver, and `Spool`, which stores them."""
 
 import tempfile
 import weakref
