@@ -277,10 +277,13 @@ def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
 
 def _stop_rule(schedule: BaseModel) -> StopRule:
     """Return the stop rule of a schedule; it is empty for a plan that does not repeat."""
+    if not isinstance(schedule, RepeatedSchedule):
+        return StopRule()
     return StopRule(
-        rounds=getattr(schedule, "rounds", None),
-        duration=getattr(schedule, "duration_s", None),
-        targets=getattr(schedule, "targets", {}),
+        rounds=schedule.rounds or None,
+        duration=schedule.duration_s,
+        targets=schedule.targets,
+        repeated=True,
     )
 
 

@@ -20,20 +20,19 @@ class StopRule:
     """Ends a repeated plan at the end of the first round in which one of its conditions is met.
 
     Conditions: complete rounds, IMU time in s, largest sigma per parameter or group, SI. Each can be None or empty.
+    The operator can end a repeated plan at any time, after the current move.
     """
 
     rounds: int | None = None
     duration: float | None = None
     targets: Mapping[str, float] = field(default_factory=dict)
+    repeated: bool = False  #: Whether the plan repeats; any other plan is executed to its end.
 
-    def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None, enough: bool) -> str | None:
-        """Return the reason to stop now: ``operator``, ``rounds``, ``duration`` or ``targets``; None to continue.
+    def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None) -> str | None:
+        """Return the reason to stop at the end of a round: ``rounds``, ``duration`` or ``targets``; None to continue.
 
-        `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if unknown; `enough` is True if the operator
-        ends the stage.
+        `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if unknown.
         """
-        if enough:
-            return "operator"
         if self.rounds is not None and rounds >= self.rounds:
             return "rounds"
         if self.duration is not None and elapsed >= self.duration:
@@ -124,7 +123,7 @@ def planned(
         if isinstance(step, Finish):
             return
         if isinstance(step, RoundEnd) and (
-            open_ended or rule.reason(step.rounds, elapsed, None, enough=False) is not None
+            open_ended or rule.reason(step.rounds, elapsed, None) is not None
         ):
             return
 
