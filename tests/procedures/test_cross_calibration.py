@@ -213,6 +213,7 @@ def test_calibration_without_motion_is_abandoned(mems):
     assert (why.code, why.values["wanted"]) == ("solve.too_little_motion", 10.0)
 
 
+@pytest.mark.long
 def test_solution_does_not_depend_on_the_blocks(mems):
     primary, secondary, block = mems
     context, prior = context_of(primary, [secondary]), known(primary)
