@@ -139,7 +139,7 @@ def number(text: str) -> float:
     return float(text)
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_each_part_can_be_previewed_and_run(engineer: Engineer) -> None:
     for part, stages in (
         ("part_check_scale_factors", ("rate", "six_position")),
@@ -282,7 +282,7 @@ def test_a_choice_changed_during_the_preview_makes_it_outdated(engineer: Enginee
     assert "the choice has changed since" not in engineer.widget("preview_summary", QLabel).text()
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_changed_schedule_is_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
     engineer.tick("stage_check_six_position")
     before = engineer.start()

@@ -202,7 +202,12 @@ def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("order", "words"), [("drive_fault", "fault 'drive'"), ("interlock", "interlock"), ("jam", "did not reach")]
+    ("order", "words"),
+    [
+        pytest.param("drive_fault", "fault 'drive'", marks=pytest.mark.exhaustive),
+        pytest.param("interlock", "interlock", marks=pytest.mark.exhaustive),
+        ("jam", "did not reach"),
+    ],
 )
 def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
     floor: Floor, clock_at_hand: list[Any], order: str, words: str
@@ -303,7 +308,7 @@ def test_the_command_line_reports_motion_and_verification(floor: Floor, capsys: 
     assert "is going to move" not in shown.err
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
 def test_ctrl_c_in_the_turn_stops_the_table(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")

@@ -53,7 +53,7 @@ def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(tmp_path: Pat
         assert resolve(path).result.to_json()["parameters"] == result["parameters"]
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_the_same_seed_gives_the_same_run(site_folder: SiteFolder) -> None:
     first = site_folder.run("six_position").result
     second = site_folder.run("six_position").result

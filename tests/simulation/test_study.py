@@ -35,7 +35,8 @@ def outside(study: dict) -> list:
     ("grade", "seeds", "names"),
     [
         pytest.param("nav", 2, ("full", "full, no outer lever"), marks=pytest.mark.exhaustive),
-        ("nav", 12, ("rate", "six_position", "scale factors")),
+        ("nav", 5, ("rate", "six_position", "scale factors")),
+        pytest.param("nav", 12, ("rate", "six_position", "scale factors"), marks=pytest.mark.exhaustive),
         pytest.param("tactical", 2, ("full", "excitation"), marks=pytest.mark.exhaustive),
         pytest.param("mems", 3, ("full", "azimuth_flip"), marks=pytest.mark.exhaustive),
     ],
