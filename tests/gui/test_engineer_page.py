@@ -449,7 +449,7 @@ def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: En
     assert registers.target is None
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_registers_can_be_written_with_the_table_at_rest(engineer: Engineer) -> None:
     ask_to_write(engineer)
     engineer.press("confirm_at_rest_button")

@@ -107,7 +107,7 @@ def test_a_wrong_sign_invisible_at_rest_fails_the_turn(floor: Floor) -> None:
     assert UnitRegisters.of(settled.unit).values["gyro_scale_x"] == pytest.approx(-SCALE)
 
 
-@pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.long)])
+@pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.exhaustive)])
 def test_the_table_is_prepared_before_the_write_turned_after_it_and_left_at_its_load_angle(
     floor: Floor, profile: str
 ) -> None:
@@ -154,7 +154,7 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
 @pytest.mark.parametrize(
     ("profile", "moment"),
     sampled(
-        2,
+        3,
         ["bench", "indexing_unit"],
         ["identified", "homing", "check", "reference", "registers_writing", "verifying", "verify"],
     ),
@@ -241,7 +241,7 @@ def test_a_table_that_fails_before_the_write_leaves_the_unit_untouched(floor: Fl
     assert register_journal.interrupted(floor.runs, SERIAL) is None
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_restored_registers_are_verified(floor: Floor) -> None:
     floor.write_station(parameters={"gyro_scale_x": SCALE})
     floor.errands.write({"gyro_scale_x": -SCALE}, at_rest=True)
