@@ -34,6 +34,7 @@ def test_previewed_sigmas_equal_those_of_the_run(site_folder: SiteFolder) -> Non
         assert stage.end - stage.begin == pytest.approx(started.duration, abs=5.0)
 
 
+@pytest.mark.long
 def test_a_single_stage_lacks_the_information_of_the_others(site_folder: SiteFolder) -> None:
     alone, after = preview_of(site_folder, "azimuth_flip"), preview_of(site_folder, "excitation", "azimuth_flip")
     i = INDEX["gyro_bias_x"]
