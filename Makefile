@@ -10,13 +10,13 @@ run: $(VENV)/installed
 
 test: $(VENV)/installed-dev
 	$(VENV)/bin/python tests/compiled.py
-	$(VENV)/bin/python -m pytest -n 3 --dist worksteal $$($(VENV)/bin/python tests/without_window.py)
+	$(VENV)/bin/python -m pytest -n 4 --dist worksteal $$($(VENV)/bin/python tests/without_window.py)
 
 rehearse: $(VENV)/installed-dev
-	$(VENV)/bin/python -m pytest -m "long and not exhaustive" -n 3 --dist worksteal
+	$(VENV)/bin/python -m pytest -m "long and not exhaustive" -n 4 --dist worksteal
 
 exhaustive: $(VENV)/installed-dev
-	$(VENV)/bin/python -m pytest -m "exhaustive or hypothesis" --hypothesis-profile=exhaustive -n 3 --dist worksteal
+	$(VENV)/bin/python -m pytest -m "exhaustive or hypothesis" --hypothesis-profile=exhaustive -n 4 --dist worksteal
 
 check: $(VENV)/installed-dev
 	$(VENV)/bin/ruff check .

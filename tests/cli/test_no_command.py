@@ -44,6 +44,7 @@ def test_with_a_screen_the_window_opens(monkeypatch: pytest.MonkeyPatch) -> None
     assert run_app([]) == 0
 
 
+@pytest.mark.long
 def test_no_command_of_the_terminal_needs_qt() -> None:
     script = (
         "import sys; sys.modules['PySide6'] = None\n"

@@ -14,7 +14,7 @@ Run = Callable[..., Done]
 @pytest.mark.parametrize(
     ("kind", "stage"),
     [
-        pytest.param("hand", "multi_position", marks=pytest.mark.long),
+        pytest.param("hand", "multi_position", marks=pytest.mark.exhaustive),
         pytest.param("pair", "cross_calibration", marks=pytest.mark.long),
         ("gimbal", "gimbal"),
     ],

@@ -13,7 +13,7 @@ from calstation.sequencer.events import Event, StepStarted
 from tests.site_folder import QUICK, SiteFolder
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_resumes_a_stopped_run(
     tmp_path: Path, calstation: Callable[..., Any], capsys: pytest.CaptureFixture[str]
 ) -> None:

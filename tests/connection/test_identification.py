@@ -3,6 +3,7 @@
 import struct
 import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from calstation.connection.table_reset import read_table, reset_table
 from calstation.devices.links.serial_link import SerialLink
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.errors import ConfigurationError, DeviceFaultError
+from calstation.messages import Report
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Fault, Verdict
@@ -233,34 +235,35 @@ def test_the_table_test_reports_the_answering_unit_number() -> None:
     assert [f.id for f in report.findings] == ["connected", "exception"]
 
 
-def test_a_table_of_another_profile_is_named_with_it() -> None:
+@contextmanager
+def bench_table_as_unit(number: int) -> Iterator[tuple[FakeTable, Callable[..., Report]]]:
+    """The bench's table under a unit number; gives it, and a test of its link with other settings."""
     bench = FakeTable({})
 
     def answer(heard: bytes) -> bytes:
-        return bench.answer(heard) if heard[6] == 1 else tcp_pdu(heard, bytes([0x83, 4]))
+        return bench.answer(heard) if heard[6] == number else tcp_pdu(heard, bytes([0x83, 4]))
 
     with server(answer) as address:
-        report = check_table_link(
-            ignore_progress, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"})
+        yield (
+            bench,
+            lambda **table: check_table_link(ignore_progress, order(table={"port": f"tcp://{address}", **table})),
         )
+
+
+def test_a_table_of_another_profile_is_named_with_it() -> None:
+    with bench_table_as_unit(1) as (bench, tested):
+        report = tested(profile="cia402_drives")
         assert [f.id for f in report.findings] == ["connected", "exception", "profile_heard"]
         assert report.findings[-1].values == {"found": 1, "model": "bench-table", "profile": "bench"}
         bench.words[0:8] = [0x4C41, 0x5448, 0x4500] + [0] * 5
-        report = check_table_link(ignore_progress, order(table={"port": f"tcp://{address}", "unit": 7}))
+        report = tested(unit=7)
     assert report.findings[-1].values == {"units": "1 (“LATHE”)"}
 
 
 def test_a_profile_with_an_inner_drive_of_that_number_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(library, "names", lambda kind: ["cia402_drives", "bench"])
-    bench = FakeTable({})
-
-    def answer(heard: bytes) -> bytes:
-        return bench.answer(heard) if heard[6] == 2 else tcp_pdu(heard, bytes([0x83, 4]))
-
-    with server(answer) as address:
-        report = check_table_link(
-            ignore_progress, order(table={"port": f"tcp://{address}", "profile": "cia402_drives"})
-        )
+    with bench_table_as_unit(2) as (_, tested):
+        report = tested(profile="cia402_drives")
     assert report.findings[-1].values == {"found": 2, "model": "bench-table", "profile": "bench"}
 
 

@@ -16,7 +16,7 @@ from tests.helpers import raises_code
 from tests.site_folder import STATION, SiteFolder
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_stage_runs_on_a_system_with_its_own_axes(site_folder: SiteFolder) -> None:
     station = {
         **STATION,

@@ -18,14 +18,18 @@ pytestmark = pytest.mark.long
 @pytest.mark.parametrize(
     ("kind", "value", "words"),
     [
-        ("stall", None, ("fault 'stall'", "then run calstation table reset")),
+        pytest.param("stall", None, ("fault 'stall'", "then run calstation table reset"), marks=pytest.mark.exhaustive),
         ("drive_fault", None, ("fault 'drive'", "calstation table reset")),
-        ("limit_fault", None, ("fault 'limit'", "then run calstation table reset")),
+        pytest.param(
+            "limit_fault", None, ("fault 'limit'", "then run calstation table reset"), marks=pytest.mark.exhaustive
+        ),
         ("trip_watchdog", None, ("fault 'watchdog'", "run calstation table reset")),
-        ("interlock", 0, ("interlock",)),
+        pytest.param("interlock", 0, ("interlock",), marks=pytest.mark.exhaustive),
         ("jam", None, ("did not reach", "obstacle")),
-        ("overshoot", 2, ("the table stands 2.", "° away from outer 360.0°", "encoder")),
-        ("never_settle", 600, ("does not settle", "tuning")),
+        pytest.param(
+            "overshoot", 2, ("the table stands 2.", "° away from outer 360.0°", "encoder"), marks=pytest.mark.exhaustive
+        ),
+        pytest.param("never_settle", 600, ("does not settle", "tuning"), marks=pytest.mark.exhaustive),
         ("mute_table", 40, ("no answer", "check cable, power")),
         ("refuse_table", 4, ("cannot do it in its present state", "drive's display")),
     ],

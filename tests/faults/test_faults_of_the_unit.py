@@ -131,6 +131,7 @@ def test_noise_on_the_line_for_a_moment_costs_a_step(fault_runs: FaultRuns) -> N
     assert len(ran.repeated) == 1
 
 
+@pytest.mark.exhaustive
 def test_a_replugged_adapter_works_again(fault_runs: FaultRuns) -> None:
     fault_runs.run(fault("hang_up_imu")).assert_stopped("port")
     assert fault_runs.run().verdict.outcome == "passed"
@@ -210,6 +211,7 @@ def test_a_register_page_lost_in_a_brown_out_is_reported_by_the_refusal(fault_ru
     assert ran.bench["flash_cycles"] == 0
 
 
+@pytest.mark.exhaustive
 def test_a_brown_out_during_the_commit_is_recovered_at_the_next_start(fault_runs: FaultRuns) -> None:
     runs = fault_runs.folder / "runs"
     fault_runs.run({"kind": "brown_out_commit", "value": 60.0}).assert_stopped("holds its old registers")

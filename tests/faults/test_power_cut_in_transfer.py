@@ -14,6 +14,7 @@ from calstation.errors import CalstationError
 from calstation.records import checked_lines
 from calstation.registers import journal as register_journal
 from tests.devices.dsp import KINDS, SERIAL, Dark, Supply, Unit, registers
+from tests.helpers import sampled
 
 pytestmark = pytest.mark.long
 
@@ -111,7 +112,7 @@ class Factory:
 
 
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("stride", [29, pytest.param(1, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("stride", [61, pytest.param(1, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_power_cut_at_any_byte(tmp_path: Path, kind: str, stride: int) -> None:
     first, second = values(kind, 1.0), values(kind, -2.5)
@@ -140,7 +141,7 @@ def test_the_power_cut_at_any_byte(tmp_path: Path, kind: str, stride: int) -> No
 
 
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", sampled(3, KINDS))
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     first=st.floats(0.0, 1.0),

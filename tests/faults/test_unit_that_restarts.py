@@ -59,7 +59,7 @@ def test_a_restart_during_a_stage_repeats_the_step(fault_runs: FaultRuns, imu: s
     assert ran.verdict.result["log"]["gaps"] == 1
 
 
-@pytest.mark.parametrize(("imu", "moment"), sampled(5, IMUS, [0.3, 3.0, 8.0, 14.0, 20.0, 26.0]))
+@pytest.mark.parametrize(("imu", "moment"), sampled(9, IMUS, [0.3, 3.0, 8.0, 14.0, 20.0, 26.0]))
 def test_a_restart_during_the_verification_repeats_the_capture(fault_runs: FaultRuns, imu: str, moment: float) -> None:
     ran = with_imu(fault_runs, imu).run(*restart("verifying", moment))
     assert_proved(fault_runs, ran)
@@ -73,7 +73,7 @@ def test_a_restart_before_the_write_repeats_the_reference_capture(fault_runs: Fa
     assert looks_repeated(ran) == 1
 
 
-@pytest.mark.parametrize("imu", sampled(2, IMUS))
+@pytest.mark.parametrize("imu", sampled(3, IMUS))
 def test_repeated_restarts_are_a_fault_that_leaves_the_decision_open(fault_runs: FaultRuns, imu: str) -> None:
     ran = with_imu(fault_runs, imu).run(*restart("verifying", *range(6, 60, 6)))
     ran.assert_stopped("IMU: the unit restarted while its new registers were verified", "check its supply")
@@ -96,7 +96,7 @@ def test_a_restart_at_rest_repeats_the_capture(fault_runs: FaultRuns, imu: str) 
     assert (entry.closing, entry.cycles) == ("done", 1)
 
 
-@pytest.mark.parametrize("imu", ["bench_mems", "dsp_modbus"])
+@pytest.mark.parametrize("imu", sampled(2, ["bench_mems", "dsp_modbus"]))
 def test_a_restart_on_a_manual_rig_requests_the_position_again(fault_runs: FaultRuns, imu: str) -> None:
     fault_runs.product, fault_runs.table = {**PRODUCT, **BY_HAND, "imu": imu}, "hand_rails"
     fault_runs.site = {"gravity_mps2": 9.79547}

@@ -90,6 +90,7 @@ def test_setting_the_clock_does_not_change_a_run(fault_runs: FaultRuns, wall_clo
     assert abs(datetime.fromisoformat(entry.utc) - begun - by) < hour, "the clock was set: labels follow it"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("by", sampled(2, [-DAYS, DAYS]), ids=["back", "forward"])
 def test_a_killed_run_is_recognised_as_dead_at_once(
     fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta

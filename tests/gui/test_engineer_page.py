@@ -139,7 +139,7 @@ def number(text: str) -> float:
     return float(text)
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_each_part_can_be_previewed_and_run(engineer: Engineer) -> None:
     for part, stages in (
         ("part_check_scale_factors", ("rate", "six_position")),
@@ -282,7 +282,7 @@ def test_a_choice_changed_during_the_preview_makes_it_outdated(engineer: Enginee
     assert "the choice has changed since" not in engineer.widget("preview_summary", QLabel).text()
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_changed_schedule_is_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
     engineer.tick("stage_check_six_position")
     before = engineer.start()
@@ -449,7 +449,7 @@ def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: En
     assert registers.target is None
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_registers_can_be_written_with_the_table_at_rest(engineer: Engineer) -> None:
     ask_to_write(engineer)
     engineer.press("confirm_at_rest_button")

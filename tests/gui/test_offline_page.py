@@ -439,6 +439,7 @@ def test_a_cancelled_export_leaves_nothing(page: OfflinePage, long_log: Path, tm
     assert button(page, "export_log_button").isEnabled()
 
 
+@pytest.mark.long
 def test_the_history_page_opens_a_log_on_the_offline_page(window: MainWindow, run_log: Path, qtbot: QtBot) -> None:
     window.app.runs_folder = run_log.parent
     window.show_page("history_page")

@@ -143,6 +143,7 @@ def test_enter_of_the_scanner_checks_the_number_but_does_not_start(operator: Ope
     assert not operator.window.app.engine_link.running
 
 
+@pytest.mark.long
 def test_failed_unit_shows_the_reason_and_what_to_do(operator: Operator) -> None:
     operator.site_folder.write(ONE_STAGE, out_of_limits=True)
     operator.scan(SERIAL)

@@ -203,6 +203,7 @@ def test_an_operator_can_read_but_not_change_values(operator: PageDriver) -> Non
     assert not edit.isEnabled()
 
 
+@pytest.mark.long
 def test_an_operator_can_change_language_and_theme(whole: PageDriver, window: MainWindow, qtbot: QtBot) -> None:
     page_driver = whole
     page_driver.app.role.lock()

@@ -125,7 +125,7 @@ def test_buttons_are_wide_enough_for_their_texts_in_both_languages(window: MainW
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGKILL exists only on POSIX systems")
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_killed_window_stops_the_table_and_leaves_a_complete_resumable_log(site_folder: SiteFolder) -> None:
     site_folder.write({"stages": ["six_position", "rate"]})
     script = site_folder.folder / "at_the_window.py"

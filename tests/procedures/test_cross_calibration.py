@@ -44,7 +44,7 @@ def mems():
     return primary, secondary, recording(primary, [secondary], 1)
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_errors_of_many_pairs_agree_with_their_sigmas():
     errors = []
     for seed in range(9):
@@ -213,6 +213,7 @@ def test_calibration_without_motion_is_abandoned(mems):
     assert (why.code, why.values["wanted"]) == ("solve.too_little_motion", 10.0)
 
 
+@pytest.mark.long
 def test_solution_does_not_depend_on_the_blocks(mems):
     primary, secondary, block = mems
     context, prior = context_of(primary, [secondary]), known(primary)
@@ -327,9 +328,9 @@ def test_a_run_on_the_table_is_refused():
         list(chosen.plan(TableGeometry(), chosen.schedule()))
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.skipif(not real.IMU_ARRAY.exists(), reason="the real recordings are not beside the project")
-@pytest.mark.parametrize("number", [3, pytest.param(8, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("number", [3, 8])
 def test_the_array_recording_agrees_with_its_references(number: int, tmp_path: Path) -> None:
     result = resolve(real.imu_array(tmp_path, number)).result.to_json()
     parameters = result["parameters"]

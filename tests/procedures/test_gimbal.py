@@ -34,7 +34,12 @@ def loop():
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("grade", "seeds"), [pytest.param("mems", 10, marks=pytest.mark.exhaustive), ("tactical", 6), ("nav", 6)]
+    ("grade", "seeds"),
+    [
+        pytest.param("mems", 10, marks=pytest.mark.exhaustive),
+        pytest.param("tactical", 6, marks=pytest.mark.exhaustive),
+        ("nav", 6),
+    ],
 )
 def test_errors_of_many_gimbals_agree_with_their_sigmas(grade, seeds):
     iterated, at_once = [], []

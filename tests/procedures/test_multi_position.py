@@ -36,7 +36,12 @@ def mems():
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("grade", "seeds"), [pytest.param("mems", 8, marks=pytest.mark.exhaustive), ("tactical", 4), ("nav", 4)]
+    ("grade", "seeds"),
+    [
+        pytest.param("mems", 8, marks=pytest.mark.exhaustive),
+        ("tactical", 4),
+        pytest.param("nav", 4, marks=pytest.mark.exhaustive),
+    ],
 )
 def test_errors_of_many_recordings_agree_with_their_sigmas(grade, seeds):
     errors, nees = [], []

@@ -174,7 +174,7 @@ def test_a_range_of_unwrapped_counts_is_cut_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not PRACTICE.is_dir(), reason="the practice logs are not beside the project")
-@pytest.mark.parametrize("name", ["nav_full", "mems_full"])
+@pytest.mark.parametrize("name", ["nav_full", pytest.param("mems_full", marks=pytest.mark.long)])
 def test_practice_logs_are_read_whole(name: str) -> None:
     log = open_log(PRACTICE / f"{name}.csv.gz")
     count = sum(len(block) for block in log.blocks())

@@ -107,7 +107,7 @@ def test_a_wrong_sign_invisible_at_rest_fails_the_turn(floor: Floor) -> None:
     assert UnitRegisters.of(settled.unit).values["gyro_scale_x"] == pytest.approx(-SCALE)
 
 
-@pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.long)])
+@pytest.mark.parametrize("profile", ["bench", pytest.param("indexing_unit", marks=pytest.mark.exhaustive)])
 def test_the_table_is_prepared_before_the_write_turned_after_it_and_left_at_its_load_angle(
     floor: Floor, profile: str
 ) -> None:
@@ -154,7 +154,7 @@ def test_a_table_that_cannot_turn_refuses_before_anything_is_written(
 @pytest.mark.parametrize(
     ("profile", "moment"),
     sampled(
-        2,
+        3,
         ["bench", "indexing_unit"],
         ["identified", "homing", "check", "reference", "registers_writing", "verifying", "verify"],
     ),
@@ -202,7 +202,12 @@ def clock_at_hand(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("order", "words"), [("drive_fault", "fault 'drive'"), ("interlock", "interlock"), ("jam", "did not reach")]
+    ("order", "words"),
+    [
+        pytest.param("drive_fault", "fault 'drive'", marks=pytest.mark.exhaustive),
+        pytest.param("interlock", "interlock", marks=pytest.mark.exhaustive),
+        ("jam", "did not reach"),
+    ],
 )
 def test_a_table_that_fails_in_the_turn_leaves_the_registers_written_and_open(
     floor: Floor, clock_at_hand: list[Any], order: str, words: str
@@ -236,7 +241,7 @@ def test_a_table_that_fails_before_the_write_leaves_the_unit_untouched(floor: Fl
     assert register_journal.interrupted(floor.runs, SERIAL) is None
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_restored_registers_are_verified(floor: Floor) -> None:
     floor.write_station(parameters={"gyro_scale_x": SCALE})
     floor.errands.write({"gyro_scale_x": -SCALE}, at_rest=True)
@@ -303,7 +308,7 @@ def test_the_command_line_reports_motion_and_verification(floor: Floor, capsys: 
     assert "is going to move" not in shown.err
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform == "win32", reason="a console's Ctrl-C cannot be sent to one process there")
 def test_ctrl_c_in_the_turn_stops_the_table(floor: Floor) -> None:
     floor.errands.on_event = stop_at("verifying")

@@ -53,7 +53,7 @@ def hardware(site_folder: SiteFolder) -> Iterator[RunRequest]:
         yield replace(site_folder.request(), station=file, out=site_folder.folder / "monday")
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_another_folder_of_runs_has_the_same_journal(
     hardware: RunRequest, site_folder: SiteFolder, home: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -80,7 +80,7 @@ def test_a_register_set_records_its_type_of_unit(known: Known) -> None:
     assert known.restores()
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_run_records_the_type_of_unit_that_it_wrote(known: Known) -> None:
     assert known.site_folder.run("rate").outcome == "passed"
     (entry,) = register_journal.history(known.runs, SERIAL)

@@ -28,7 +28,7 @@ def failed_comparisons(protocol: str, grade: str, seed: int, changed: Any = None
     return [check.name for check in captures.verified(profile(data), values) if not check.passed]
 
 
-@pytest.mark.parametrize(("protocol", "grade"), sampled(2, UNITS, GRADES))
+@pytest.mark.parametrize(("protocol", "grade"), sampled(4, UNITS, GRADES))
 def test_right_registers_pass(protocol: str, grade: str) -> None:
     for seed in range(10):
         assert failed_comparisons(protocol, grade, seed) == [], seed

@@ -34,6 +34,7 @@ def test_previewed_sigmas_equal_those_of_the_run(site_folder: SiteFolder) -> Non
         assert stage.end - stage.begin == pytest.approx(started.duration, abs=5.0)
 
 
+@pytest.mark.long
 def test_a_single_stage_lacks_the_information_of_the_others(site_folder: SiteFolder) -> None:
     alone, after = preview_of(site_folder, "azimuth_flip"), preview_of(site_folder, "excitation", "azimuth_flip")
     i = INDEX["gyro_bias_x"]
@@ -89,6 +90,7 @@ def test_a_plan_beyond_the_travel_is_a_violation(site_folder: SiteFolder) -> Non
     assert violation.text.code == "plan.turns_exceed_travel"
 
 
+@pytest.mark.long
 def test_targets_end_a_repeated_stage_as_they_would_in_the_run(site_folder: SiteFolder) -> None:
     easy = preview_of(site_folder, "azimuth_flip", azimuth_flip={"rounds": None, "targets": {"gyro_bias_x": 1e-6}})
     assert (easy.stages[0].reason, easy.stages[0].rounds) == ("targets", 1)

@@ -96,6 +96,7 @@ def test_only_stages_with_missing_data_are_refused(log: Damaged) -> None:
     assert str(solved.messages[0][1]["where"]).endswith(", …")
 
 
+@pytest.mark.long
 def test_a_stage_without_any_samples_left_is_not_skipped(log: Damaged) -> None:
     rows = np.flatnonzero(log.stages == "six_position")
     log.hurt(int(rows[0]), len(rows))

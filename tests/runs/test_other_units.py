@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from tests.helpers import sampled
 from tests.site_folder import SiteFolder
 
 pytestmark = pytest.mark.long
@@ -14,7 +15,7 @@ LIMITS = {
 }
 
 
-@pytest.mark.parametrize("imu", ["vectornav_vn100", "dsp_modbus"])
+@pytest.mark.parametrize("imu", sampled(2, ["vectornav_vn100", "dsp_modbus"]))
 def test_stages_run_on_a_unit_of_another_protocol(site_folder: SiteFolder, imu: str) -> None:
     product: dict[str, Any] = {"imu": imu, "bench_grade": "mems", "limits": LIMITS}
     site_folder.write(product)

@@ -101,7 +101,7 @@ def test_a_stopped_run_is_resumed_at_its_last_finished_stage(site_folder: SiteFo
     assert History(site_folder.folder / "runs").attempts("SN-000042") == 1
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_resumed_run_can_be_resumed_again(site_folder: SiteFolder, before: Verdict) -> None:
     first = before
     site_folder.control.send(Command.STOP)
@@ -332,7 +332,7 @@ def test_a_run_counts_as_running_until_its_process_is_dead(site_folder: SiteFold
     assert finish_incomplete(log.parent) == []
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_verdict_closes_earlier_runs(site_folder: SiteFolder, before: Verdict) -> None:
     assert resumable(site_folder.folder / "runs")[0].log == Path(before.log)
     assert len(resumable(site_folder.folder / "runs")) == 1

@@ -53,7 +53,7 @@ def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(tmp_path: Pat
         assert resolve(path).result.to_json()["parameters"] == result["parameters"]
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_the_same_seed_gives_the_same_run(site_folder: SiteFolder) -> None:
     first = site_folder.run("six_position").result
     second = site_folder.run("six_position").result
@@ -127,7 +127,7 @@ def test_faults_are_reported_and_leave_a_result(
     assert [e.state for e in site_folder.events_of(StateChanged)][-1] == "fault"
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_lost_frames_repeat_a_step(site_folder: SiteFolder) -> None:
     site_folder.write(orders=[{"order": "drop_frames", "value": 3, "at": 35.0}])
     verdict = site_folder.run("rate")
@@ -167,7 +167,7 @@ def test_registers_applied_to_the_stream_are_read_and_logged_first(behind: SiteF
     assert open_log(Path(verdict.log)).meta.registers == verdict.result["registers"]["old"]
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_uncommitted_registers_are_not_applied_to_the_stream(
     behind: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -197,7 +197,7 @@ def test_advice_depends_on_the_number_of_failures_until_attempts_are_used_up(sit
     assert site_folder.events[-1].result["advice"] == "set_aside"  # type: ignore[union-attr]
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_result_names_its_files_and_what_was_not_compared(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -236,7 +236,7 @@ def test_every_outcome_is_handed_over_and_listed(site_folder: SiteFolder) -> Non
     assert [run.attempt for run in history.runs()] == [4, 3, 2, 1]
 
 
-@pytest.mark.long
+@pytest.mark.exhaustive
 def test_a_missing_hand_over_folder_does_not_fail_a_run(site_folder: SiteFolder) -> None:
     station = site_folder.station.read_text("utf-8")
     site_folder.station.write_text(f'{station}\n[handover]\nfolder = "share"\n', encoding="utf-8")

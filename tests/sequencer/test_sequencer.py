@@ -38,7 +38,7 @@ def states(scene: Scene) -> list[str]:
     return [event.state for event in scene.events_of(StateChanged)]
 
 
-@pytest.fixture(params=[TICK, FakeClock.tick])
+@pytest.fixture(params=[pytest.param(TICK, marks=pytest.mark.long), FakeClock.tick])
 def tick(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> float:
     """The polling interval, s: that of hardware and the longer one of all other tests."""
     monkeypatch.setattr(FakeClock, "tick", request.param)

@@ -10,6 +10,7 @@ import pytest
 from calstation.sequencer.context import Output
 from calstation.sequencer.control import Command, State
 from calstation.sequencer.events import Event, Message, StageStarted
+from tests.helpers import sampled
 from tests.sequencer.fakes import Scene
 
 #: Gain of the corrected gyros: a turn measured partly with each output would lie between.
@@ -118,8 +119,7 @@ def test_frames_lost_in_a_capture_do_not_repeat_it_and_its_output_is_requested_a
     assert scene.imu.started[-3:] == [True, True, False]
 
 
-@pytest.mark.parametrize("babble", [False, True])
-@pytest.mark.parametrize("delay", [0.5, 4.0, 7.0])
+@pytest.mark.parametrize(("delay", "babble"), sampled(3, [0.5, 4.0, 7.0], [False, True]))
 def test_a_unit_that_streams_on_command_is_commanded_again_during_a_run(delay: float, babble: bool) -> None:
     scene = Scene()
     scene.imu.mute, scene.imu.babble = True, babble

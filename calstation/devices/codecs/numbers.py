@@ -100,8 +100,9 @@ class Number:
     def column(
         self, wire: NDArray[np.uint8], byte_order: ByteOrder, word_order: WordOrder | None = None
     ) -> FloatArray | IntArray:
-        """Decode numbers from bytes, shape (n, width), to int64 if whole (u64 wraps around to negative values), else to
-        float64, scaled for a Q format; shape (n,).
+        """Decode numbers from bytes, shape (n, width), to an array of shape (n,).
+
+        Whole numbers become int64 (u64 wraps around to negative values), others float64, scaled for a Q format.
         """
         plain = wire[:, self._positions(byte_order, word_order)]
         if self.kind == "f":

@@ -30,8 +30,9 @@ ATTEMPTS = 3
 
 
 class RegisteredImu(StreamedImu):
-    """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets. Timeouts
-    are those of `profile.command_times`, host time in s.
+    """An IMU whose registers are accessed by commands on its link; `replies` is the kind of its reply packets.
+
+    Timeouts are those of `profile.command_times`, host time in s.
     """
 
     def __init__(self, link: SerialLink, profile: ImuProfile, replies: CommandSection | ReplyKind) -> None:

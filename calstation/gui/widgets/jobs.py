@@ -30,7 +30,9 @@ class JobWatch(QObject):
     failed = Signal(object)
     cancelled = Signal()
 
-    def __init__(self, parent: QObject | None = None, done: Slot = None, failed: Slot = None, cancelled: Slot = None):
+    def __init__(
+        self, parent: QObject | None = None, done: Slot = None, failed: Slot = None, cancelled: Slot = None
+    ) -> None:
         super().__init__(parent)
         for signal, slot in ((self.done, done), (self.failed, failed), (self.cancelled, cancelled)):
             if slot is not None:
