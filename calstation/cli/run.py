@@ -32,7 +32,6 @@ from calstation.sequencer import (
 )
 from calstation.simulation import BenchHooks
 
-
 #: What the user enters to end a repeated stage.
 _END_STAGE = "e"
 

@@ -77,8 +77,9 @@ def on_line(line: str, action: Callable[[], object]) -> None:
     """Call `action` each time the user enters a line with this text, until the program ends; needs a terminal."""
 
     def listen() -> None:
-        for entered in sys.stdin:
-            if entered.strip().lower() == line:
+        # os.read takes no lock of sys.stdin, which the interpreter could not release at its end.
+        while entered := os.read(sys.stdin.fileno(), 1024):
+            if entered.strip().lower() == line.encode():
                 action()
 
     if sys.stdin.isatty():

@@ -29,6 +29,7 @@ from calstation.config.station import (
 from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
+from calstation.estimation import RepeatedSchedule
 from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
 from calstation.physics import INDEX, PARAMETERS, Step, group_indices
 from calstation.records import (

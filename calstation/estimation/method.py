@@ -73,7 +73,7 @@ class StageSolver(Protocol):
 
 
 class RepeatedSchedule(BaseModel):
-    """Stop rule of a repeated plan: it stops at the first of these conditions that is met, or when the operator says so.
+    """Stop rule of a repeated plan: it ends at the first of these conditions that is met, or when the operator ends it.
 
     A condition that is not given ends nothing: without `rounds`, a duration or targets alone end the plan. Without any
     condition, the plan ends after the default number of rounds.
@@ -85,7 +85,6 @@ class RepeatedSchedule(BaseModel):
     targets: dict[str, Annotated[float, Field(gt=0.0)]] = Field(
         default_factory=dict, description="the round after which every sigma is below its target is the last"
     )
-
 
     @model_validator(mode="before")
     @classmethod

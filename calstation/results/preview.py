@@ -209,7 +209,7 @@ class _Previewer:
         rule = plan.rule
         measured = solve and bool(rule.targets)
         reason = rule.reason(rounds, elapsed, self._chain.sigma() if measured else None)
-        if reason is None and rule.rounds is None and rule.duration is None:
+        if reason is None and rule.open_ended:
             if not rule.targets:
                 return "operator"
             if rounds >= MOST_ROUNDS or not measured:

@@ -28,6 +28,11 @@ class StopRule:
     targets: Mapping[str, float] = field(default_factory=dict)
     repeated: bool = False  #: Whether the plan repeats; any other plan is executed to its end.
 
+    @property
+    def open_ended(self) -> bool:
+        """Whether neither rounds nor duration limit the plan."""
+        return self.rounds is None and self.duration is None
+
     def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None) -> str | None:
         """Return the reason to stop at the end of a round: ``rounds``, ``duration`` or ``targets``; None to continue.
 
@@ -52,7 +57,7 @@ class StagePlan:
 
 
 class StageTrack:
-    """Tracks the progress of one stage; `duration` is its planned duration, s."""
+    """Tracks the progress of one stage, or of one round of an open-ended one; `duration` is the planned duration, s."""
 
     def __init__(self, stage: str, duration: float) -> None:
         self._stage, self._duration = stage, duration
@@ -113,7 +118,6 @@ def planned(
     end it.
     """
     elapsed = 0.0
-    open_ended = rule.rounds is None and rule.duration is None
     for step in islice(steps, _MAX_STEPS):
         seconds = step_time(step, start, settle)
         elapsed += seconds
@@ -122,9 +126,7 @@ def planned(
         yield step, seconds
         if isinstance(step, Finish):
             return
-        if isinstance(step, RoundEnd) and (
-            open_ended or rule.reason(step.rounds, elapsed, None) is not None
-        ):
+        if isinstance(step, RoundEnd) and (rule.open_ended or rule.reason(step.rounds, elapsed, None) is not None):
             return
 
 

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
-from calstation.physics import Carry, Finish, Move, Prepare, RoundEnd
+from calstation.physics import Carry, Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.context import Ended, Finalized, Output, RunContext
 from calstation.sequencer.control import State, StopRequested
@@ -152,6 +152,8 @@ class Sequencer:
                 reason = stage.rule.reason(rounds, elapsed, sigma)
                 if reason:
                     return reason, rounds
+                if stage.rule.open_ended:
+                    track = self._track = StageTrack(stage.name, duration)
             elif isinstance(step, Finish):
                 break
             elif not isinstance(step, Prepare):

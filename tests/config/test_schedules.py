@@ -1,12 +1,14 @@
 """Fields of schedules with their ranges, values of a product, and problems of values."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from calstation.config.resolved import prepare_run
 from calstation.config.schedules import ScheduleProblem, schedule_fields, schedule_options, schedule_problems
 from calstation.errors import ConfigurationError
+from procedures import method
 from tests.site_folder import PRODUCT, SiteFolder
 
 

@@ -23,6 +23,7 @@ from calstation.gui.widgets import (
     column,
     label,
     row,
+    show_text,
     split,
     stack,
     theme,
@@ -51,6 +52,7 @@ class PreviewView(QWidget):
         self._summary = label(name="preview_summary")
         self._problems = label(kind="error", name="preview_violations", wrap=True)
         self._problems.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._ends = label(kind="muted", name="preview_ends", wrap=True)
         self._plot = MotionPlot()
         self._plot.setMinimumHeight(22 * theme.GRID)
         self._table = CellTable("preview_table", grouped=True)

@@ -69,7 +69,16 @@ class StageList(QFrame):
         self._note = label(kind="muted", wrap=True)
         self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
         end_stage = EndStageButton(run, "end_stage_button", self._operator_ends_stages)
-        column(title, (self.list, 1), row(None, end_stage, None), self._left, self._note, on=self, spacing=0, margins=(1, 1, 1, theme.GRID))
+        column(
+            title,
+            (self.list, 1),
+            row(None, end_stage, None),
+            self._left,
+            self._note,
+            on=self,
+            spacing=0,
+            margins=(1, 1, 1, theme.GRID),
+        )
         run.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
 
