@@ -158,6 +158,25 @@ def export(
 
 
 @app.command()
+def apply(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="Result of a run or of a log solved again.")],
+    log: Annotated[
+        Path | None, typer.Argument(metavar="LOG", help="Recording; without one, 10 s of the station's unit.")
+    ] = None,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="CSV of the corrected samples to write.", metavar="FILE.csv")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Apply a result to a recording or to the connected unit: every rest before and after. Nothing moves."""
+    from calstation.cli.apply import apply_command
+
+    raise typer.Exit(apply_command(result, log, station, product, out, json))
+
+
+@app.command()
 def record(
     kind: Annotated[str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write.", metavar="LOG")],

@@ -15,6 +15,7 @@ from .link_test import link_test_configuration as link_test_configuration
 from .live_imu import SECONDS as SECONDS
 from .live_imu import OtherUnit as OtherUnit
 from .live_imu import apply_to_unit as apply_to_unit
+from .live_imu import read_unit as read_unit
 from .table_reset import TableReset as TableReset
 from .table_reset import TableState as TableState
 from .table_reset import read_table as read_table

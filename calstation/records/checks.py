@@ -51,8 +51,8 @@ class Level(StrictModel):
 class MotionAngle(StrictModel):
     """Rotation angles between rests from the calibrated gyros, compared with a reference."""
 
-    #: Encoder angles, where there are none gravity; or gravity as measured by the calibrated accelerometers.
-    reference: Literal["encoders", "gravity"] = "encoders"
+    #: ``gravity`` as measured by the calibrated accelerometers; by default the encoders, gravity where there are none.
+    reference: Literal["gravity"] | None = None
     within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
     below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the uncalibrated error.
     #: Where that fraction is less than this, rad, the remaining error is compared with this instead.

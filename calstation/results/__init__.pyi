@@ -29,6 +29,7 @@ from .preview import Violation as Violation
 from .preview import compute_preview as compute_preview
 from .resolving import FinishedRun as FinishedRun
 from .resolving import Resolved as Resolved
+from .resolving import find_log as find_log
 from .resolving import load_finished_run as load_finished_run
 from .resolving import resolve as resolve
 from .resolving import stored_result as stored_result

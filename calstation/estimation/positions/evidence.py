@@ -133,9 +133,7 @@ def turn_between(evidence: Evidence, first: int, second: int, found: FloatArray)
     return Turn(first, second, duration, path, uncalibrated, calibrated)
 
 
-def angle_errors(
-    evidence: Evidence, turn: Turn, found: FloatArray, axes: TableGeometry | None
-) -> tuple[float, float]:
+def angle_errors(evidence: Evidence, turn: Turn, found: FloatArray, axes: TableGeometry | None) -> tuple[float, float]:
     """Return the errors of the angle between two rests, rad, from uncalibrated and from calibrated gyros.
 
     The reference is the encoders of the table with these axes, or gravity without a table or encoder angles.
