@@ -1,6 +1,7 @@
 """`resolve`, `import`, `export`, `record` and `watch`: operations on logs and recordings."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast, get_args
 
@@ -10,11 +11,12 @@ from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 from calstation.cli.show import check_json, emit_json, result_table, say, show_line
 from calstation.config import pair_folder
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.pairs import SENSORS, WatchEvent
+from calstation.estimation.common import SampleBlock
+from calstation.estimation.pairs import SENSORS, PairWatch, RestDeviation, WatchEvent
 from calstation.messages import event_text, sentence
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records import SUFFIX, export_csv, import_csv, truth_path
-from calstation.results import resolve, watch_log, write_json
+from calstation.results import PairWatchResult, resolve, watch_log, write_json
 from calstation.simulation import GradeName, Kind, make_recording
 
 #: Thresholds below these are shown in °/h and µg, SI.
@@ -91,30 +93,45 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
 def watch_command(log: Path, folder: Path | None, command: bool) -> int:
     """Follow a log of IMUs on one body, calibrate the IMUs that are out of tolerance, and store the results.
 
-    Returns 0 if every secondary IMU is within its thresholds at the end or has been calibrated, 1 otherwise.
+    Returns 0 if every sensor of every IMU is within its threshold at the last check or has been calibrated, else 1.
     """
     out = Console(file=sys.stdout)
+    watched = watch_log(log, folder or pair_folder(), command, [_Shown(out)])
+    _show_checks(out, watched)
+    return 0 if watched.within else 1
 
-    def show(event: WatchEvent) -> None:
-        values = {name: _imus(value) for name, value in event.values.items()}
-        text = say(f"cli.watch_{event.kind}", **{"number": event.number, **values})
-        out.print(f"{event.time:9.1f} s  {text}", highlight=False, markup=False)
 
-    watched = watch_log(log, folder or pair_folder(), command, show)
-    calibrated = {e.number for e in watched.events if e.kind == "calibrated"}
-    good = True
+class _Shown:
+    """Prints the events of a watch."""
+
+    def __init__(self, out: Console) -> None:
+        self._out = out
+
+    def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
+        for event in events:
+            values = {name: _imus(value) for name, value in event.values.items()}
+            text = say(f"cli.watch_{event.kind}", **{"number": event.number, **values})
+            show_line(self._out, f"{event.time:9.1f} s  {text}")
+
+
+def _show_checks(out: Console, watched: PairWatchResult) -> None:
+    """Print the last check of every sensor and its verdict."""
     for number, check in watched.checks.items():
         for sensor in SENSORS:
-            shown = check.secondary[sensor]
-            verdict = "within" if shown.within else "calibrated" if number in calibrated else "OFF"
-            good = good and verdict != "OFF"
-            size, unit = _unit(sensor, shown.limit)
-            value, limit = (f"{_plain(x / size)} {unit}" for x in (shown.value, shown.limit))
-            text = f"imu{number} {sensor}: {value} at rest (threshold {limit})  {verdict}"
-            out.print(text, highlight=False, markup=False)
+            verdict = {"out_of_tolerance": "OFF"}.get(
+                watched.verdicts[number][sensor], watched.verdicts[number][sensor]
+            )
+            _show_check(out, f"imu{number} {sensor}", sensor, check.secondary[sensor], verdict)
+        for sensor in check.primary_out_of_tolerance:
+            _show_check(out, f"primary {sensor}", sensor, check.primary[sensor], "OFF")
     if not watched.checks:
-        out.print(say("cli.no_rest"), highlight=False)
-    return 0 if good and watched.checks else 1
+        show_line(out, say("cli.no_rest"))
+
+
+def _show_check(out: Console, name: str, sensor: str, shown: RestDeviation, verdict: str) -> None:
+    size, unit = _unit(sensor, shown.limit)
+    value, limit = (f"{_plain(x / size)} {unit}" for x in (shown.value, shown.limit))
+    show_line(out, f"{name}: {value} at rest (threshold {limit})  {verdict}")
 
 
 def _unit(sensor: str, limit: float) -> tuple[float, str]:

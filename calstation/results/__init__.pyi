@@ -20,7 +20,10 @@ from .offline import export_result as export_result
 from .offline import in_sigma as in_sigma
 from .offline import offline_solve as offline_solve
 from .pairs import PairCheckResult as PairCheckResult
+from .pairs import PairConsumer as PairConsumer
 from .pairs import PairProgress as PairProgress
+from .pairs import PairSession as PairSession
+from .pairs import PairWatchResult as PairWatchResult
 from .pairs import check_pair as check_pair
 from .pairs import progress_from_note as progress_from_note
 from .pairs import watch_log as watch_log

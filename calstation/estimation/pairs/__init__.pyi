@@ -1,6 +1,7 @@
 from .calibration import SENSORS as SENSORS
 from .calibration import PairCalibration as PairCalibration
 from .calibration import PairResult as PairResult
+from .calibration import RestDeviation as RestDeviation
 from .calibration import StaticCheck as StaticCheck
 from .calibration import pair_vector as pair_vector
 from .filtering import PairData as PairData
@@ -14,5 +15,6 @@ from .fit import LEVER as LEVER
 from .fit import OFFSET as OFFSET
 from .schedule import PairSchedule as PairSchedule
 from .watch import PairWatch as PairWatch
+from .watch import Verdict as Verdict
 from .watch import WatchEvent as WatchEvent
 from .watch import check_values as check_values

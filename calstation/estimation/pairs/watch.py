@@ -1,38 +1,51 @@
 """Live monitoring of secondary IMUs against their primary; calibrates those that are out of tolerance.
 
 After a trigger (start-up, period, command) every secondary is checked at the first rest, and those out of tolerance
-are fitted when enough motion has been recorded. If the primary is out of tolerance, no secondary is calibrated,
-because the pair alone does not show which of the two is wrong.
+are fitted when enough motion has been recorded. A sensor that is out of tolerance in the primary is not calibrated in
+any secondary, because the pair alone does not show which of the two is wrong.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.common import ImuModel, SampleBlock, Secondary, StoredPair, joined, stage_data
-from calstation.estimation.pairs.calibration import PairCalibration, PairResult, StaticCheck
+from calstation.estimation.pairs.calibration import SENSORS, PairCalibration, PairResult, StaticCheck
 
 #: Time between evaluations while checking or calibrating, s.
 EVALUATION_INTERVAL = 1.0
 #: Duration of samples kept from before the motion, in units of the shortest rest; they determine the biases.
 RESTS_KEPT = 10.0
 
+#: Time without output after which the primary is silent, s.
+SILENCE = 0.5
+
+#: State of a sensor of a secondary after a check: within tolerance, out of it, or calibrated because it was out of it.
+Verdict = Literal["within", "calibrated", "out_of_tolerance"]
+
 
 @dataclass(frozen=True)
 class WatchEvent:
     """An event of the live monitoring."""
 
-    kind: str  #: ``triggered``, ``checked``, ``primary_off``, ``calibrating``, ``calibrated`` or ``given_up``.
+    #: ``triggered``, ``checked``, ``primary_off``, ``primary_valid``, ``calibrating``, ``calibrated``, ``given_up``,
+    #: ``primary_silent`` or ``primary_resumed``.
+    kind: str
     time: float  #: IMU time, s.
     number: int = 0  #: Number of the secondary; 0 for all.
     values: Mapping[str, Any] = field(default_factory=dict)  #: Other values, JSON types.
 
 
 class PairWatch:
-    """Monitors a stream of blocks; `keep` is called with number and new values of a calibrated secondary."""
+    """Monitors a stream of blocks; `keep` is called with number and new values of a calibrated secondary.
+
+    Rows without output of the primary are invalid and have NaN counts. `stored` holds the calibration of each secondary
+    by number, `checks` its last check, `verdicts` the state of its sensors since then, and `primary_off` the sensors of
+    the primary that the last check found out of tolerance. `primary_silent` is whether the primary sends no samples.
+    """
 
     def __init__(
         self,
@@ -47,6 +60,10 @@ class PairWatch:
         self.stored = {s.number: s.stored for s in secondaries}
         self.checks: dict[int, StaticCheck] = {}
         self.calibrated: dict[int, PairResult] = {}
+        self.verdicts: dict[int, dict[str, Verdict]] = {}
+        self.primary_off: tuple[str, ...] = ()
+        self.primary_silent = False
+        self._last_output: float | None = None
         self._out_of_tolerance: dict[int, StaticCheck] = {}
         self._waiting: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []
@@ -66,13 +83,26 @@ class PairWatch:
 
     def feed(self, block: SampleBlock) -> list[WatchEvent]:
         """Add samples, in blocks of any length, and return the resulting events."""
+        second, events = round(self._imu.sample_rate), self._listen(block)
         self._waiting.append(block)
-        second, events = round(self._imu.sample_rate), []
         while sum(map(len, self._waiting)) >= second:
             whole = joined(self._waiting)
             events += self._process(whole.part(0, second))
             self._waiting = [whole.part(second, len(whole))]
         return events
+
+    def _listen(self, block: SampleBlock) -> list[WatchEvent]:
+        """Note whether the primary is silent."""
+        if not len(block):
+            return []
+        now, present = float(block.time[-1]), ~np.isnan(block.counts).any(axis=1)
+        if present.any() or self._last_output is None:
+            self._last_output = float(block.time[present][-1]) if present.any() else float(block.time[0])
+        silent = now - self._last_output > SILENCE
+        if silent == self.primary_silent:
+            return []
+        self.primary_silent = silent
+        return [WatchEvent("primary_silent" if silent else "primary_resumed", now)]
 
     def _process(self, block: SampleBlock) -> list[WatchEvent]:
         now = float(block.time[-1])
@@ -113,18 +143,22 @@ class PairWatch:
         if rest is None:
             return []
         events, self._out_of_tolerance, self._motion = [], {}, 0.0
+        was_off, self.primary_off = self.primary_off, ()
         for place, secondary in enumerate(self._secondaries):
             number = secondary.number
             check = calibration.check(data, rest, place, secondary, self.stored[number])
             if check is None:
                 continue
             self.checks[number] = check
+            self.verdicts[number] = {s: "within" if check.secondary[s].within else "out_of_tolerance" for s in SENSORS}
             events.append(WatchEvent("checked", now, number, check_values(check)))
-            doubtful = list(check.primary_out_of_tolerance)
-            if doubtful and not all(deviation.within for deviation in check.secondary.values()):
-                events.append(WatchEvent("primary_off", now, number, {"sensors": doubtful}))
-            if check.out_of_tolerance:
+            self.primary_off = check.primary_out_of_tolerance
+            if self.primary_off:
+                events.append(WatchEvent("primary_off", now, number, {"sensors": list(self.primary_off)}))
+            if calibration.to_calibrate(check):
                 self._out_of_tolerance[number] = check
+        if was_off and not self.primary_off:
+            events.append(WatchEvent("primary_valid", now))
         self.state = "calibrating" if self._out_of_tolerance else "waiting"
         if self._out_of_tolerance:
             events.append(WatchEvent("calibrating", now, 0, {"secondaries": list(self._out_of_tolerance)}))
@@ -158,8 +192,11 @@ class PairWatch:
                 continue
             self.stored[number], self.calibrated[number] = done.stored, done
             self._keep(number, done.stored)
-            del self._out_of_tolerance[number]
-            events.append(WatchEvent("calibrated", now, number))
+            check = self._out_of_tolerance.pop(number)
+            for sensor, value in done.static.items():
+                if not check.secondary[sensor].within and (value is None or value <= check.secondary[sensor].limit):
+                    self.verdicts[number][sensor] = "calibrated"
+            events.append(WatchEvent("calibrated", now, number, {"sensors": list(done.static)}))
         if failed and not last:
             return events
         if failed:

@@ -86,7 +86,10 @@ _STATES = {
     "triggered": "waiting",
     "checked": "none",
     "calibrating": "active",
+    "primary_valid": "good",
+    "primary_resumed": "good",
     "primary_off": "caution",
+    "primary_silent": "caution",
     "calibrated": "good",
     "given_up": "bad",
 }

@@ -93,12 +93,14 @@ class PairCheckView(QWidget):
         """Return a row for each sensor of every secondary and then of the primary, from the last check."""
         bars = []
         check: Mapping[str, Any] | None = None
-        by_trigger = {h.number for h in data.events if h.kind == "calibrated"}
+        events = data.events if self._checked is None else self._checked.progress.events
+        calibrated = {(h.number, s) for h in events if h.kind == "calibrated" for s in h.values["sensors"]}
         for k, secondary in enumerate(data.secondaries):
-            check, after = secondary.check, secondary.static if secondary.number in by_trigger else {}
+            check, static = secondary.check, secondary.static
             if self._checked is not None:
                 check = self._checked.checks.get(secondary.number, check)
-                after = self._checked.stored[k].static if secondary.number in self._checked.calibrated else {}
+                static = self._checked.stored[k].static
+            after = {s: value for s, value in static.items() if (secondary.number, s) in calibrated}
             name = self.tr("IMU {0}").format(secondary.number)
             bars += [self._bar(name, s, check and check["secondary"][s], after.get(s)) for s in _SENSORS]
         return bars + [self._bar(self.tr("primary"), s, check and check["primary"][s], None) for s in _SENSORS]
