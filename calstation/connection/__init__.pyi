@@ -15,6 +15,8 @@ from .link_test import link_test_configuration as link_test_configuration
 from .live_imu import SECONDS as SECONDS
 from .live_imu import OtherUnit as OtherUnit
 from .live_imu import apply_to_unit as apply_to_unit
+from .live_pair import LivePair as LivePair
+from .live_pair import open_pair as open_pair
 from .table_reset import TableReset as TableReset
 from .table_reset import TableState as TableState
 from .table_reset import read_table as read_table

@@ -1,3 +1,5 @@
+from .alignment import Alignment as Alignment
+from .alignment import PairAligner as PairAligner
 from .calibration import SENSORS as SENSORS
 from .calibration import PairCalibration as PairCalibration
 from .calibration import PairResult as PairResult
