@@ -191,16 +191,29 @@ def record(
 
 @app.command()
 def watch(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of IMUs on one body.")],
+    log: Annotated[Path | None, typer.Argument(metavar="LOG", help="Log of IMUs on one body.")] = None,
+    station: Annotated[
+        Path | None,
+        typer.Option(help="Watch the IMUs of this station live; file or name.", callback=_given("stations")),
+    ] = None,
+    product: ProductOption = None,
+    serial: Annotated[str, typer.Option(help="Serial number of a primary that cannot report it.")] = "",
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="Live: end after this device time.")] = None,
+    json: JsonOption = None,
     folder: Annotated[
         Path | None, typer.Option("--pairs", help="Folder of the stored pairs; default: the site's own.")
     ] = None,
     command: Annotated[bool, typer.Option("--now", help="Check at the first rest, whatever the triggers.")] = False,
 ) -> None:
-    """Follow IMUs on one body as live: check at rest, calibrate what is out of tolerance, store the result."""
-    from calstation.cli.logs import watch_command
+    """Follow IMUs on one body: check at rest, calibrate what is out of tolerance, store. Live: c and Enter checks."""
+    from calstation.cli.watch import watch_log_command, watch_station_command
+    from calstation.config import RunRequest
 
-    raise typer.Exit(watch_command(log, folder, command))
+    if (log is None) == (station is None):
+        raise ConfigurationError("cli.log_or_station")
+    if log is not None:
+        raise typer.Exit(watch_log_command(log, folder, command, json))
+    raise typer.Exit(watch_station_command(RunRequest(serial, station, product), folder, command, seconds, json))
 
 
 @app.command()

@@ -8,6 +8,7 @@ from .imu_session import capture_rest as capture_rest
 from .imu_session import open_imu_session as open_imu_session
 from .link_test import FoundPort as FoundPort
 from .link_test import LinkTestRequest as LinkTestRequest
+from .line_server import LineServer as LineServer
 from .link_test import check_imu_link as check_imu_link
 from .link_test import check_table_link as check_table_link
 from .link_test import discover_ports as discover_ports
@@ -16,6 +17,8 @@ from .live_imu import SECONDS as SECONDS
 from .live_imu import OtherUnit as OtherUnit
 from .live_imu import apply_to_unit as apply_to_unit
 from .live_imu import read_unit as read_unit
+from .live_pair import LivePair as LivePair
+from .live_pair import open_pair as open_pair
 from .table_reset import TableReset as TableReset
 from .table_reset import TableState as TableState
 from .table_reset import read_table as read_table

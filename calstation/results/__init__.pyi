@@ -1,3 +1,4 @@
+from .corrected import CorrectedOutput as CorrectedOutput
 from .diagnostics import Diagnostics as Diagnostics
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose
@@ -25,6 +26,7 @@ from .pairs import PairProgress as PairProgress
 from .pairs import PairSession as PairSession
 from .pairs import PairWatchResult as PairWatchResult
 from .pairs import check_pair as check_pair
+from .pairs import pair_report as pair_report
 from .pairs import progress_from_note as progress_from_note
 from .pairs import watch_log as watch_log
 from .preview import Preview as Preview

@@ -5,7 +5,7 @@ The calibration of a pair is stored in the site's folder and applied to the next
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -13,6 +13,7 @@ from calstation.config import pair_folder
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, StoredPair
 from calstation.estimation.pairs import (
+    Alignment,
     PairCalibration,
     PairSchedule,
     PairWatch,
@@ -109,6 +110,27 @@ class PairSession:
             if last is not None:
                 deliver(last.part(0, 0), watch.finish())
         return PairWatchResult(tuple(events), watch.checks, watch.verdicts, watch.stored)
+
+
+def pair_report(watched: PairWatchResult, alignments: Mapping[int, Alignment] | None = None) -> dict[str, Any]:
+    """Return the JSON of a watch; `alignments` holds the clocks of secondaries that were watched live."""
+    return {
+        "schema": "calstation.watch/1",
+        "passed": watched.within,
+        "secondaries": [
+            {
+                "number": number,
+                "verdicts": dict(watched.verdicts.get(number, {})),
+                "check": check_values(watched.checks[number]) if number in watched.checks else None,
+                "stored": {**asdict(stored), "values": dict(stored.values)},
+                "alignment": asdict(alignments[number]) if alignments else None,
+            }
+            for number, stored in watched.stored.items()
+        ],
+        "events": [
+            {"kind": e.kind, "time": e.time, "number": e.number, **values_to_json(e.values)} for e in watched.events
+        ],
+    }
 
 
 def watch_log(

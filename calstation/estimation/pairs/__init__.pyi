@@ -1,9 +1,12 @@
+from .alignment import Alignment as Alignment
+from .alignment import PairAligner as PairAligner
 from .calibration import SENSORS as SENSORS
 from .calibration import PairCalibration as PairCalibration
 from .calibration import PairResult as PairResult
 from .calibration import RestDeviation as RestDeviation
 from .calibration import StaticCheck as StaticCheck
 from .calibration import pair_vector as pair_vector
+from .correction import SecondaryCorrection as SecondaryCorrection
 from .filtering import PairData as PairData
 from .filtering import pair_data as pair_data
 from .filtering import signals as signals

@@ -32,7 +32,7 @@ class WatchEvent:
     """An event of the live monitoring."""
 
     #: ``triggered``, ``checked``, ``primary_off``, ``primary_valid``, ``calibrating``, ``calibrated``, ``given_up``,
-    #: ``primary_silent`` or ``primary_resumed``.
+    #: ``primary_silent``, ``primary_resumed`` or ``aligned``.
     kind: str
     time: float  #: IMU time, s.
     number: int = 0  #: Number of the secondary; 0 for all.
@@ -64,6 +64,7 @@ class PairWatch:
         self.primary_off: tuple[str, ...] = ()
         self.primary_silent = False
         self._last_output: float | None = None
+        self._notes: list[WatchEvent] = []
         self._out_of_tolerance: dict[int, StaticCheck] = {}
         self._waiting: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []
@@ -76,6 +77,16 @@ class PairWatch:
         """Request a check at the next rest, independent of the period."""
         self._due = True
 
+    def realigned(self, number: int, time: float, offset: float, sigma: float) -> None:
+        """Note that a secondary's clock offset, s, was measured anew: motion before it was not aligned."""
+        self._notes.append(WatchEvent("aligned", time, number, {"offset": offset, "sigma": sigma}))
+        if self.state == "calibrating":
+            self._blocks = [block for block in self._blocks if not self._moves(block)]
+
+    def _moves(self, block: SampleBlock) -> bool:
+        rate = block.counts[block.valid, :3] * self._imu.count_size[:3]
+        return len(rate) > 0 and float(np.linalg.norm(rate, axis=1).max()) > self._schedule.moving
+
     @property
     def progress(self) -> float:
         """Fraction of the required motion that has been collected, 0 to 1."""
@@ -83,7 +94,8 @@ class PairWatch:
 
     def feed(self, block: SampleBlock) -> list[WatchEvent]:
         """Add samples, in blocks of any length, and return the resulting events."""
-        second, events = round(self._imu.sample_rate), self._listen(block)
+        second, events = round(self._imu.sample_rate), [*self._notes, *self._listen(block)]
+        self._notes.clear()
         self._waiting.append(block)
         while sum(map(len, self._waiting)) >= second:
             whole = joined(self._waiting)

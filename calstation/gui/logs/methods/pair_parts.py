@@ -84,6 +84,7 @@ _LANES = 2
 #: Symbol of each kind of event (`badge.KINDS`), in ascending order of importance.
 _STATES = {
     "triggered": "waiting",
+    "aligned": "none",
     "checked": "none",
     "calibrating": "active",
     "primary_valid": "good",
