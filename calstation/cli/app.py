@@ -204,16 +204,23 @@ def watch(
         Path | None, typer.Option("--pairs", help="Folder of the stored pairs; default: the site's own.")
     ] = None,
     command: Annotated[bool, typer.Option("--now", help="Check at the first rest, whatever the triggers.")] = False,
+    serve: Annotated[
+        str | None, typer.Option(help="Serve corrected data to other programs as JSON lines.", metavar="HOST:PORT")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Write the corrected data to this file.", metavar="FILE.jsonl")
+    ] = None,
 ) -> None:
     """Follow IMUs on one body: check at rest, calibrate what is out of tolerance, store. Live: c and Enter checks."""
-    from calstation.cli.watch import watch_log_command, watch_station_command
+    from calstation.cli.watch import Delivery, watch_log_command, watch_station_command
     from calstation.config import RunRequest
 
     if (log is None) == (station is None):
         raise ConfigurationError("cli.log_or_station")
     if log is not None:
-        raise typer.Exit(watch_log_command(log, folder, command, json))
-    raise typer.Exit(watch_station_command(RunRequest(serial, station, product), folder, command, seconds, json))
+        raise typer.Exit(watch_log_command(log, folder, command, json, Delivery(serve, out)))
+    request = RunRequest(serial, station, product)
+    raise typer.Exit(watch_station_command(request, folder, command, seconds, json, Delivery(serve, out)))
 
 
 @app.command()

@@ -2,45 +2,64 @@
 
 import sys
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from rich.console import Console
 
 from calstation.cli.show import check_json, emit_json, on_interrupt, say, show_line
 from calstation.config import RunRequest, load_station, pair_folder, resolve_pair
-from calstation.connection import open_pair
-from calstation.errors import StoppedError
+from calstation.connection import LineServer, open_pair
+from calstation.errors import ConfigurationError, StoppedError
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import SENSORS, PairWatch, RestDeviation, WatchEvent
+from calstation.messages import os_reason
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
-from calstation.results import PairWatchResult, pair_report, watch_log
+from calstation.records import LogMeta, open_log
+from calstation.results import CorrectedOutput, PairWatchResult, pair_report, watch_log
 
 #: Thresholds below these are shown in °/h and µg, SI.
 _SMALL_RATE, _SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
 
 
+#: Time for which a replayed log waits for a client that falls behind, s per line.
+_REPLAY_PATIENCE = 10.0
 #: Interval at which the waiting for motion is shown, s.
 _SHOWN_EVERY = 5.0
 
 
-def watch_log_command(log: Path, folder: Path | None, command: bool, json: str | None) -> int:
+@dataclass(frozen=True)
+class Delivery:
+    """Where corrected data go."""
+
+    serve: str | None = None  #: ``HOST:PORT`` of a service for other programs.
+    file: Path | None = None  #: File of JSON lines.
+
+
+def watch_log_command(log: Path, folder: Path | None, command: bool, json: str | None, delivery: Delivery) -> int:
     """Replay a log of IMUs on one body, calibrate the sensors that are out of tolerance, and store the results.
 
     Returns 0 if every sensor of every IMU is within its threshold at the last check or has been calibrated, else 1.
     """
     check_json(json)
     out = _console(json)
-    watched = watch_log(log, folder or pair_folder(), command, [_Shown(out)])
+    with _delivered(open_log(log).meta, delivery, out, replay=True) as consumers:
+        watched = watch_log(log, folder or pair_folder(), command, [_Shown(out), *consumers])
     _show_checks(out, watched)
     emit_json(pair_report(watched), json)
     return 0 if watched.within else 1
 
 
 def watch_station_command(
-    request: RunRequest, folder: Path | None, command: bool, seconds: float | None, json: str | None
+    request: RunRequest,
+    folder: Path | None,
+    command: bool,
+    seconds: float | None,
+    json: str | None,
+    delivery: Delivery,
 ) -> int:
     """Watch the IMUs of a station live until `seconds` of device time have passed or Ctrl-C is pressed.
 
@@ -55,8 +74,9 @@ def watch_station_command(
         watch = live.session.watch
         if command:
             watch.command()
-        with _commands(watch):
-            watched = live.session.run(live.blocks(seconds, stopped.is_set), [_Shown(out, waiting=True)])
+        with _commands(watch), _delivered(live.session.meta, delivery, out) as consumers:
+            shown = _Shown(out, waiting=True)
+            watched = live.session.run(live.blocks(seconds, stopped.is_set), [shown, *consumers])
     _show_checks(out, watched)
     emit_json(pair_report(watched, live.alignments()), json)
     if stopped.is_set():
@@ -67,6 +87,41 @@ def watch_station_command(
 def _console(json: str | None) -> Console:
     """Return where events are shown: standard output, unless the JSON is written there."""
     return Console(file=sys.stderr if json == "-" else sys.stdout)
+
+
+@contextmanager
+def _delivered(
+    meta: LogMeta, delivery: Delivery, out: Console, *, replay: bool = False
+) -> Iterator[list[CorrectedOutput]]:
+    """Deliver corrected data while the context lasts; a replay starts with the first client and waits for slow ones.
+
+    Raises ConfigurationError if the service or the file cannot be opened.
+    """
+    sinks: list[Callable[[str], object]] = []
+    with ExitStack() as stack:
+        if delivery.file is not None:
+            sinks.append(stack.enter_context(_open_lines(delivery.file)).write)
+        server = None if delivery.serve is None else LineServer(delivery.serve, _REPLAY_PATIENCE if replay else 0.0)
+        if server is not None:
+            stack.callback(server.close)
+            sinks.append(server.write)
+        if not sinks:
+            yield []
+            return
+        output = CorrectedOutput(meta, sinks)
+        if server is not None:
+            server.greeting = lambda: output.greeting
+            show_line(out, say("cli.serving", address=server.address))
+            while replay and not server.wait_for_client(0.2):
+                pass  # Ctrl-C ends the waiting
+        yield [output]
+
+
+def _open_lines(path: Path) -> TextIO:
+    try:
+        return path.open("w", encoding="utf-8")
+    except OSError as exc:
+        raise ConfigurationError("result.unwritable", file=path, reason=os_reason(exc)) from exc
 
 
 @contextmanager

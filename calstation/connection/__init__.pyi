@@ -6,9 +6,9 @@ from .devices import connected as connected
 from .imu_session import ImuSession as ImuSession
 from .imu_session import capture_rest as capture_rest
 from .imu_session import open_imu_session as open_imu_session
+from .line_server import LineServer as LineServer
 from .link_test import FoundPort as FoundPort
 from .link_test import LinkTestRequest as LinkTestRequest
-from .line_server import LineServer as LineServer
 from .link_test import check_imu_link as check_imu_link
 from .link_test import check_table_link as check_table_link
 from .link_test import discover_ports as discover_ports

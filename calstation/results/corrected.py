@@ -1,7 +1,7 @@
-"""Corrected output of IMUs on one body as JSON lines for other programs; docs/reference/corrected-data.md defines them.
+"""Corrected output of IMUs on one body as JSON lines for other programs, see docs/reference/corrected-data.md.
 
-The primary is corrected by its own errors, a secondary by its stored errors relative to the primary and then by those of
-the primary. Each line says which of them is valid.
+The primary is corrected by its own errors, a secondary by its stored errors relative to the primary and then by those
+of the primary. Each line says which of them is valid.
 """
 
 import json
@@ -25,14 +25,14 @@ _RATE_PLACES, _FORCE_PLACES = 10, 8
 
 
 class CorrectedOutput:
-    """A `PairConsumer` that passes every line on to `write`.
+    """A `PairConsumer` that passes every line on to all `sinks`.
 
     A calibration or a state of the primary that a block of the watch brings about applies to that whole block.
     """
 
-    def __init__(self, meta: LogMeta, write: Callable[[str], None]) -> None:
+    def __init__(self, meta: LogMeta, sinks: Sequence[Callable[[str], object]]) -> None:
         context = context_from_meta(meta)
-        self._write, self._imu = write, context.imu
+        self._sinks, self._imu = sinks, context.imu
         self._own = compensation(prior_from_meta(meta).mean)
         self._secondaries = {s.number: SecondaryCorrection(s, self._own) for s in context.secondaries}
         self._rows = max(1, round(FRAME * context.imu.sample_rate))
@@ -47,7 +47,7 @@ class CorrectedOutput:
             **{f"imu{s.number}": {"serial": s.imu.serial} for s in context.secondaries},
         }
         self.greeting = _line({**self._head, **self._state()})  #: First line for a reader, with the present state.
-        write(self.greeting)
+        self._write(self.greeting)
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
         """Write the events, then the samples with the state after them."""
@@ -75,6 +75,10 @@ class CorrectedOutput:
 
     def _state(self) -> dict[str, Any]:
         return {"source": self._source, "switch_overs": max(self._switch_overs, 0)}
+
+    def _write(self, line: str) -> None:
+        for sink in self._sinks:
+            sink(line)
 
     def _tell(self, kind: str, time: float | None, number: int, values: Mapping[str, Any]) -> None:
         imu = {"imu": f"imu{number}"} if number else {}
@@ -105,17 +109,21 @@ class CorrectedOutput:
         }
         for place, (number, secondary) in enumerate(self._secondaries.items()):
             rows = _rows(*secondary.corrected(block.others[:, place]))
-            frame[f"imu{number}"] = {**rows, "calibration": self._calibrations[number]}
+            used = {"calibration": self._calibrations[number], "clock_offset_s": secondary.clock_offset}
+            frame[f"imu{number}"] = {**used, **rows}
         self._write(_line(frame))
 
 
 def _rows(rate: FloatArray, force: FloatArray) -> dict[str, list[list[float] | None]]:
     """Return one row per sample and sensor, None where it is missing."""
-    present = np.isfinite(rate).all(axis=1) & np.isfinite(force).all(axis=1)
-    found = {}
-    for name, values, places in (("gyro", rate, _RATE_PLACES), ("accel", force, _FORCE_PLACES)):
-        rows = np.round(values, places).tolist()
-        found[name] = rows if present.all() else [row if p else None for row, p in zip(rows, present, strict=True)]
+    missing = np.flatnonzero(np.isnan(np.hstack([rate, force])).any(axis=1)).tolist()
+    found: dict[str, list[list[float] | None]] = {
+        "gyro": np.round(rate, _RATE_PLACES).tolist(),
+        "accel": np.round(force, _FORCE_PLACES).tolist(),
+    }
+    for rows in found.values():
+        for k in missing:
+            rows[k] = None
     return found
 
 
