@@ -57,7 +57,7 @@ class PairLiveView(PairBars):
             stored,
             on=self._shown,
         )
-        head = row((self.badge, 1), self.check_button, self.start_button, spacing=theme.GRID)
+        head = row(self.badge, None, self.check_button, self.start_button, spacing=theme.GRID)
         column(head, self._explanation, self._failure, self._shown, None, on=self, margins=(0, theme.GRID, 0, 0))
         app.station_changed.connect(self._refresh)
         app.engine_link.running_changed.connect(self._refresh)
