@@ -19,6 +19,8 @@ from .live_imu import apply_to_unit as apply_to_unit
 from .live_imu import read_unit as read_unit
 from .live_pair import LivePair as LivePair
 from .live_pair import open_pair as open_pair
+from .pair_process import PairProcess as PairProcess
+from .pair_process import PairStatus as PairStatus
 from .table_reset import TableReset as TableReset
 from .table_reset import TableState as TableState
 from .table_reset import read_table as read_table

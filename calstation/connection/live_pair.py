@@ -4,6 +4,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -175,5 +176,6 @@ def open_pair(
         primary = setup.primary.imu
         held = units[0].imu.read_registers() if primary.registers and primary.protocol != "stream" else {}
         meta = setup.log_meta(serials, held)
-        session = PairSession(meta, folder, setup.primary.sources["station"].path)
+        fits = stack.enter_context(ThreadPoolExecutor(1, "fit"))
+        session = PairSession(meta, folder, setup.primary.sources["station"].path, fits.submit)
         yield LivePair(session, units, [unit.imu.status for unit in setup.units], clock)

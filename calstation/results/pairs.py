@@ -18,8 +18,10 @@ from calstation.estimation.pairs import (
     PairSchedule,
     PairWatch,
     StaticCheck,
+    Submit,
     Verdict,
     WatchEvent,
+    call_now,
     check_values,
 )
 from calstation.jobs import ProgressCallback
@@ -72,10 +74,10 @@ class PairSession:
     """Watches IMUs on one body, from a log or live, and stores the calibrations of its secondaries.
 
     A pair without a file in `folder` starts with the values in `meta`. Raises InputError if `meta` has no secondary or
-    an invalid schedule; `source` names it in messages.
+    an invalid schedule; `source` names it in messages. `submit` executes the fits, see `PairWatch`.
     """
 
-    def __init__(self, meta: LogMeta, folder: Path, source: str | Path) -> None:
+    def __init__(self, meta: LogMeta, folder: Path, source: str | Path, submit: Submit = call_now) -> None:
         context = context_from_meta(meta)
         if not context.secondaries:
             raise InputError("solution.in_log", file=source, what=Text("solution.one_imu"))
@@ -92,7 +94,8 @@ class PairSession:
 
         self.context = replace(context, secondaries=secondaries)
         self.prior = prior_from_meta(meta)  #: The primary's own errors.
-        self.watch = PairWatch(context.imu, secondaries, PairCalibration(self.context, self.prior, schedule), store)
+        calibration = PairCalibration(self.context, self.prior, schedule)
+        self.watch = PairWatch(context.imu, secondaries, calibration, store, submit)
 
     def run(self, blocks: Iterable[SampleBlock], consumers: Sequence[PairConsumer] = ()) -> PairWatchResult:
         """Watch all blocks, and pass each on to the consumers together with its events."""

@@ -18,6 +18,8 @@ from .fit import LEVER as LEVER
 from .fit import OFFSET as OFFSET
 from .schedule import PairSchedule as PairSchedule
 from .watch import PairWatch as PairWatch
+from .watch import Submit as Submit
 from .watch import Verdict as Verdict
 from .watch import WatchEvent as WatchEvent
+from .watch import call_now as call_now
 from .watch import check_values as check_values

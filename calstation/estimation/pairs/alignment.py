@@ -47,10 +47,12 @@ _HALF = 5
 _KEPT = 6.0
 #: Window over which the smallest delay is taken, s.
 _DELAY_WINDOW = 10.0
-#: Change of the delay that shows that a unit's clock has jumped, s, and how long a larger delay must last.
+#: Increase of the delay that shows that a unit's clock has jumped, s, if it lasts; a busy computer also delays samples.
 _JUMP, _JUMP_LASTS = 0.1, 0.5
+#: Decrease of the delay that shows that a unit's clock has jumped, s; the first samples may have waited for a while.
+_JUMP_AHEAD = 2.0
 #: Delay after which a row is complete, whether or not all samples have arrived, s.
-LATE = 0.3
+LATE = 0.5
 
 
 def interpolate(counts: FloatArray, at: FloatArray) -> FloatArray:
@@ -201,7 +203,7 @@ class _Stream:
                     self._held.append((seq, counts))
                     return
                 restarted = True
-            if restarted or delay < usual - _JUMP:
+            if restarted or delay < usual - _JUMP_AHEAD:
                 self._shift += round((delay - usual) * self.rate)
                 delay = float(np.min(arrival - (seq + 1 + self._shift) / self.rate))
                 self._delays.clear()

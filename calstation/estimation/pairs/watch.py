@@ -6,13 +6,15 @@ any secondary, because the pair alone does not show which of the two is wrong.
 """
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common import ImuModel, SampleBlock, Secondary, StoredPair, joined, stage_data
+from calstation.estimation.common import ImuModel, SampleBlock, Secondary, StageData, StoredPair, joined, stage_data
 from calstation.estimation.pairs.calibration import SENSORS, PairCalibration, PairResult, StaticCheck
 
 #: Time between evaluations while checking or calibrating, s.
@@ -21,7 +23,7 @@ EVALUATION_INTERVAL = 1.0
 RESTS_KEPT = 10.0
 
 #: Time without output after which the primary is silent, s.
-SILENCE = 0.5
+SILENCE = 1.0
 
 #: State of a sensor of a secondary after a check: within tolerance, out of it, or calibrated because it was out of it.
 Verdict = Literal["within", "calibrated", "out_of_tolerance"]
@@ -39,9 +41,24 @@ class WatchEvent:
     values: Mapping[str, Any] = field(default_factory=dict)  #: Other values, JSON types.
 
 
+#: New results by number, the failure if there is one, and whether it is final.
+_Fits = tuple[dict[int, PairResult], InputError | None, bool]
+
+#: Executes a call and returns its future.
+Submit = Callable[[Callable[[], _Fits]], "Future[_Fits]"]
+
+
+def call_now(work: Callable[[], _Fits]) -> "Future[_Fits]":
+    """Execute `work` immediately."""
+    future: Future[_Fits] = Future()
+    future.set_result(work())
+    return future
+
+
 class PairWatch:
     """Monitors a stream of blocks; `keep` is called with number and new values of a calibrated secondary.
 
+    The fits are executed by `submit`, by default immediately; a live watch runs them beside its stream.
     Rows without output of the primary are invalid and have NaN counts. `stored` holds the calibration of each secondary
     by number, `checks` its last check, `verdicts` the state of its sensors since then, and `primary_off` the sensors of
     the primary that the last check found out of tolerance. `primary_silent` is whether the primary sends no samples.
@@ -53,9 +70,10 @@ class PairWatch:
         secondaries: tuple[Secondary, ...],
         calibration: PairCalibration,
         keep: Callable[[int, StoredPair], None] = lambda number, stored: None,
+        submit: Submit = call_now,
     ) -> None:
         self._imu, self._secondaries, self._calibration = imu, secondaries, calibration
-        self._schedule, self._keep = calibration.schedule, keep
+        self._schedule, self._keep, self._submit = calibration.schedule, keep, submit
         self.state = "waiting"
         self.stored = {s.number: s.stored for s in secondaries}
         self.checks: dict[int, StaticCheck] = {}
@@ -65,6 +83,7 @@ class PairWatch:
         self.primary_silent = False
         self._last_output: float | None = None
         self._notes: list[WatchEvent] = []
+        self._fits: Future[_Fits] | None = None
         self._out_of_tolerance: dict[int, StaticCheck] = {}
         self._waiting: list[SampleBlock] = []
         self._blocks: list[SampleBlock] = []
@@ -182,39 +201,52 @@ class PairWatch:
 
     def _collect(self, now: float, last: bool) -> list[WatchEvent]:
         """Calibrate when there is enough motion; only the `last` evaluation reports failure."""
+        if self._fits is None:
+            self._fits = self._submit(partial(self._fit, last, self._motion_data()))
+        if not last and not self._fits.done():
+            return []
+        (done, failed, last_fits), self._fits = self._fits.result(), None
+        events: list[WatchEvent] = []
+        for number, result in done.items():
+            self.stored[number], self.calibrated[number] = result.stored, result
+            self._keep(number, result.stored)
+            check = self._out_of_tolerance.pop(number)
+            for sensor, value in result.static.items():
+                if not check.secondary[sensor].within and (value is None or value <= check.secondary[sensor].limit):
+                    self.verdicts[number][sensor] = "calibrated"
+            events.append(WatchEvent("calibrated", now, number, {"sensors": list(result.static)}))
+        if failed and not last_fits:
+            return events + (self._collect(now, last) if last else [])
+        if failed:
+            events.append(WatchEvent("given_up", now, 0, {"why": failed.as_text}))
+        self.state, self._blocks = "waiting", []
+        return events
+
+    def _motion_data(self) -> StageData:
         data = stage_data(self._blocks, self._imu)
         rest = np.median(data.gyro[: round(self._schedule.static_s / data.dt)], axis=0)
         moving = np.linalg.norm(data.gyro - rest, axis=1) > self._schedule.moving
         self._motion = float(np.count_nonzero(moving)) * data.dt
+        return data
+
+    def _fit(self, last: bool, data: StageData) -> _Fits:
+        """Fit the secondaries that are out of tolerance, up to the first failure."""
         last = last or len(data) * data.dt >= self._schedule.longest_s
-        events: list[WatchEvent] = []
-        failed: InputError | None = None
         if self._motion < self._schedule.motion_s:
             wanted = self._schedule.motion_s
-            failed = InsufficientDataError("solve.too_little_motion", seconds=self._motion, wanted=wanted)
+            return {}, InsufficientDataError("solve.too_little_motion", seconds=self._motion, wanted=wanted), last
+        done: dict[int, PairResult] = {}
+        failed: InputError | None = None
         for place, secondary in enumerate(self._secondaries):
             number = secondary.number
             if failed or number not in self._out_of_tolerance:
                 continue
             choice = self._calibration.chosen(self._out_of_tolerance[number])
             try:
-                done = self._calibration.calibrate(data, place, secondary, choice, self.stored[number])
+                done[number] = self._calibration.calibrate(data, place, secondary, choice, self.stored[number])
             except InputError as error:
                 failed = error
-                continue
-            self.stored[number], self.calibrated[number] = done.stored, done
-            self._keep(number, done.stored)
-            check = self._out_of_tolerance.pop(number)
-            for sensor, value in done.static.items():
-                if not check.secondary[sensor].within and (value is None or value <= check.secondary[sensor].limit):
-                    self.verdicts[number][sensor] = "calibrated"
-            events.append(WatchEvent("calibrated", now, number, {"sensors": list(done.static)}))
-        if failed and not last:
-            return events
-        if failed:
-            events.append(WatchEvent("given_up", now, 0, {"why": failed.as_text}))
-        self.state, self._blocks = "waiting", []
-        return events
+        return done, failed, last
 
 
 def check_values(check: StaticCheck) -> dict[str, Any]:
