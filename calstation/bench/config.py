@@ -9,9 +9,11 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from calstation.bench.table import TableLimits
 from calstation.bench.truth import BenchTruth, EncoderTruth, GradeName, ManualRig, TableTruth, draw_imu
-from calstation.physics import INDEX
+from calstation.physics import INDEX, group_indices
 from calstation.schema import EntryError, near_miss
 
+#: Groups of parameters that are 0 in a unit on a body, because a pair has one lever arm.
+_NOT_ON_A_BODY = ("accel_quadratic", "inner_lever", "outer_lever")
 _ARCSECOND = radians(1.0 / 3600.0)
 
 Vector = tuple[float, float, float]
@@ -49,6 +51,16 @@ class Order(BaseModel):
     value: float = 1.0
     at: float = 0.0
     after: NonNegative = 0.0
+
+
+class BodySettings(BaseModel):
+    """Motion of a body that carries several units: rests of `rest_s`, and between them motions of `motion_s`."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    rest_s: Positive = 8.0
+    motion_s: Positive = 24.0
+    seed: Annotated[int, Field(ge=0)] = 1
 
 
 class BenchConfig(BaseModel):
@@ -101,6 +113,11 @@ class BenchConfig(BaseModel):
     latency_s: NonNegative = 0.002
     jitter_s: NonNegative = 0.001
     clock_drift_ppm: float = 20.0
+    power_on_s: NonNegative = 0.0
+    calibrated: bool = False
+    gyro_steps: tuple[Pair, ...] = ()
+    body: BodySettings | None = None
+    secondaries: tuple["BenchConfig", ...] = ()
     ready_time_s: NonNegative = 1.0
     ambient_c: float = 23.0
     warm_up_c: float = 4.0
@@ -124,6 +141,8 @@ class BenchConfig(BaseModel):
         )
         for name, value in self.parameters.items():
             imu.parameters[INDEX[name]] = value
+        if self.body is not None:
+            imu.parameters[[i for group in _NOT_ON_A_BODY for i in group_indices(group)]] = 0.0
         random = np.random.default_rng(table_seed)
         direction = random.standard_normal(3)
         mount = direction / np.linalg.norm(direction) * random.uniform(*_radians(self.mount_deg))

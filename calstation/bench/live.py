@@ -8,7 +8,16 @@ from calstation.bench.config import BenchConfig, Order
 from calstation.bench.imu import SAMPLES as VECTORNAV
 from calstation.bench.imu import DspUnit, ImuUnit, StreamFaults, VectorNavUnit
 from calstation.bench.table import Clocks, Fault, TableMachine, TableRegisters
-from calstation.bench.truth import HandStream, SensorStream, TableDrive
+from calstation.bench.truth import (
+    BodyMotion,
+    BodyStream,
+    Field,
+    HandStream,
+    Mounting,
+    SensorStream,
+    TableDrive,
+    draw_mounting,
+)
 
 TABLE_MODEL = "bench-table"
 
@@ -30,10 +39,10 @@ class LiveBench:
     """All devices on a common time, without their links.
 
     `host_time` is the clock of the watchdog, `now` the time of the clock service, s. Orders that concern the links are
-    passed to `on_link`.
+    passed to `on_link`. A `secondary` unit is mounted on a body beside the primary.
     """
 
-    def __init__(self, config: BenchConfig, host_time: Callable[[], float]) -> None:
+    def __init__(self, config: BenchConfig, host_time: Callable[[], float], *, secondary: bool = False) -> None:
         self.truth = config.truth()
         stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1]).spawn(3)
         self._random = np.random.default_rng(other_seed)
@@ -42,12 +51,25 @@ class LiveBench:
         else:
             outer, inner = np.deg2rad(config.start_deg)
         start = (float(outer), float(inner))
-        self._stream: SensorStream | HandStream = (
-            HandStream(self.truth.imu, config.rig(), stream_seed)
-            if config.table_protocol == "hand"
-            else SensorStream(self.truth.imu, self.truth.table, stream_seed)
-        )
         self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
+        self._power_on = config.power_on_s
+        self._stream: SensorStream | HandStream | BodyStream
+        if config.body is not None:
+            body, table = config.body, self.truth.table
+            self._stream = BodyStream(
+                self.truth.imu,
+                BodyMotion(body.rest_s, body.motion_s, body.seed),
+                draw_mounting(self._random) if secondary else Mounting(np.eye(3), np.zeros(3)),
+                Field(table.up_force_n, table.earth_rate_n),
+                stream_seed,
+                config.power_on_s,
+                self._gain,
+                np.reshape(config.gyro_steps, (-1, 2)) * [1.0, np.deg2rad(1.0)],
+            )
+        elif config.table_protocol == "hand":
+            self._stream = HandStream(self.truth.imu, config.rig(), stream_seed)
+        else:
+            self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed)
         self._latency, self._jitter = config.latency_s, config.jitter_s
         self._orders = sorted(config.orders, key=lambda order: order.at)
         self.faults = StreamFaults(self._random)
@@ -65,6 +87,8 @@ class LiveBench:
         imu = self.truth.imu
         per_count = imu.sample_rate if imu.output == "increment" else 1.0
         self.unit = UNITS[config.imu_protocol](config, np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * per_count)
+        if config.calibrated:
+            self.unit.calibrate(imu.error_model())
         if config.table_protocol == "imu_link":
             self.unit.axes = self.registers
         if isinstance(self.unit, VectorNavUnit):
@@ -73,7 +97,7 @@ class LiveBench:
     @property
     def device_time(self) -> float:
         """Time of the devices, s."""
-        return self.now * self._gain
+        return (self.now - self._power_on) * self._gain
 
     @property
     def sampled(self) -> int:
@@ -88,16 +112,16 @@ class LiveBench:
     def advance(self, now: float) -> bytes:
         """Advance to `now`, s; return the frames that the unit sends in this interval."""
         parts = []
-        while self._orders and self._orders[0].at <= now * self._gain:
+        while self._orders and self._orders[0].at <= (now - self._power_on) * self._gain:
             due = self._orders.pop(0)
-            parts += self._advance_in_steps(max(due.at / self._gain, self.now))
+            parts += self._advance_in_steps(max(self._power_on + due.at / self._gain, self.now))
             self.obey(due)
         parts += self._advance_in_steps(now)
         return b"".join(parts)
 
     def _advance_in_steps(self, now: float) -> list[bytes]:
         """Advance to `now`, s, in steps that end with timed faults; their effect then does not depend on the caller."""
-        ends = (end / self._gain for end in self.faults.until.values())
+        ends = (self._power_on + end / self._gain for end in self.faults.until.values())
         return [self._produce(cut) for cut in (*sorted(end for end in ends if self.now < end < now), now)]
 
     def obey(self, order: Order) -> None:
@@ -148,7 +172,7 @@ class LiveBench:
         count = int(self.device_time / interval + 1e-6) - first
         if count <= 0:
             return b""
-        if isinstance(self._stream, HandStream):
+        if isinstance(self._stream, HandStream | BodyStream):
             output = self._stream.produce(count)
         else:
             output = self._stream.produce(count, *self.machine.drive.profiles)

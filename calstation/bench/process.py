@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from calstation.bench.config import BenchConfig, BenchReport, Order
@@ -31,13 +32,22 @@ _LOOP_ITERATIONS = 3
 COASTING = 2.0
 
 
+def _line(config: BenchConfig, unit: LiveBench) -> Line:
+    """Return the serial line of a unit."""
+    return (SocketLine if config.imu_transport == "socket" else TerminalLine)(unit.talk)
+
+
 class BenchProcess:
     """Runs a bench on an event loop until `stop`; announces its ports at the start and whenever a port name changes."""
 
     def __init__(self, config: BenchConfig) -> None:
         self._config = config
         self._bench = bench = LiveBench(config, time.monotonic)
-        self._line: Line = (SocketLine if config.imu_transport == "socket" else TerminalLine)(bench.talk)
+        self._others = [LiveBench(other, time.monotonic, secondary=True) for other in config.secondaries]
+        self._line, *self._other_lines = (
+            _line(settings, unit)
+            for settings, unit in zip((config, *config.secondaries), (bench, *self._others), strict=True)
+        )
         self._modbus: TableLink | None = None
         self._text: TextController | None = None
         self._text_line: Line | None = None
@@ -51,7 +61,9 @@ class BenchProcess:
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._text_line = line_kind(lambda: controller.feed)
         self._clock = ClockService(bench, self._advance, self._report, self.stop)
-        bench.on_link = self._obey
+        bench.on_link = lambda order: self._obey(order, self._line)
+        for other, line in zip(self._others, self._other_lines, strict=True):
+            other.on_link = partial(self._obey, line=line)
         self._moving = asyncio.Lock()
         self._moved = asyncio.Condition()
         self._stopped = asyncio.Event()
@@ -66,7 +78,8 @@ class BenchProcess:
             await (self._modbus.serve_rtu() if self._config.table_transport == "rtu" else self._modbus.serve_tcp())
         if self._text_line is not None:
             await self._text_line.open()
-        await self._line.open()
+        for line in (self._line, *self._other_lines):
+            await line.open()
         await self._clock.open()
         ticking = asyncio.create_task(self._tick())
         self._announce()
@@ -76,13 +89,13 @@ class BenchProcess:
                 await self._wait_for_watchdog()
         finally:
             ticking.cancel()
-            for link in (self._clock, self._line, self._modbus, self._text_line):
+            for link in (self._clock, self._line, *self._other_lines, self._modbus, self._text_line):
                 if link is not None:
                     await link.close()
             self._write_report()
 
     def _announce(self) -> None:
-        """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu` (for serial_for_url)."""
+        """Print the links as JSON: `table` and `clock` ("host:port", or a path), `imu`, `imu2`, ... (as URLs)."""
         table = self._modbus or self._text_line or self._line
         endpoints = {
             "table": table.endpoint if table is self._line else table.endpoint.removeprefix("socket://"),
@@ -90,6 +103,7 @@ class BenchProcess:
             "imu": self._line.endpoint,
             "clock": self._clock.endpoint,
             "serial": self._config.serial,
+            **{f"imu{number}": line.endpoint for number, line in enumerate(self._other_lines, 2)},
         }
         print(json.dumps(endpoints), flush=True)
 
@@ -121,20 +135,24 @@ class BenchProcess:
     async def _reach(self, until: float) -> None:
         async with self._moving:
             while self._bench.now < until:
-                await self._line.send(self._bench.advance(min(until, self._bench.now + SLICE)))
+                now = min(until, self._bench.now + SLICE)
+                for other, line in zip(self._others, self._other_lines, strict=True):
+                    await line.send(other.advance(now))
+                await self._line.send(self._bench.advance(now))
 
     def _report(self) -> dict[str, Any]:
-        return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": self._line.sent}
+        sent = [line.sent for line in (self._line, *self._other_lines)]
+        return {"now": self._bench.now, "samples": self._bench.sampled, "bytes": sum(sent)}
 
-    def _obey(self, order: Order) -> None:
-        """Carry out orders that concern the links."""
+    def _obey(self, order: Order, line: Line) -> None:
+        """Carry out orders that concern the links; `line` is that of the unit."""
         table, controller = self._modbus, self._text
         if order.order == "hang_up_imu":
-            self._line.hang_up()
-            if isinstance(self._line, TerminalLine):
+            line.hang_up()
+            if isinstance(line, TerminalLine):
                 self._announce()
         elif order.order == "slow_imu":
-            self._line.slow.append(order.value)
+            line.slow.append(order.value)
         elif order.order == "mute_table" and controller is not None:
             controller.mute += int(order.value)
         elif table is None:

@@ -6,7 +6,7 @@
     {"carry": [outer, inner], "rest": s} -> the same; asks the simulated operator to set the rails to angles, rad
     anything else                        -> {"error": text}
 
-`samples` counts all samples produced, `bytes` the bytes sent to the current client of the IMU link.
+`samples` counts all samples produced, `bytes` the bytes sent to the current clients of all IMU links.
 """
 
 import asyncio

@@ -158,6 +158,25 @@ def export(
 
 
 @app.command()
+def apply(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="Result of a run or of a log solved again.")],
+    log: Annotated[
+        Path | None, typer.Argument(metavar="LOG", help="Recording; without one, 10 s of the station's unit.")
+    ] = None,
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="CSV of the corrected samples to write.", metavar="FILE.csv")
+    ] = None,
+    json: JsonOption = None,
+) -> None:
+    """Apply a result to a recording or to the connected unit: every rest before and after. Nothing moves."""
+    from calstation.cli.apply import apply_command
+
+    raise typer.Exit(apply_command(result, log, station, product, out, json))
+
+
+@app.command()
 def record(
     kind: Annotated[str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write.", metavar="LOG")],
@@ -172,16 +191,36 @@ def record(
 
 @app.command()
 def watch(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Log of IMUs on one body.")],
+    log: Annotated[Path | None, typer.Argument(metavar="LOG", help="Log of IMUs on one body.")] = None,
+    station: Annotated[
+        Path | None,
+        typer.Option(help="Watch the IMUs of this station live; file or name.", callback=_given("stations")),
+    ] = None,
+    product: ProductOption = None,
+    serial: Annotated[str, typer.Option(help="Serial number of a primary that cannot report it.")] = "",
+    seconds: Annotated[float | None, typer.Option(min=0.0, help="Live: end after this device time.")] = None,
+    json: JsonOption = None,
     folder: Annotated[
         Path | None, typer.Option("--pairs", help="Folder of the stored pairs; default: the site's own.")
     ] = None,
     command: Annotated[bool, typer.Option("--now", help="Check at the first rest, whatever the triggers.")] = False,
+    serve: Annotated[
+        str | None, typer.Option(help="Serve corrected data to other programs as JSON lines.", metavar="HOST:PORT")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="Write the corrected data to this file.", metavar="FILE.jsonl")
+    ] = None,
 ) -> None:
-    """Follow IMUs on one body as live: check at rest, calibrate what is out of tolerance, store the result."""
-    from calstation.cli.logs import watch_command
+    """Follow IMUs on one body: check at rest, calibrate what is out of tolerance, store. Live: c and Enter checks."""
+    from calstation.cli.watch import Delivery, watch_log_command, watch_station_command
+    from calstation.config import RunRequest
 
-    raise typer.Exit(watch_command(log, folder, command))
+    if (log is None) == (station is None):
+        raise ConfigurationError("cli.log_or_station")
+    if log is not None:
+        raise typer.Exit(watch_log_command(log, folder, command, json, Delivery(serve, out)))
+    request = RunRequest(serial, station, product)
+    raise typer.Exit(watch_station_command(request, folder, command, seconds, json, Delivery(serve, out)))
 
 
 @app.command()

@@ -1,24 +1,18 @@
-"""`resolve`, `import`, `export`, `record` and `watch`: operations on logs and recordings."""
+"""`resolve`, `import`, `export` and `record`: operations on logs and recordings."""
 
 import sys
 from pathlib import Path
-from typing import Any, cast, get_args
+from typing import cast, get_args
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.show import check_json, emit_json, result_table, say, show_line
-from calstation.config import pair_folder
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.pairs import SENSORS, WatchEvent
 from calstation.messages import event_text, sentence
-from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
 from calstation.records import SUFFIX, export_csv, import_csv, truth_path
-from calstation.results import resolve, watch_log, write_json
+from calstation.results import resolve, write_json
 from calstation.simulation import GradeName, Kind, make_recording
-
-#: Thresholds below these are shown in °/h and µg, SI.
-_SMALL_RATE, _SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
 
 
 def resolve_command(
@@ -86,51 +80,3 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     write_json(beside, truth)
     show_line(Console(stderr=True), f"{target}: {facts.samples} samples; truth in {beside}")
     return 0
-
-
-def watch_command(log: Path, folder: Path | None, command: bool) -> int:
-    """Follow a log of IMUs on one body, calibrate the IMUs that are out of tolerance, and store the results.
-
-    Returns 0 if every secondary IMU is within its thresholds at the end or has been calibrated, 1 otherwise.
-    """
-    out = Console(file=sys.stdout)
-
-    def show(event: WatchEvent) -> None:
-        values = {name: _imus(value) for name, value in event.values.items()}
-        text = say(f"cli.watch_{event.kind}", **{"number": event.number, **values})
-        out.print(f"{event.time:9.1f} s  {text}", highlight=False, markup=False)
-
-    watched = watch_log(log, folder or pair_folder(), command, show)
-    calibrated = {e.number for e in watched.events if e.kind == "calibrated"}
-    good = True
-    for number, check in watched.checks.items():
-        for sensor in SENSORS:
-            shown = check.secondary[sensor]
-            verdict = "within" if shown.within else "calibrated" if number in calibrated else "OFF"
-            good = good and verdict != "OFF"
-            size, unit = _unit(sensor, shown.limit)
-            value, limit = (f"{_plain(x / size)} {unit}" for x in (shown.value, shown.limit))
-            text = f"imu{number} {sensor}: {value} at rest (threshold {limit})  {verdict}"
-            out.print(text, highlight=False, markup=False)
-    if not watched.checks:
-        out.print(say("cli.no_rest"), highlight=False)
-    return 0 if good and watched.checks else 1
-
-
-def _unit(sensor: str, limit: float) -> tuple[float, str]:
-    """Return the SI size and the name of a readable unit for a threshold."""
-    if sensor == "gyro":
-        return (DEGREE_PER_HOUR, "°/h") if limit < _SMALL_RATE else (DEGREE, "°/s")
-    return (MICRO_G, "µg") if limit < _SMALL_FORCE else (1.0, "m/s²")
-
-
-def _imus(value: Any) -> Any:
-    """Replace IMU numbers in a list by IMU names."""
-    if not isinstance(value, list | tuple):
-        return value
-    return [f"imu{item}" if isinstance(item, int) else str(item) for item in value]
-
-
-def _plain(value: float) -> str:
-    """Format a number with three significant digits."""
-    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"

@@ -9,6 +9,8 @@ from .editing import read_text as read_text
 from .library import locate as locate
 from .library import pair_folder as pair_folder
 from .library import site_folder as site_folder
+from .pair import PairConfiguration as PairConfiguration
+from .pair import resolve_pair as resolve_pair
 from .request import RegisterOperation as RegisterOperation
 from .request import RunRequest as RunRequest
 from .request import computer_user as computer_user

@@ -63,6 +63,14 @@ class TableLinkSection(DeviceSection):
     unit: int | None = Field(default=None, ge=0, le=255)  #: Modbus unit number; default from the profile.
 
 
+class FurtherImuLinkSection(DeviceSection):
+    """`[imu2]` and `[imu3]` of a station: the link of a secondary IMU on the same body."""
+
+    profile: str | None = None  #: Name of its IMU profile; default: that of the product.
+    #: Its serial number, for a unit that cannot report one.
+    serial_number: str | None = Field(default=None, pattern=r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+
+
 class HandoverSection(StrictModel):
     """`[handover]` of a station: the existing folder, relative to the station file, that receives results."""
 
@@ -88,6 +96,10 @@ class StationConfig(StrictModel):
     site: StationSite
     table: TableLinkSection
     imu: DeviceSection = DeviceSection()
+    imu2: FurtherImuLinkSection | None = None
+    imu3: FurtherImuLinkSection | None = None
+    #: Schedule of the cross-calibration of these IMUs; its values override those of the product.
+    cross_calibration: dict[str, JsonValue] = Field(default_factory=dict)
     #: Settings of the virtual bench that replaces hardware, see `calstation.bench.config.BenchConfig`.
     bench: dict[str, JsonValue] | None = None
     #: By default, results are delivered to a folder `handover` next to the runs folder.
@@ -98,10 +110,19 @@ class StationConfig(StrictModel):
         """Serial number of the unit on the virtual bench; empty on hardware."""
         return "" if self.bench is None else str(self.bench.get("serial", VIRTUAL_UNIT))
 
+    @property
+    def secondaries(self) -> dict[int, FurtherImuLinkSection]:
+        """The secondary IMUs by number."""
+        sections = {2: self.imu2, 3: self.imu3}
+        return {number: section for number, section in sections.items() if section is not None}
+
     @model_validator(mode="after")
     def _ports(self) -> "StationConfig":
-        for device, section in (("table", self.table), ("imu", self.imu)):
-            needs_port = device == "imu" or not is_manual_table(self.table.profile)
+        if self.imu3 is not None and self.imu2 is None:
+            raise EntryError("log.imu_numbers", number=3, missing=2)
+        further = ((f"imu{number}", section) for number, section in self.secondaries.items())
+        for device, section in (("table", self.table), ("imu", self.imu), *further):
+            needs_port = device != "table" or not is_manual_table(self.table.profile)
             port = section.port or ""
             if self.bench is None and needs_port and not port:
                 raise EntryError("station.port_missing", device, "port")

@@ -6,6 +6,7 @@ from .devices import connected as connected
 from .imu_session import ImuSession as ImuSession
 from .imu_session import capture_rest as capture_rest
 from .imu_session import open_imu_session as open_imu_session
+from .line_server import LineServer as LineServer
 from .link_test import FoundPort as FoundPort
 from .link_test import LinkTestRequest as LinkTestRequest
 from .link_test import check_imu_link as check_imu_link
@@ -15,6 +16,11 @@ from .link_test import link_test_configuration as link_test_configuration
 from .live_imu import SECONDS as SECONDS
 from .live_imu import OtherUnit as OtherUnit
 from .live_imu import apply_to_unit as apply_to_unit
+from .live_imu import read_unit as read_unit
+from .live_pair import LivePair as LivePair
+from .live_pair import open_pair as open_pair
+from .pair_process import PairProcess as PairProcess
+from .pair_process import PairStatus as PairStatus
 from .table_reset import TableReset as TableReset
 from .table_reset import TableState as TableState
 from .table_reset import read_table as read_table

@@ -19,7 +19,7 @@ _START_TIMEOUT = 180.0
 _CHECK_INTERVAL = 0.1
 _STOP_TIMEOUT = 5.0
 
-#: On Windows, shields the bench from Ctrl-C in the console; elsewhere it inherits the engine's ignored SIGINT.
+#: On Windows, shields the bench from Ctrl-C in the console; elsewhere its own session does.
 _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
 
 
@@ -41,6 +41,7 @@ class BenchHost:
             stderr=subprocess.PIPE,
             bufsize=0,
             creationflags=_CREATION_FLAGS,
+            start_new_session=sys.platform != "win32",
         )
         assert process.stdout is not None
         lines: SimpleQueue[bytes] = SimpleQueue()

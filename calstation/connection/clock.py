@@ -30,6 +30,7 @@ class RealClock:
     """Clock whose station time is the host's monotonic time, s."""
 
     tick = TICK
+    speed = 1.0
 
     def now(self) -> float:
         return time.monotonic()
@@ -52,7 +53,7 @@ class BenchClock:
 
     def __init__(self, endpoint: tuple[str, int], speed: float) -> None:
         self.tick = TICK if speed > 0.0 else _FAST_TICK
-        self._speed = speed
+        self.speed = speed
         self._received: Callable[[], int] | None = None
         try:
             self._socket = socket.create_connection(endpoint, timeout=_REPLY_TIMEOUT)
@@ -68,7 +69,7 @@ class BenchClock:
 
     def now(self) -> float:
         """Return the virtual time, s; it is queried from the bench if it follows host time."""
-        if self._speed > 0.0:
+        if self.speed > 0.0:
             self._now = float(self._ask({"now": None})["now"])
         return self._now
 
@@ -106,8 +107,8 @@ class BenchClock:
 
     def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
         timeout = _REPLY_TIMEOUT
-        if self._speed > 0.0 and request.get("advance"):
-            timeout += 2.0 * request["advance"] / self._speed
+        if self.speed > 0.0 and request.get("advance"):
+            timeout += 2.0 * request["advance"] / self.speed
         try:
             self._socket.settimeout(timeout)
             self._socket.sendall(json.dumps(request).encode() + b"\n")

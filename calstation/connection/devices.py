@@ -1,11 +1,12 @@
 """Opens the devices of a station, or of its virtual bench, and closes them in the right order."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
+from typing import Any
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import PairConfiguration, ResolvedConfiguration
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.identify import LinkSettings, identify
@@ -83,13 +84,38 @@ def endpoints(setup: ResolvedConfiguration, check_cancelled: Callable[[], None] 
         with lock_ports(port for port in (table, imu) if port):
             yield Endpoints(table or "", imu, RealClock())
         return
-    with closing(BenchHost.start(config, check_cancelled)) as bench:
-        found = bench.endpoints
-        host, _, port = found["clock"].rpartition(":")
-        clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))
+    with _running_bench(config, check_cancelled) as (found, clock):
         over_tcp = found["table_transport"] == "tcp" and not _shared(setup)
+        yield Endpoints(f"tcp://{found['table']}" if over_tcp else found["table"], found["imu"], clock)
+
+
+@contextmanager
+def imu_endpoints(
+    setup: PairConfiguration, check_cancelled: Callable[[], None]
+) -> Iterator[tuple[list[str], RealClock | BenchClock]]:
+    """Lock and yield the ports of the IMUs on one body and their clock, like `endpoints`."""
+    config = setup.bench_config()
+    if config is None:
+        ports = [unit.station.imu.port or "" for unit in setup.units]
+        if len({_device_of(port, "imu") for port in ports}) < len(ports):
+            raise ConfigurationError("connection.same_imu_port", ports=ports)
+        with lock_ports(ports):
+            yield ports, RealClock()
+        return
+    with _running_bench(config, check_cancelled) as (found, clock):
+        yield [found["imu"], *(found[f"imu{number}"] for number in range(2, len(setup.units) + 1))], clock
+
+
+@contextmanager
+def _running_bench(
+    config: Mapping[str, Any], check_cancelled: Callable[[], None]
+) -> Iterator[tuple[Mapping[str, Any], BenchClock]]:
+    """Start a virtual bench; yield its endpoints and its clock."""
+    with closing(BenchHost.start(config, check_cancelled)) as bench:
+        host, _, port = bench.endpoints["clock"].rpartition(":")
+        clock = BenchClock((host, int(port)), float(config.get("speed", 0.0)))
         try:
-            yield Endpoints(f"tcp://{found['table']}" if over_tcp else found["table"], found["imu"], clock)
+            yield bench.endpoints, clock
         finally:
             clock.close()
 

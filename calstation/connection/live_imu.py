@@ -13,7 +13,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
-from calstation.records import ImuSection, LogMeta, open_log, read_truth
+from calstation.records import ImuSection, LogMeta, context_from_meta, open_log, read_truth
 from calstation.results.plots import Applied, applied
 
 #: Duration of the captured stream, s.
@@ -27,6 +27,26 @@ class OtherUnit:
     serial: str
 
 
+@dataclass(frozen=True)
+class UnitOutput:
+    """Output of the unit in the fixture at rest."""
+
+    meta: LogMeta
+    block: SampleBlock
+    corrected: bool  #: Whether the unit's registers corrected it.
+    named: bool  #: Whether the unit itself reported its serial number.
+
+    def applied(self, before: FloatArray, found: FloatArray) -> Applied:
+        """Apply parameters before and after a solution, SI, shape (30,) each; corrected output is left unchanged.
+
+        Raises InsufficientDataError if the unit is not at rest.
+        """
+        if self.corrected:
+            before = found = np.zeros(len(NAMES))
+        shown = applied([self.block], context_from_meta(self.meta), before, found)
+        return replace(shown, corrected=self.corrected, named=self.named)
+
+
 def apply_to_unit(
     progress: ProgressCallback,
     path: Path,
@@ -36,25 +56,33 @@ def apply_to_unit(
     found: FloatArray,
     seconds: float = SECONDS,
 ) -> Applied | OtherUnit:
-    """Apply a solution to `seconds` of output of the unit in the fixture, without motion and without writing to it.
+    """Job: apply the solution of the recording `path` to the output of its unit; see `read_unit`, `UnitOutput.applied`.
 
-    A stream that is already corrected by the unit's registers is left unchanged. On the virtual bench, the unit of the
-    recording is in the fixture if the recording identifies it.
-
-    path : recording that was solved
-    before, found : parameters before and after the solution, SI, shape (30,) each
-
-    Raises DeviceFaultError or ConfigurationError if the unit cannot be read, InputError if the recording cannot be
-    read, and InsufficientDataError if the unit is not at rest.
+    Raises InputError if the recording cannot be read, and what these raise.
     """
     progress(0.0)
-    log_meta = open_log(path).meta
-    serial = log_meta.imu.serial
+    output = read_unit(progress, open_log(path).meta.imu.serial, path, station, product, seconds)
+    return output if isinstance(output, OtherUnit) else output.applied(before, found)
+
+
+def read_unit(
+    progress: ProgressCallback,
+    serial: str,
+    recording: Path | None,
+    station: Path | None,
+    product: Path | None,
+    seconds: float = SECONDS,
+) -> UnitOutput | OtherUnit:
+    """Read `seconds` of output of the unit `serial` in the fixture, without motion and without writing to it.
+
+    On the virtual bench, the unit of the recording is in the fixture if there is a recording that identifies it. Raises
+    DeviceFaultError or ConfigurationError if the unit cannot be read.
+    """
     setup = resolve_configuration(RunRequest(serial, station, product))
-    if setup.station.bench is not None:
-        setup = _with_recorded_unit(path, log_meta, setup)
-    context = setup.solve_context()
-    count = round(seconds * context.imu.sample_rate)
+    if setup.station.bench is not None and recording is not None:
+        setup = _with_recorded_unit(recording, open_log(recording).meta, setup)
+    meta = setup.log_meta()
+    count = round(seconds * meta.imu.sample_rate_hz)
     with open_imu_session(progress, setup) as unit:
         if unit.identity.serial != serial:
             return OtherUnit(unit.identity.serial)
@@ -64,10 +92,7 @@ def apply_to_unit(
         )
     if parts is None:
         raise DeviceFaultError("connection.samples_lost")
-    corrected, named = setup.after_registers, setup.imu.protocol != "stream"
-    if corrected:
-        before = found = np.zeros(len(NAMES))
-    return replace(applied([_block(parts)], context, before, found), corrected=corrected, named=named)
+    return UnitOutput(meta, _block(parts), setup.after_registers, setup.imu.protocol != "stream")
 
 
 def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> ResolvedConfiguration:

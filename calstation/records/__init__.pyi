@@ -8,6 +8,7 @@ from .checked_lines import read_lines as read_lines
 from .checks import ChecksSection as ChecksSection
 from .checks import acceptance as acceptance
 from .checks import offline_online as offline_online
+from .convert import export_corrected as export_corrected
 from .convert import export_csv as export_csv
 from .convert import import_csv as import_csv
 from .convert import partial_path as partial_path

@@ -1,14 +1,15 @@
 """Acceptance checks of a product and their evaluation with the evidence from a calibration."""
 
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief, SolveContext
-from calstation.estimation.positions import Evidence, MotionEvidence, RestEvidence, gravity_misses, turned_angle
+from calstation.estimation.positions import Evidence, RestEvidence, Turn, angle_errors, turn_between
 from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray
 from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
 from calstation.schema import EntryError, StrictModel, near_miss
@@ -24,12 +25,17 @@ class GravityAtRest(StrictModel):
     shortest_rest_s: float = Field(default=2.0, ge=1.0)
 
 
+#: Numbers of rests of a stage, from 0.
+Positions = list[Annotated[int, Field(ge=0)]]
+
+
 class ImprovementAtRest(StrictModel):
-    """Largest remaining fraction of the difference in magnitude between force and gravity."""
+    """Largest remaining fraction of the uncalibrated difference in magnitude between force and gravity."""
 
     below: float = Field(gt=0)  #: Largest remaining fraction.
-    or_within: float = Field(default=0.0, ge=0)  #: An error up to this, m/s², needs no improvement.
-    positions: list[Annotated[int, Field(ge=0)]] | None = None  #: Numbers of the rests, from 0; by default all.
+    #: Where that fraction is less than this, m/s², the remaining error is compared with this instead.
+    or_within: float = Field(default=0.0, ge=0)
+    positions: Positions | None = None  #: The rests; by default all.
     stage: str | None = None  #: Stage of the rests; by default the last stage with rests.
 
 
@@ -43,11 +49,16 @@ class Level(StrictModel):
 
 
 class MotionAngle(StrictModel):
-    """Rotation angles from the calibrated gyros, compared with the encoders or, without encoders, with gravity."""
+    """Rotation angles between rests from the calibrated gyros, compared with a reference."""
 
+    #: ``gravity`` as measured by the calibrated accelerometers; by default the encoders, gravity where there are none.
+    reference: Literal["gravity"] | None = None
     within: float | None = Field(default=None, gt=0)  #: Largest error, rad.
-    below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the prior error.
-    or_within: float = Field(default=0.0, ge=0)  #: An error up to this, rad, needs no improvement.
+    below: float | None = Field(default=None, gt=0)  #: Largest remaining fraction of the uncalibrated error.
+    #: Where that fraction is less than this, rad, the remaining error is compared with this instead.
+    or_within: float = Field(default=0.0, ge=0)
+    #: Every two of these rests are compared, with all motions between them; by default neighbouring rests.
+    positions: Positions | None = Field(default=None, min_length=2)
     stage: str | None = None  #: Stage of the motions; by default all stages.
 
 
@@ -91,6 +102,19 @@ class ChecksSection(StrictModel):
     previous: Previous | None = None
     excitation: Excitation | None = None
 
+    @model_validator(mode="after")
+    def _floors(self) -> "ChecksSection":
+        for name, improvement, absolute in (
+            ("improvement_at_rest", self.improvement_at_rest, self.gravity_at_rest),
+            ("motion_angle", self.motion_angle, self.motion_angle),
+        ):
+            limit = absolute.within if absolute is not None else None
+            if improvement is not None and limit is not None and improvement.or_within > limit:
+                raise EntryError(
+                    "limits.floor_above_limit", name, "or_within", floor=improvement.or_within, limit=limit
+                )
+        return self
+
     @property
     def need_samples(self) -> bool:
         """Whether a check needs the rests and motions of the stages."""
@@ -132,6 +156,13 @@ def offline_online(section: ChecksSection, offline: Mapping[str, Any], online: M
             where=Where(worst),
         )
     ]
+
+
+#: Kind of the comparison with the floor of an improvement.
+_FLOORS: dict[CheckKind, CheckKind] = {
+    "improvement_at_rest": "improvement_at_rest_floor",
+    "motion_improvement": "motion_improvement_floor",
+}
 
 
 class _Acceptance:
@@ -187,15 +218,23 @@ class _Acceptance:
         evidence = chosen[-1]
         rows = []
         for k in range(len(evidence.rests)) if rule.positions is None else rule.positions:
-            if k >= len(evidence.rests):
-                continue
-            before, after = (self._force_error(evidence.rests[k], p) for p in (self._prior.mean, self._found.mean))
-            limit = max(rule.below * before, rule.or_within)
-            where = Where(stage=evidence.stage, rest=k)
-            rows.append((after / max(limit, 1e-300), after, limit, where))
-        if rows:
-            _, value, limit, where = max(rows, key=_value_then_where)
-            yield self._check("improvement_at_rest", value, limit, "m/s²", where)
+            if k < len(evidence.rests):
+                before, after = (self._force_error(evidence.rests[k], p) for p in (evidence.before, self._found.mean))
+                rows.append((before, after, Where(stage=evidence.stage, rest=k)))
+        yield from self._improved("improvement_at_rest", rule.below, rule.or_within, "m/s²", rows)
+
+    def _improved(
+        self, kind: CheckKind, below: float, floor: float, unit: str, rows: list[tuple[float, float, Where]]
+    ) -> Iterator[Check]:
+        """Compare errors after calibration with a fraction of those before, or with the floor where that is larger."""
+        factors = [(after / before, where) for before, after, where in rows if below * before > floor]
+        if factors:
+            value, where = max(factors, key=_value_then_where)
+            yield self._check(kind, value, below, "1", where)
+        rest = [(after, where) for before, after, where in rows if below * before <= floor]
+        if rest:
+            value, where = max(rest, key=_value_then_where)
+            yield self._check(_FLOORS[kind], value, floor, unit, where)
 
     def _level(self, rule: Level) -> Iterator[Check]:
         chosen = [e for e in self._evidence if len(e.rests) > rule.position and rule.stage in (None, e.stage)]
@@ -212,46 +251,17 @@ class _Acceptance:
 
     def _motions(self, rule: MotionAngle) -> Iterator[Check]:
         rows = []
+        found, axes = self._found.mean, None if rule.reference == "gravity" else self._context.table.geometry
         for evidence in self._evidence:
-            if rule.stage not in (None, evidence.stage):
-                continue
-            for motion in evidence.motions:
-                if motion.path < LEAST_TURN:
-                    continue
-                errors = self._motion_errors(evidence, motion)
-                if errors is not None:
-                    where = Where(stage=evidence.stage, samples=(motion.first_seq, motion.last_seq))
-                    rows.append((*errors, where))
+            for turn in _turns(evidence, rule.positions, found) if rule.stage in (None, evidence.stage) else ():
+                if turn.path >= LEAST_TURN:
+                    where = Where(stage=evidence.stage, rest=turn.before, to=turn.after)
+                    rows.append((*angle_errors(evidence, turn, found, axes), where))
         if rows and rule.within is not None:
             value, where = max(((after, where) for _, after, where in rows), key=_value_then_where)
             yield self._check("motion_angle", value, rule.within, "rad", where)
-        if rows and rule.below is not None:
-            below, least = rule.below, rule.or_within
-            _, value, limit, where = max(
-                (
-                    (after / max(below * before, least, 1e-300), after, max(below * before, least), where)
-                    for before, after, where in rows
-                ),
-                key=_value_then_where,
-            )
-            yield self._check("motion_improvement", value, limit, "rad", where)
-
-    def _motion_errors(self, evidence: Evidence, motion: MotionEvidence) -> tuple[float, float] | None:
-        """Return the errors of a rotation angle with the prior and the found parameters, rad."""
-        first, second = evidence.rests[motion.before], evidence.rests[motion.after]
-        found, table = self._found.mean, self._context.table
-        earth, _ = first.compensated(found)
-        rotations = (motion.uncalibrated, motion.calibrated(found))
-        if first.angles is not None and second.angles is not None:
-            moved = np.abs(second.angles - first.angles)
-            if moved.min() > 3.0 * table.encoder_sigma:
-                before, after = (table.geometry.body_to_home(*rest.angles) for rest in (first, second))  # type: ignore[misc]
-                reference = turned_angle(before.T @ after, np.zeros(3), 0.0, motion.path)
-            else:
-                reference = float(moved.max())
-            angles = [turned_angle(B, earth, motion.duration, motion.path) for B in rotations]
-            return abs(angles[0] - reference), abs(angles[1] - reference)
-        return gravity_misses(evidence, motion, found)
+        if rule.below is not None:
+            yield from self._improved("motion_improvement", rule.below, rule.or_within, "rad", rows)
 
     def _previous(self, rule: Previous, previous: Mapping[str, float]) -> Iterator[Check]:
         for limited, limit in rule.change_within.items():
@@ -275,6 +285,16 @@ class _Acceptance:
         if ratios:
             worst = max(ratios, key=lambda name: ratios[name])
             yield self._check("excitation", ratios[worst], rule.sigma_ratio_below, "1", Where(worst))
+
+
+def _turns(evidence: Evidence, positions: Positions | None, found: FloatArray) -> Iterator[Turn]:
+    """Yield the rotations between neighbouring rests, or between every two of `positions`."""
+    count = len(evidence.rests)
+    chosen = sorted({k for k in positions if k < count}) if positions is not None else None
+    for first, second in itertools.pairwise(range(count)) if chosen is None else itertools.combinations(chosen, 2):
+        turn = turn_between(evidence, first, second, found)
+        if turn is not None:
+            yield turn
 
 
 def _value_then_where(row: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -2,14 +2,19 @@
 
 import contextlib
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
+from calstation.physics import FloatArray, compensate, compensation
 from calstation.records.csv_log import meta_path, open_csv_for_writing, write_csv
 from calstation.records.facts import LogFacts
 from calstation.records.log import open_log
+from calstation.records.meta import LogMeta, PriorSection, context_from_meta
 from calstation.records.raw_log import SUFFIX, RawLogWriter
 
 
@@ -52,22 +57,50 @@ def export_csv(
     `progress` is called with the number of samples written so far. Returns the facts of the whole log. Raises
     InputError if the log cannot be read or the target cannot be written.
     """
-    if not target.name.endswith((".csv", ".csv.gz")):
-        raise InputError("csv.export_name", file=target)
+    _check_name(target)
     log = open_log(source)
     if target.exists() and target.samefile(source):
         raise InputError("csv.export_onto_itself", file=target)
+    blocks = log.blocks(first_seq, last_seq)
+    _write(target, log.meta, blocks if progress is None else _counted(blocks, progress))
+    return log.facts()
+
+
+def export_corrected(meta: LogMeta, blocks: Iterable[SampleBlock], parameters: FloatArray, target: Path) -> None:
+    """Write samples compensated with `parameters`, SI, shape (30,), to `target` (.csv or .csv.gz) and its TOML.
+
+    The columns of gyros and accelerometers hold angular rate, rad/s, and specific force, m/s². Raises InputError if the
+    samples cannot be read or the target cannot be written.
+    """
+    _check_name(target)
+    size, constants = context_from_meta(meta).imu.count_size, compensation(parameters)
+
+    def corrected(block: SampleBlock) -> SampleBlock:
+        raw = block.counts * size
+        return replace(block, counts=np.hstack(compensate(constants, raw[:, :3], raw[:, 3:])))
+
+    imu = meta.imu.model_copy(update={"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0})
+    prior = {name: PriorSection(sigma=section.sigma) for name, section in meta.prior.items()}
+    meta = meta.model_copy(update={"imu": imu, "prior": prior, "registers": {}, "run": None})
+    _write(target, meta, map(corrected, blocks))
+
+
+def _check_name(target: Path) -> None:
+    if not target.name.endswith((".csv", ".csv.gz")):
+        raise InputError("csv.export_name", file=target)
+
+
+def _write(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> None:
+    """Write blocks as CSV, and their configuration beside it; a failure leaves no CSV."""
     partial = partial_path(target)
     try:
         with open_csv_for_writing(partial) as stream:
-            blocks = log.blocks(first_seq, last_seq)
-            write_csv(stream, blocks if progress is None else _counted(blocks, progress))
-        meta_path(target).write_text(log.meta.to_toml(), encoding="utf-8")
+            write_csv(stream, blocks)
+        meta_path(target).write_text(meta.to_toml(), encoding="utf-8")
         partial.replace(target)
     finally:
         with contextlib.suppress(FileNotFoundError):
             partial.unlink()
-    return log.facts()
 
 
 def _counted(blocks: Iterator[SampleBlock], progress: Callable[[int], None]) -> Iterator[SampleBlock]:

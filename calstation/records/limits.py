@@ -77,10 +77,12 @@ CheckKind = Literal[
     "latitude",
     "gravity_at_rest",
     "improvement_at_rest",
+    "improvement_at_rest_floor",
     "level_horizontal",
     "level_vertical",
     "motion_angle",
     "motion_improvement",
+    "motion_improvement_floor",
     "offline_online",
     "previous",
     "excitation",
@@ -100,20 +102,18 @@ _NAMES: dict[CheckKind, str] = {
 
 @dataclass(frozen=True)
 class Where:
-    """Origin of the worst value of a check: a parameter, or a rest or motion of a stage."""
+    """Origin of the worst value of a check: a parameter, a rest of a stage, or the motions between two rests."""
 
     parameter: str = ""  #: Name of the parameter, or "".
-    stage: str = ""  #: Stage of the rest or motion, or "".
+    stage: str = ""  #: Stage of the rests, or "".
     rest: int | None = None  #: Number of the rest, from 0.
-    samples: tuple[int, int] | None = None  #: First and last sequence number of the motion.
+    to: int | None = None  #: Number of the rest after the motions.
 
     def __str__(self) -> str:
         """Return the text used in the result JSON."""
-        if self.rest is not None:
-            return f"{self.stage} rest {self.rest}"
-        if self.samples is not None:
-            return f"{self.stage} samples {self.samples[0]} to {self.samples[1]}"
-        return self.parameter
+        if self.rest is None:
+            return self.parameter
+        return f"{self.stage} rest {self.rest}" + ("" if self.to is None else f" to {self.to}")
 
     @classmethod
     def from_json(cls, text: str) -> "Where":
@@ -121,8 +121,8 @@ class Where:
         match text.split(" "):
             case [stage, "rest", rest] if rest.isdecimal():
                 return cls(stage=stage, rest=int(rest))
-            case [stage, "samples", first, "to", last] if (first + last).isdecimal():
-                return cls(stage=stage, samples=(int(first), int(last)))
+            case [stage, "rest", rest, "to", to] if (rest + to).isdecimal():
+                return cls(stage=stage, rest=int(rest), to=int(to))
         return cls(text)
 
 

@@ -1,3 +1,4 @@
+from .corrected import CorrectedOutput as CorrectedOutput
 from .diagnostics import Diagnostics as Diagnostics
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose
@@ -20,8 +21,12 @@ from .offline import export_result as export_result
 from .offline import in_sigma as in_sigma
 from .offline import offline_solve as offline_solve
 from .pairs import PairCheckResult as PairCheckResult
+from .pairs import PairConsumer as PairConsumer
 from .pairs import PairProgress as PairProgress
+from .pairs import PairSession as PairSession
+from .pairs import PairWatchResult as PairWatchResult
 from .pairs import check_pair as check_pair
+from .pairs import pair_report as pair_report
 from .pairs import progress_from_note as progress_from_note
 from .pairs import watch_log as watch_log
 from .preview import Preview as Preview
@@ -29,6 +34,7 @@ from .preview import Violation as Violation
 from .preview import compute_preview as compute_preview
 from .resolving import FinishedRun as FinishedRun
 from .resolving import Resolved as Resolved
+from .resolving import find_log as find_log
 from .resolving import load_finished_run as load_finished_run
 from .resolving import resolve as resolve
 from .resolving import stored_result as stored_result

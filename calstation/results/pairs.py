@@ -1,21 +1,41 @@
-"""Replays a log of IMUs on one body as if live: checks them, calibrates those out of tolerance, stores the result.
+"""Watches IMUs on one body, from a log or live: checks them, calibrates those out of tolerance, stores the result.
 
 The calibration of a pair is stored in the site's folder and applied to the next log before its check.
 """
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from calstation.config import pair_folder
 from calstation.errors import InputError
-from calstation.estimation.common import StoredPair
-from calstation.estimation.pairs import PairCalibration, PairSchedule, PairWatch, StaticCheck, WatchEvent, check_values
+from calstation.estimation.common import SampleBlock, StoredPair
+from calstation.estimation.pairs import (
+    Alignment,
+    PairCalibration,
+    PairSchedule,
+    PairWatch,
+    StaticCheck,
+    Submit,
+    Verdict,
+    WatchEvent,
+    call_now,
+    check_values,
+)
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, values_from_json, values_to_json
-from calstation.records import context_from_meta, estimated_rows, load_pair, open_log, prior_from_meta, store_pair
+from calstation.records import (
+    Log,
+    LogMeta,
+    context_from_meta,
+    estimated_rows,
+    load_pair,
+    open_log,
+    prior_from_meta,
+    store_pair,
+)
 from calstation.results.plots import StoredPairFile, stored_pairs
 from calstation.results.solver_chain import one_blas_thread
 from calstation.schema import validate
@@ -23,62 +43,120 @@ from calstation.schema import validate
 STAGE = "cross_calibration"
 
 
+class PairConsumer(Protocol):
+    """Receives what a `PairSession` watches, in order and from one thread."""
+
+    def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
+        """Take the next samples, which `watch` has already seen, and the events that they caused.
+
+        `block` holds the raw counts of the primary and, in `others`, those of the secondaries at the same times; see
+        `PairWatch` for the state of the primary and the stored calibrations. After the last samples, `block` is empty.
+        """
+
+
 @dataclass(frozen=True)
 class PairWatchResult:
-    """All events, and the last check and stored calibration of each secondary by number."""
+    """All events, and the last check, its verdicts and the stored calibration of each secondary by number."""
 
     events: tuple[WatchEvent, ...]
-    checks: dict[int, StaticCheck]
-    stored: dict[int, StoredPair]
+    checks: Mapping[int, StaticCheck]
+    verdicts: Mapping[int, Mapping[str, Verdict]]
+    stored: Mapping[int, StoredPair]
+
+    @property
+    def within(self) -> bool:
+        """Whether every sensor was checked and is within tolerance or has been calibrated."""
+        sound = all(verdict != "out_of_tolerance" for sensors in self.verdicts.values() for verdict in sensors.values())
+        return sound and bool(self.checks) and not any(c.primary_out_of_tolerance for c in self.checks.values())
+
+
+class PairSession:
+    """Watches IMUs on one body, from a log or live, and stores the calibrations of its secondaries.
+
+    A pair without a file in `folder` starts with the values in `meta`. Raises InputError if `meta` has no secondary or
+    an invalid schedule; `source` names it in messages. `submit` executes the fits, see `PairWatch`.
+    """
+
+    def __init__(self, meta: LogMeta, folder: Path, source: str | Path, submit: Submit = call_now) -> None:
+        context = context_from_meta(meta)
+        if not context.secondaries:
+            raise InputError("solution.in_log", file=source, what=Text("solution.one_imu"))
+        schedule = validate(PairSchedule, meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
+        primary, self.meta, self.schedule = meta.imu.serial, meta, schedule
+        secondaries = tuple(
+            replace(s, stored=found if (found := load_pair(folder, primary, s.imu.serial)).values else s.stored)
+            for s in context.secondaries
+        )
+        serials = {s.number: s.imu.serial for s in secondaries}
+
+        def store(number: int, pair: StoredPair) -> None:
+            store_pair(folder, primary, serials[number], pair)
+
+        self.context = replace(context, secondaries=secondaries)
+        self.prior = prior_from_meta(meta)  #: The primary's own errors.
+        calibration = PairCalibration(self.context, self.prior, schedule)
+        self.watch = PairWatch(context.imu, secondaries, calibration, store, submit)
+
+    def run(self, blocks: Iterable[SampleBlock], consumers: Sequence[PairConsumer] = ()) -> PairWatchResult:
+        """Watch all blocks, and pass each on to the consumers together with its events."""
+        watch, events = self.watch, list[WatchEvent]()
+        last: SampleBlock | None = None
+
+        def deliver(block: SampleBlock, new: list[WatchEvent]) -> None:
+            events.extend(new)
+            for consumer in consumers:
+                consumer.feed(block, watch, new)
+
+        with one_blas_thread():
+            for last in blocks:
+                deliver(last, watch.feed(last))
+            if last is not None:
+                deliver(last.part(0, 0), watch.finish())
+        return PairWatchResult(tuple(events), watch.checks, watch.verdicts, watch.stored)
+
+
+def pair_report(watched: PairWatchResult, alignments: Mapping[int, Alignment] | None = None) -> dict[str, Any]:
+    """Return the JSON of a watch; `alignments` holds the clocks of secondaries that were watched live."""
+    return {
+        "schema": "calstation.watch/1",
+        "passed": watched.within,
+        "secondaries": [
+            {
+                "number": number,
+                "verdicts": dict(watched.verdicts.get(number, {})),
+                "check": check_values(watched.checks[number]) if number in watched.checks else None,
+                "stored": {**asdict(stored), "values": dict(stored.values)},
+                "alignment": asdict(alignments[number]) if alignments else None,
+            }
+            for number, stored in watched.stored.items()
+        ],
+        "events": [
+            {"kind": e.kind, "time": e.time, "number": e.number, **values_to_json(e.values)} for e in watched.events
+        ],
+    }
 
 
 def watch_log(
-    path: Path,
-    folder: Path,
-    command: bool = False,
-    on_event: Callable[[WatchEvent], None] = lambda event: None,
-    on_second: Callable[[float, PairWatch], None] = lambda time, watch: None,
+    path: Path, folder: Path, command: bool = False, consumers: Sequence[PairConsumer] = ()
 ) -> PairWatchResult:
-    """Replay a log from start to end. Raises InputError or ConfigurationError if it cannot be used.
+    """Replay a log from start to end in blocks of a second, with the calibrations in `folder`.
 
-    A pair without a file in `folder` starts with the values in the log. With `command`, it is checked at the first
-    rest, regardless of the triggers in the log's schedule. `on_event` is called with every event, `on_second` for every
-    second of the log with its time, s, and the watch.
+    With `command`, the pair is checked at the first rest, regardless of the triggers in the log's schedule. Raises
+    InputError or ConfigurationError if the log cannot be used.
     """
     log = open_log(path)
-    context = context_from_meta(log.meta)
-    if not context.secondaries:
-        raise InputError("solution.in_log", file=path, what=Text("solution.one_imu"))
-    schedule = validate(PairSchedule, log.meta.schedule.get(STAGE, {}), f"schedule of {STAGE}", InputError)
-    primary, width = log.meta.imu.serial, max(1, round(log.meta.imu.sample_rate_hz))
-    secondaries = tuple(
-        replace(s, stored=found if (found := load_pair(folder, primary, s.imu.serial)).values else s.stored)
-        for s in context.secondaries
-    )
-    serials = {s.number: s.imu.serial for s in secondaries}
+    session = PairSession(log.meta, folder, path)
+    if command or session.schedule.trigger == "command":
+        session.watch.command()
+    return session.run(_seconds(log), consumers)
 
-    def store(number: int, pair: StoredPair) -> None:
-        store_pair(folder, primary, serials[number], pair)
 
-    calibration = PairCalibration(replace(context, secondaries=secondaries), prior_from_meta(log.meta), schedule)
-    watch = PairWatch(context.imu, secondaries, calibration, store)
-    if command or schedule.trigger == "command":
-        watch.command()
-    events: list[WatchEvent] = []
-
-    def handle(new: list[WatchEvent]) -> None:
-        events.extend(new)
-        for event in new:
-            on_event(event)
-
-    with one_blas_thread():
-        for block in log.blocks():
-            for start in range(0, len(block), width):
-                second = block.part(start, min(start + width, len(block)))
-                handle(watch.feed(second))
-                on_second(float(second.time[-1]), watch)
-        handle(watch.finish())
-    return PairWatchResult(tuple(events), watch.checks, watch.stored)
+def _seconds(log: Log) -> Iterator[SampleBlock]:
+    """Yield the samples of a log in blocks of at most a second."""
+    width = max(1, round(log.meta.imu.sample_rate_hz))
+    for block in log.blocks():
+        for start in range(0, len(block), width):
+            yield block.part(start, min(start + width, len(block)))
 
 
 @dataclass(frozen=True)
@@ -114,10 +192,25 @@ class PairCheckResult:
     checks: Mapping[int, Mapping[str, Any]]
     stored: tuple[StoredPairFile, ...]
 
-    @property
-    def calibrated(self) -> frozenset[int]:
-        """Numbers of the secondaries that were out of tolerance and have been calibrated."""
-        return frozenset(h.number for h in self.progress.events if h.kind == "calibrated")
+
+class _ProgressReport:
+    """Reports the progress of a replay, with times since its start."""
+
+    def __init__(self, report: ProgressCallback, duration: float) -> None:
+        self._report, self._duration = report, duration
+        self._start: float | None = None
+        self.time = 0.0
+        self.events: tuple[WatchEvent, ...] = ()
+
+    def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
+        if len(block):
+            end = float(block.time[-1])
+            self._start = end if self._start is None else self._start
+            self.time = end - self._start
+        begin = self._start or 0.0
+        self.events += tuple(replace(event, time=event.time - begin) for event in events)
+        state = PairProgress(self.time, self._duration, watch.state, watch.progress, self.events)
+        self._report(min(self.time / self._duration, 0.99), note=state.to_note())
 
 
 def check_pair(report: ProgressCallback, path: Path) -> PairCheckResult:
@@ -125,28 +218,10 @@ def check_pair(report: ProgressCallback, path: Path) -> PairCheckResult:
 
     Raises InputError or ConfigurationError.
     """
-    log = open_log(path)
-    duration = estimated_rows(path) / log.meta.imu.sample_rate_hz
-    events: list[WatchEvent] = []
-    start: float | None = None
-    last = 0.0
-
-    def since_start(time: float) -> float:
-        nonlocal start
-        start = time if start is None else start
-        return time - start
-
-    def handle(event: WatchEvent) -> None:
-        events.append(replace(event, time=since_start(event.time)))
-
-    def on_second(time: float, watch: PairWatch) -> None:
-        nonlocal last
-        last = since_start(time)
-        state = PairProgress(last, duration, watch.state, watch.progress, tuple(events))
-        report(min(last / duration, 0.99), note=state.to_note())
-
+    meta = open_log(path).meta
+    progress = _ProgressReport(report, estimated_rows(path) / meta.imu.sample_rate_hz)
     report(0.0)
-    watched = watch_log(path, pair_folder(), True, handle, on_second)
-    end = PairProgress(last, last, "waiting", 0.0, tuple(events))
+    watched = watch_log(path, pair_folder(), True, [progress])
+    end = PairProgress(progress.time, progress.time, "waiting", 0.0, progress.events)
     checks = {number: check_values(check) for number, check in watched.checks.items()}
-    return PairCheckResult(end, checks, stored_pairs(context_from_meta(log.meta), pair_folder()))
+    return PairCheckResult(end, checks, stored_pairs(context_from_meta(meta), pair_folder()))

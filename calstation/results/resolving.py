@@ -102,6 +102,12 @@ class FinishedRun:
     previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
 
 
+def find_log(result: Result, path: Path) -> Path | None:
+    """Return the log of a result file, from where it was written or beside the file; None if it is missing."""
+    candidates = (Path(result.log.file), path.with_suffix(SUFFIX))
+    return next((candidate for candidate in candidates if candidate.is_file()), None)
+
+
 def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> FinishedRun:
     """Job: read a result file, or a log, solving it if it has no result; `runs` is the folder of the unit's history.
 
@@ -109,8 +115,7 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
     """
     if path.suffix == ".json":
         result = load_result(path)
-        candidates = (Path(result.log.file), path.with_suffix(SUFFIX))
-        log = next((candidate for candidate in candidates if candidate.is_file()), None)
+        log = find_log(result, path)
     else:
         log = path
         stored = stored_result(open_log(path))

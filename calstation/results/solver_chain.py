@@ -14,7 +14,7 @@ from calstation.estimation.common import RestOutput, SampleBlock, Spool, resolve
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
-from calstation.physics import FloatArray
+from calstation.physics import COUNT, FloatArray
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
@@ -89,7 +89,7 @@ class StageChain:
         self._solver = None
         if self._kept is not None:
             data = stage_data(list(self._kept.blocks()), self._context.imu)
-            found = gather(self._stage, data, self._context, self.prior.mean, solution.belief.mean)
+            found = gather(self._stage, data, self._context, np.zeros(COUNT), solution.belief.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))

@@ -4,7 +4,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from calstation.records.meta import load_pair
+from calstation.estimation.common.context import StoredPair
+from calstation.records.meta import load_pair, store_pair
 from tests.cli.conftest import Done, six_position_rows, write_log
 
 Run = Callable[..., Done]
@@ -15,7 +16,7 @@ def test_calibrates_and_stores_a_pair_that_is_out_of_tolerance(calstation: Run, 
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
     first = calstation("watch", log, "--pairs", pairs)
     assert first.code == 0, first.out
-    assert "imu2 calibrated; the result is stored" in first.out
+    assert "imu2 calibrated (gyro, accel); the result is stored" in first.out
     assert "Out of tolerance: imu2; waiting for motion" in first.out
     assert re.search(r"imu2 gyro: [\d.]+ °/[sh] at rest \(threshold [\d.]+ °/[sh]\)", first.out)
     assert re.search(r"imu2 accel: [\d.]+ (µg|m/s²) at rest", first.out)
@@ -26,6 +27,29 @@ def test_calibrates_and_stores_a_pair_that_is_out_of_tolerance(calstation: Run, 
     assert "calibrated" not in again.out
     assert again.out.count("within") == 2
     assert load_pair(pairs, "BENCH-mems", "BENCH-2") == kept
+
+
+def test_a_sensor_whose_primary_is_off_is_neither_calibrated_nor_its_figure_stored(
+    calstation: Run, tmp_path: Path
+) -> None:
+    log, pairs = tmp_path / "pair.h5", tmp_path / "pairs"
+    assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
+    assert calstation("export", log, "-o", tmp_path / "pair.csv").code == 0
+    meta = tmp_path / "pair.toml"
+    text = meta.read_text()
+    start = text.index("[schedule.cross_calibration.primary_gyro]")
+    meta.write_text(text[:start] + text[start:].replace("fixed = 0.0002", "fixed = 1e-7", 1))
+    store_pair(pairs, "BENCH-mems", "BENCH-2", StoredPair({}, 1e-4, 0.01))
+    done = calstation("watch", tmp_path / "pair.csv", "--pairs", pairs)
+    assert done.code == 1, done.out
+    assert "imu2 calibrated (accel); the result is stored" in done.out
+    assert re.search(r"imu2 gyro: .* OFF", done.out)
+    assert re.search(r"imu2 accel: .* calibrated", done.out)
+    assert re.search(r"primary gyro: .* OFF", done.out)
+    kept = load_pair(pairs, "BENCH-mems", "BENCH-2")
+    assert kept.accel_static is not None
+    assert kept.accel_static < 5e-3
+    assert "secondary_gyro_bias_x" not in kept.values
 
 
 def test_refuses_a_log_of_one_imu(calstation: Run, tmp_path: Path) -> None:

@@ -134,6 +134,9 @@ def test_a_threshold_is_fixed_or_follows_the_last_calibration():
     assert Threshold(fixed=0.1, ratio=3.0).limit(None) == 0.1
     with pytest.raises(ValueError, match="exclude each other"):
         Threshold(fixed=0.1, ratio=3.0, offset=0.1)
+    # no calibration of a pair changes the primary
+    with pytest.raises(ValueError, match="only a fixed threshold"):
+        PairSchedule(primary_gyro={"fixed": 0.1, "ratio": 3.0})
 
 
 def watch_of(primary, secondaries, kept=None, stored=None, **schedule):
@@ -192,6 +195,38 @@ def test_primary_out_of_tolerance_calibrates_nothing(mems):
         fitted = watch.calibrated[2].fit.fitted
         assert not fitted[:12].any()
         assert fitted[12:24].all()
+        # the uncalibrated error of the gyros must not become the figure from which the next threshold is derived
+        assert watch.stored[2].gyro_static is None
+        assert watch.stored[2].accel_static < TIGHT["secondary_accel"]["fixed"]
+        assert watch.verdicts[2] == {"gyro": "out_of_tolerance", "accel": "calibrated"}
+    both = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_valid="both_sensors")
+    assert [e.kind for e in run(both, block)] == ["triggered", "checked", "primary_off"]
+    assert set(both.verdicts[2].values()) == {"out_of_tolerance"}
+
+
+def test_figure_of_the_last_calibration_is_kept_where_a_sensor_is_not_calibrated(mems):
+    primary, secondary, block = mems
+    before = {2: StoredPair({}, 1e-4, 2e-3)}
+    ratio = {"secondary_gyro": {"fixed": 1e-3, "ratio": 3.0}, "primary_gyro": {"fixed": 1e-6}}
+    watch = watch_of(primary, [secondary], stored=before, **ratio)
+    run(watch, block)
+    assert watch.stored[2].gyro_static == 1e-4
+    again = watch_of(primary, [secondary], stored=watch.stored, **ratio)
+    run(again, block)
+    assert again.checks[2].secondary["gyro"].limit == pytest.approx(3e-4)
+    assert again.verdicts[2]["gyro"] == "out_of_tolerance"
+
+
+def test_silence_of_the_primary_is_reported_until_it_sends_again(mems):
+    primary, secondary, block = mems
+    watch = watch_of(primary, [secondary], trigger="command")
+    counts = block.counts.copy()
+    counts[200:400] = np.nan
+    silent = replace(block, counts=counts, valid=~np.isnan(counts).any(axis=1)).part(0, 600)
+    assert [(e.kind, e.time) for e in run(watch, silent, 10)] == [
+        ("primary_silent", pytest.approx(2.6)),
+        ("primary_resumed", pytest.approx(4.1)),
+    ]
 
 
 def test_only_triggering_sensors_are_calibrated_if_configured(mems):

@@ -1,5 +1,6 @@
 """Acceptance checks: compared values, margins and near-misses; no check without data."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
-from calstation.estimation.positions.evidence import Evidence, MotionEvidence, RestEvidence, turned_angle
+from calstation.estimation.positions.evidence import Evidence, MotionEvidence, RestEvidence, turn_between
 from calstation.physics.parameters import COUNT, INDEX, NAMES
 from calstation.physics.rotation import axis_rotation
 from calstation.records.checks import ChecksSection, acceptance, offline_online
@@ -26,7 +27,7 @@ def context() -> SolveContext:
 
 
 def rest(force, angles=None, duration=5.0) -> RestEvidence:
-    return RestEvidence(0, 499, duration, np.array(force), np.zeros(3), angles)
+    return RestEvidence(duration, np.array(force), np.zeros(3), angles)
 
 
 def motion(angle: float, scale: float = 0.0, before: int = 0, after: int = 1) -> MotionEvidence:
@@ -34,7 +35,7 @@ def motion(angle: float, scale: float = 0.0, before: int = 0, after: int = 1) ->
     derivative = np.zeros((3, 12))
     derivative[0, 3] = -angle
     seen = axis_rotation(X, angle * (1.0 + scale))
-    return MotionEvidence(before, after, 500, 700, 2.0, abs(angle), seen, np.zeros(COUNT), seen, derivative)
+    return MotionEvidence(before, after, 2.0, abs(angle), seen, np.zeros(COUNT), seen, derivative)
 
 
 def solution(evidence: Evidence | None = None, estimated=NAMES, **values: float) -> Solution:
@@ -81,22 +82,47 @@ def test_a_pause_is_no_rest_to_judge_by():
     assert checked({"gravity_at_rest": {"within": 1e-3}}, solution(evidence))["gravity_at_rest"].passed
 
 
-def test_improvement_is_proven_at_the_positions_chosen():
+def test_improvement_is_decided_by_its_factor():
     evidence = rests([0.0, 0.0, G + 0.030], [0.0, 0.0, -G + 0.030], [0.0, G, 0.0])
     better = solution(evidence, accel_bias_z=0.02)
     rule = {"improvement_at_rest": {"below": 0.5}}
     # 0.03 became 0.01 at both z rests; at the third nothing was wrong, and the bias now shows by 2e-5
-    told = checked(rule, better)["improvement_at_rest"]
-    assert not told.passed
-    assert told.where == Where(stage="multi_position", rest=2)
     chosen = checked({"improvement_at_rest": {"below": 0.5, "positions": [0, 1]}}, better)["improvement_at_rest"]
     assert chosen.passed
-    assert chosen.value == pytest.approx(0.010, abs=1e-9)
-    assert chosen.limit == pytest.approx(0.015, abs=1e-9)
-    spared = checked({"improvement_at_rest": {"below": 0.5, "or_within": 1e-4}}, better)["improvement_at_rest"]
-    assert spared.passed
+    assert chosen.value == pytest.approx(1.0 / 3.0, abs=1e-6)
+    assert (chosen.limit, chosen.unit) == (0.5, "1")
     worse = solution(evidence, accel_bias_z=-0.02)
     assert not checked({"improvement_at_rest": {"below": 0.5, "positions": [0]}}, worse)["improvement_at_rest"].passed
+    told = checked(rule, better)["improvement_at_rest_floor"]
+    assert not told.passed
+    assert told.where == Where(stage="multi_position", rest=2)
+
+
+def test_a_floor_decides_only_where_there_was_little_to_improve_and_is_shown():
+    evidence = rests([0.0, 0.0, G + 0.030], [0.0, 0.0, -G + 0.030], [0.0, G, 0.0])
+    rule = {"improvement_at_rest": {"below": 0.5, "or_within": 1e-4}}
+    told = checked(rule, solution(evidence, accel_bias_z=0.02))
+    assert told["improvement_at_rest"].value == pytest.approx(1.0 / 3.0, abs=1e-6)
+    floor = told["improvement_at_rest_floor"]
+    assert floor.passed
+    assert floor.value == pytest.approx(2e-5, rel=0.05)
+    assert (floor.limit, floor.unit) == (1e-4, "m/s²")
+    assert floor.where == Where(stage="multi_position", rest=2)
+    # a floor above every error does not make an improvement of it
+    rule = {"improvement_at_rest": {"below": 0.5, "or_within": 0.02}}
+    assert set(checked(rule, solution(evidence, accel_bias_z=0.02))) == {"improvement_at_rest_floor"}
+    assert not checked(rule, solution(evidence, accel_bias_z=-0.02))["improvement_at_rest_floor"].passed
+
+
+def test_improvement_is_over_the_uncalibrated_output_even_if_the_prior_was_good():
+    evidence = rests([0.0, 0.0, G + 0.030])
+    mean = np.zeros(COUNT)
+    mean[INDEX["accel_bias_z"]] = 0.03
+    section = ChecksSection.model_validate({"improvement_at_rest": {"below": 0.5}})
+    before = Belief(mean, prior().covariance)
+    (told,) = acceptance(section, context(), before, [solution(evidence, accel_bias_z=0.03)], {})
+    assert (told.name, told.passed) == ("improvement_at_rest", True)
+    assert told.value < 1e-6
 
 
 def test_level_checks_horizontal_and_vertical_components():
@@ -121,7 +147,9 @@ def test_compares_motions_with_the_encoder_if_there_is_one():
     told = checked(rule, solution(evidence, gyro_scale_x=0.9e-3))
     assert told["motion_angle"].value == pytest.approx(1e-4 * turn, rel=0.02)
     assert told["motion_angle"].passed
-    assert told["motion_improvement"].limit == pytest.approx(0.3e-3 * turn, rel=0.02)
+    assert told["motion_angle"].where == Where(stage="excitation", rest=0, to=1)
+    assert told["motion_improvement"].value == pytest.approx(0.1, rel=0.02)
+    assert told["motion_improvement"].limit == 0.3
     assert told["motion_improvement"].passed
     untouched = checked(rule, solution(evidence))
     assert not untouched["motion_angle"].passed
@@ -138,12 +166,52 @@ def test_motions_by_hand_are_compared_with_gravity():
     assert checked(rule, solution(evidence))["motion_angle"].value == pytest.approx(2e-3 * turn, rel=0.02)
 
 
+def chain(reference: str = "encoders", broken: bool = False) -> Evidence:
+    """Three turns of 60° about x, whose gyro reads 1e-3 too much, with rests at 0, 60, 120 and 180°."""
+    turn = np.pi / 3.0
+    places = [k * turn for k in range(4)]
+    rests = tuple(
+        rest([0.0, G * np.sin(a), G * np.cos(a)], np.array([a, 0.0]) if reference == "encoders" else None)
+        for a in places
+    )
+    motions = tuple(motion(turn, 1e-3, k, k + 1) for k in range(3) if not (broken and k == 1))
+    return Evidence("multi_position", rests, motions)
+
+
+@pytest.mark.parametrize("reference", ["encoders", "gravity"])
+def test_any_two_positions_are_compared_with_all_motions_between_them(reference):
+    evidence, turn = chain(reference), np.pi / 3.0
+    rule = {"motion_angle": {"within": 1.0, "positions": [3, 0]}}
+    told = checked(rule, solution(evidence))["motion_angle"]
+    assert told.value == pytest.approx(3e-3 * turn, rel=0.01)
+    assert told.where == Where(stage="multi_position", rest=0, to=3)
+    assert str(told.where) == "multi_position rest 0 to 3"
+    every = checked({"motion_angle": {"within": 1.0, "positions": [0, 1, 3]}}, solution(evidence))["motion_angle"]
+    assert every.value == pytest.approx(3e-3 * turn, rel=0.01)
+    neighbours = checked({"motion_angle": {"within": 1.0}}, solution(evidence))["motion_angle"]
+    assert neighbours.value == pytest.approx(1e-3 * turn, rel=0.01)
+    better = checked(rule, solution(evidence, gyro_scale_x=1e-3))["motion_angle"]
+    assert better.value < 1e-5
+    assert checked(rule, solution(chain(reference, broken=True))) == {}
+
+
+def test_gravity_may_be_the_reference_although_there_are_encoders():
+    wrong = Evidence("multi_position", tuple(replace(r, angles=np.zeros(2)) for r in chain().rests), chain().motions)
+    found = solution(wrong, gyro_scale_x=1e-3)
+    assert checked({"motion_angle": {"within": 1.0}}, found)["motion_angle"].value > 1.0
+    assert checked({"motion_angle": {"within": 1.0, "reference": "gravity"}}, found)["motion_angle"].value < 1e-5
+
+
 @pytest.mark.parametrize("turns", [0.2, 0.9, 1.0, 2.5])
-def test_motion_angle_includes_whole_turns_without_earth_rate(turns):
+def test_angle_between_positions_excludes_the_earth_rate(turns):
     angle, duration, earth = 2.0 * np.pi * turns, 10.0, np.array([0.0, 3e-5, 6e-5])
     inertial = axis_rotation(tuple(earth / np.linalg.norm(earth)), float(np.linalg.norm(earth)) * duration)
-    rotation = inertial @ axis_rotation(X, angle)
-    assert turned_angle(rotation, earth, duration, angle) == pytest.approx(angle, abs=1e-9)
+    seen = inertial @ axis_rotation(X, angle)
+    moved = MotionEvidence(0, 1, duration, angle, seen, np.zeros(COUNT), seen, np.zeros((3, 12)))
+    rests = tuple(replace(rest([0.0, 0.0, G], np.array([a, 0.0])), rate=earth) for a in (0.0, angle))
+    evidence = Evidence("rate", rests, (moved,))
+    assert turn_between(evidence, 0, 1, np.zeros(COUNT)).duration == duration
+    assert checked({"motion_angle": {"within": 1e-8}}, solution(evidence))["motion_angle"].passed
 
 
 def test_change_since_last_calibration_names_the_worst_parameter():
@@ -194,6 +262,11 @@ def test_a_misspelt_rule_is_refused():
         ({"previous": {"change_within": {"gyro_bais": 1.0}}}, "Did you mean 'gyro_bias'"),
         ({"gravity_at_rest": {"within": 0.0}}, "greater than 0"),
         ({"improvement_at_rest": {"below": 0.5, "positions": [0, -1]}}, "it must be at least 0"),
+        (
+            {"gravity_at_rest": {"within": 1e-3}, "improvement_at_rest": {"below": 0.5, "or_within": 2e-3}},
+            r"improvement_at_rest\.or_within.*The floor 0.002 is larger than the limit 'within' = 0.001",
+        ),
+        ({"motion_angle": {"within": 1e-3, "below": 0.5, "or_within": 2e-3}}, r"motion_angle\.or_within"),
     ):
         with pytest.raises(ConfigurationError, match=told):
             validate(ChecksSection, wrong, Path("unit.toml"))
@@ -227,10 +300,10 @@ def test_a_check_knows_margin_and_near_miss():
 )
 def test_a_check_is_read_back_from_the_result_json(name, kind, subject):
     row = {"name": name, "value": 1.0, "limit": [0.0, 2.0], "unit": "1", "passed": True, "margin": 1.0}
-    row |= {"near_miss": False, "where": "rate samples 3 to 17"}
+    row |= {"near_miss": False, "where": "rate rest 3 to 17"}
     check = Check.from_json(row)
     assert (check.kind, check.subject, check.name) == (kind, subject, name)
-    assert check.where == Where(stage="rate", samples=(3, 17))
+    assert check.where == Where(stage="rate", rest=3, to=17)
     assert check.to_json() == row
 
 

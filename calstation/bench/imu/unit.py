@@ -77,6 +77,15 @@ class ImuUnit:
         """Return the registers as content of the flash."""
         return self.registers.astype("<f4").tobytes()
 
+    def calibrate(self, model: FloatArray) -> None:
+        """Store an `ImuTruth.error_model`, shape (12, 3), in registers and flash unless the flash holds others."""
+        if self.flash.load() is not None:
+            return
+        levers = np.diag(model[9:12])
+        rows = (model[6], model[0:3] - np.eye(3), model[7], model[3:6] - np.eye(3), model[8], levers)
+        self.registers = np.concatenate([np.ravel(row) for row in rows]).astype(np.float32)
+        self.flash.burn(self._given())
+
     def _burn(self) -> None:
         """Write all registers to flash. Raises PowerCut if the power fails."""
         power_for, self.fails_committing = self.fails_committing, None

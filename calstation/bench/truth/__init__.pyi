@@ -1,5 +1,9 @@
+from .body import BodyMotion as BodyMotion
+from .body import BodyStream as BodyStream
+from .body import draw_mounting as draw_mounting
 from .drive import EncoderTruth as EncoderTruth
 from .drive import TableDrive as TableDrive
+from .free_unit import Field as Field
 from .free_unit import Mounting as Mounting
 from .free_unit import SecondaryTruth as SecondaryTruth
 from .free_unit import pair_truth as pair_truth

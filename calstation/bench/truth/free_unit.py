@@ -1,6 +1,7 @@
 """Output of one or several units on a freely moving body: error model applied to the motion, noise, counts."""
 
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -25,6 +26,15 @@ class Mounting:
     arm: FloatArray
 
 
+class Motion(Protocol):
+    """The motion of a body."""
+
+    def states(
+        self, times: FloatArray, up_force: FloatArray, earth: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return specific force, rate and angular acceleration as `FreeMotion.states`."""
+
+
 @dataclass(frozen=True)
 class Field:
     """Specific force at rest (m/s²) and earth rate (rad/s) in n, shape (3,), and rms vibration velocity, m/s."""
@@ -35,7 +45,7 @@ class Field:
 
 
 def ideal_increments(
-    imu: ImuTruth, motion: FreeMotion, mounting: Mounting, field: Field, borders: FloatArray
+    imu: ImuTruth, motion: Motion, mounting: Mounting, field: Field, borders: FloatArray
 ) -> FloatArray:
     """Return noise-free increments of the six channels between `borders` (s, shape (n + 1,)), rad and m/s, (n, 6)."""
     model = imu.error_model()
@@ -62,8 +72,8 @@ def ideal_increments(
 class FreeStream:
     """Samples of one unit on a freely moving body; they do not depend on the sizes of the requests.
 
-    The first sample begins at time `begin` of the motion, s. The generators of vibration and noise may be the same if
-    only one request is made.
+    The first sample begins at time `begin` of the motion, s; the unit's clock runs `gain` times as fast. The generators
+    of vibration and noise may be the same if only one request is made.
     """
 
     def __init__(
@@ -75,19 +85,20 @@ class FreeStream:
         noise: np.random.Generator,
         *,
         begin: float = 0.0,
+        gain: float = 1.0,
     ) -> None:
         self.interval = 1.0 / imu.sample_rate
         self.produced = 0
         self._imu, self._mounting, self._field = imu, mounting, field
         self._random, self._noise = vibration, noise
-        self._begin = begin
+        self._begin, self._width = begin, self.interval / gain
         self._vibration = Vibration(field.velocity_sigma, self.interval, vibration)
         self._digitiser = Digitiser(imu)
 
-    def produce(self, count: int, motion: FreeMotion) -> StreamOutput:
+    def produce(self, count: int, motion: Motion) -> StreamOutput:
         """Return the next `count` samples of a body with this motion."""
         borders = np.asarray(
-            self._begin + np.arange(self.produced, self.produced + count + 1) * self.interval, dtype=np.float64
+            self._begin + np.arange(self.produced, self.produced + count + 1) * self._width, dtype=np.float64
         )
         increments = ideal_increments(self._imu, motion, self._mounting, self._field, borders)
         if self._vibration.active:

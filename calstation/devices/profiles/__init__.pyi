@@ -11,6 +11,7 @@ from .imu import check_baud as check_baud
 from .imu import load_imu_profile as load_imu_profile
 from .imu_sections import OPS as OPS
 from .imu_sections import CommandSection as CommandSection
+from .imu_sections import StatusSection as StatusSection
 from .imu_sections import TextRegisters as TextRegisters
 from .imu_sections import VectorNavSection as VectorNavSection
 from .imu_sections import WordCommand as WordCommand

@@ -1,8 +1,12 @@
+from .alignment import Alignment as Alignment
+from .alignment import PairAligner as PairAligner
 from .calibration import SENSORS as SENSORS
 from .calibration import PairCalibration as PairCalibration
 from .calibration import PairResult as PairResult
+from .calibration import RestDeviation as RestDeviation
 from .calibration import StaticCheck as StaticCheck
 from .calibration import pair_vector as pair_vector
+from .correction import SecondaryCorrection as SecondaryCorrection
 from .filtering import PairData as PairData
 from .filtering import pair_data as pair_data
 from .filtering import signals as signals
@@ -14,5 +18,8 @@ from .fit import LEVER as LEVER
 from .fit import OFFSET as OFFSET
 from .schedule import PairSchedule as PairSchedule
 from .watch import PairWatch as PairWatch
+from .watch import Submit as Submit
+from .watch import Verdict as Verdict
 from .watch import WatchEvent as WatchEvent
+from .watch import call_now as call_now
 from .watch import check_values as check_values

@@ -56,11 +56,6 @@ class StaticCheck:
     secondary: dict[str, RestDeviation]
 
     @property
-    def out_of_tolerance(self) -> tuple[str, ...]:
-        """Sensors that are out of tolerance in the secondary but within tolerance in the primary."""
-        return tuple(s for s in SENSORS if not self.secondary[s].within and self.primary[s].within)
-
-    @property
     def primary_out_of_tolerance(self) -> tuple[str, ...]:
         """Sensors of the primary that are out of tolerance and therefore cannot serve as reference."""
         return tuple(s for s in SENSORS if not self.primary[s].within)
@@ -100,6 +95,7 @@ class PairResult:
 
     fit: PairFit
     stored: StoredPair
+    static: dict[str, float | None]  #: Deviation at rest of each calibrated sensor, rad/s or m/s², None if unknown.
 
 
 class PairCalibration:
@@ -133,11 +129,19 @@ class PairCalibration:
             {s: RestDeviation(second[s], self.schedule.threshold("secondary", s).limit(last[s])) for s in SENSORS},
         )
 
+    def references(self, check: StaticCheck) -> tuple[str, ...]:
+        """Return the sensors of the primary that can serve as reference after a check."""
+        if self.schedule.primary_valid == "both_sensors" and check.primary_out_of_tolerance:
+            return ()
+        return tuple(s for s in SENSORS if check.primary[s].within)
+
+    def to_calibrate(self, check: StaticCheck) -> tuple[str, ...]:
+        """Return the sensors that are out of tolerance in the secondary and have a reference in the primary."""
+        return tuple(s for s in self.references(check) if not check.secondary[s].within)
+
     def chosen(self, check: StaticCheck) -> PairChoice:
-        """Choose what is fitted after a check; a sensor that is out of tolerance in the primary is never fitted."""
-        fitted = [s for s in SENSORS if s not in check.primary_out_of_tolerance]
-        if self.schedule.sensors == "triggering":
-            fitted = list(check.out_of_tolerance)
+        """Choose what is fitted after a check; a sensor without a reference in the primary is never fitted."""
+        fitted = self.to_calibrate(check) if self.schedule.sensors == "triggering" else self.references(check)
         choice = self.schedule.choice
         return replace(
             choice, gyro=choice.gyro if "gyro" in fitted else None, accel=choice.accel if "accel" in fitted else None
@@ -158,10 +162,12 @@ class PairCalibration:
         found = StoredPair({n: v for n, v in values.items() if fit.fitted[_INDEX[n]] or n in stored.values})
         rest = self.last_rest(data)
         check = None if rest is None else self.check(data, rest, place, secondary, found)
-        if check is not None:
-            deviation = {s: check.secondary[s].value for s in SENSORS}
-            found = StoredPair(found.values, deviation["gyro"], deviation["accel"])
-        return PairResult(fit, found)
+        last = {"gyro": stored.gyro_static, "accel": stored.accel_static}
+        fitted = [s for s, model in (("gyro", choice.gyro), ("accel", choice.accel)) if model is not None]
+        static = {s: None if check is None else check.secondary[s].value for s in fitted}
+        # the figure of a sensor that is not calibrated remains that of its last calibration
+        last |= static
+        return PairResult(fit, replace(found, gyro_static=last["gyro"], accel_static=last["accel"]), static)
 
 
 _INDEX = {p.name: i for i, p in enumerate(PAIR_PARAMETERS)}

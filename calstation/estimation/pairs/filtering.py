@@ -90,7 +90,7 @@ def signals(data: PairData, offset: float, c: Compensation) -> Signals:
         read = np.roll(_filtered(primary, reading), -shift, axis=0)
         derivative = np.roll(_filtered(primary, slope), -shift, axis=0)
         omega, alpha = (read[:, :3] - c.gyro_bias) @ c.gyro_inverse.T, derivative[:, :3] @ c.gyro_inverse.T
-        G = matrix @ _lever(omega, alpha, data.dt)
+        G = matrix @ lever_matrix(omega, alpha, data.dt)
         columns = (
             read[:, :3],
             read[:, 3:],
@@ -145,7 +145,7 @@ def _kernels(part: float) -> tuple[FloatArray, FloatArray]:
     return reading(part), (reading(part + step) - reading(part - step)) / (2.0 * step)
 
 
-def _lever(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
+def lever_matrix(omega: FloatArray, alpha: FloatArray, dt: float) -> FloatArray:
     """Return the mean of [α×] + [ω×]² over a sample of mean rate ω, shape (n, 3, 3).
 
     For a rate that changes linearly, the mean of a product is the product of the means plus α α' dt²/12.

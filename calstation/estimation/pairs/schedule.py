@@ -47,11 +47,22 @@ class PairSchedule(BaseModel):
     static_s: float = Field(2.0, ge=1.0, le=600.0)  #: Shortest rest for a check.
     motion_s: float = Field(20.0, ge=1.0, le=3600.0)  #: Duration of motion required for a fit.
     longest_s: float = Field(600.0, ge=10.0)  #: Longest time to wait for that motion.
+    #: What calibrates a sensor of a secondary: the same sensor of the primary within tolerance, or only both of them.
+    primary_valid: Literal["same_sensor", "both_sensors"] = "same_sensor"
     moving_dps: float = Field(10.0, gt=0.0)  #: Smallest rate above that at rest that counts as motion.
     primary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: Permitted deviation at rest, rad/s.
     primary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: The same, m/s².
     secondary_gyro: Threshold = Threshold(fixed=0.01, offset=None, ratio=None)  #: The same, rad/s.
     secondary_accel: Threshold = Threshold(fixed=0.15, offset=None, ratio=None)  #: The same, m/s².
+
+    @model_validator(mode="after")
+    def _primary(self) -> "PairSchedule":
+        # no calibration of a pair changes the primary: a threshold relative to the last one would follow its drift
+        for name in ("primary_gyro", "primary_accel"):
+            threshold: Threshold = getattr(self, name)
+            if threshold.offset is not None or threshold.ratio is not None:
+                raise EntryError("plan.primary_threshold", name)
+        return self
 
     @property
     def choice(self) -> PairChoice:

@@ -1,9 +1,11 @@
 from .evidence import Evidence as Evidence
 from .evidence import MotionEvidence as MotionEvidence
 from .evidence import RestEvidence as RestEvidence
+from .evidence import Turn as Turn
+from .evidence import angle_errors as angle_errors
 from .evidence import gather as gather
 from .evidence import gravity_misses as gravity_misses
-from .evidence import turned_angle as turned_angle
+from .evidence import turn_between as turn_between
 from .fit import MOST_ITERATIONS as MOST_ITERATIONS
 from .fit import PositionFit as PositionFit
 from .fit import fit_positions as fit_positions

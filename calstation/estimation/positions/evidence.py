@@ -1,13 +1,15 @@
 """Evidence from a stage for the product's checks: rests, and rotations measured by the gyros."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from calstation.estimation.common import SolveContext, StageData, find_stillness, mean_angles
 from calstation.estimation.positions.rows import GYRO_COLUMNS, gyro_derivative, integrate_rotation
 from calstation.physics import (
+    COUNT,
     FloatArray,
+    TableGeometry,
     compensate,
     compensation,
     rotation_matrix,
@@ -19,10 +21,8 @@ SHORTEST_REST = 1.0
 
 @dataclass(frozen=True)
 class RestEvidence:
-    """A rest: its first and last sequence number, its duration, s, and the means over it."""
+    """A rest: its duration, s, and the means over it."""
 
-    first_seq: int
-    last_seq: int
     duration: float
     force: FloatArray  #: Raw force, m/s², shape (3,).
     rate: FloatArray  #: Raw rate, rad/s, shape (3,).
@@ -40,11 +40,9 @@ class MotionEvidence:
 
     before: int  #: Index of the rest before the motion.
     after: int  #: Index of the rest after the motion.
-    first_seq: int
-    last_seq: int
     duration: float  #: s
     path: float  #: Integral of the magnitude of the rate, rad.
-    uncalibrated: FloatArray  #: Body rotation with the parameters before the calibration, shape (3, 3).
+    uncalibrated: FloatArray  #: Body rotation with the parameters `Evidence.before`, shape (3, 3).
     point: FloatArray  #: Parameters of the stage solution, SI, shape (30,).
     rotation: FloatArray  #: Body rotation with the parameters `point`, shape (3, 3).
     #: Derivative of `rotation` with respect to `GYRO_COLUMNS`, a rotation vector in b at the first rest, shape (3, 12).
@@ -63,15 +61,15 @@ class Evidence:
     stage: str
     rests: tuple[RestEvidence, ...]
     motions: tuple[MotionEvidence, ...]
+    #: Parameters with which the calibrated output is compared, SI, shape (30,); zero: the output as it is.
+    before: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
 
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray) -> Evidence:
-    """Collect the evidence of a stage with the parameters before the calibration and those found, SI, shape (30,)."""
+    """Collect the evidence of a stage with the parameters to compare with and those found, SI, shape (30,) each."""
     still = find_stillness(data, context.imu, SHORTEST_REST)
     rests = tuple(
         RestEvidence(
-            int(data.seq[a]),
-            int(data.seq[b - 1]),
             (b - a) * data.dt,
             data.accel[a:b].mean(axis=0),
             data.gyro[a:b].mean(axis=0),
@@ -90,8 +88,6 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
             MotionEvidence(
                 before=link.first,
                 after=link.second,
-                first_seq=int(data.seq[link.start]),
-                last_seq=int(data.seq[link.stop - 1]),
                 duration=(link.stop - link.start) * data.dt,
                 path=float(np.linalg.norm(omega, axis=1).sum()) * data.dt,
                 uncalibrated=uncalibrated,
@@ -100,30 +96,72 @@ def gather(stage: str, data: StageData, context: SolveContext, before: FloatArra
                 derivative=gyro_derivative(np.eye(3), c, time, rate),
             )
         )
-    return Evidence(stage, rests, tuple(motions))
+    return Evidence(stage, rests, tuple(motions), before)
 
 
-def turned_angle(rotation: FloatArray, earth: FloatArray, duration: float, path: float) -> float:
-    """Return the angle of a body rotation relative to the ground, including whole revolutions, rad.
+@dataclass(frozen=True)
+class Turn:
+    """The rotation between two rests of an unbroken chain of motions, as measured by the gyros."""
 
-    `earth` is the earth rate in b before the rotation, rad/s; `path`, rad, determines the number of revolutions.
+    before: int  #: Index of the first rest.
+    after: int  #: Index of the second rest.
+    duration: float  #: s
+    path: float  #: Integral of the magnitude of the rate over the motions, rad.
+    uncalibrated: FloatArray  #: Body rotation with the parameters `Evidence.before`, shape (3, 3).
+    calibrated: FloatArray  #: Body rotation with the parameters found, shape (3, 3).
+
+
+def turn_between(evidence: Evidence, first: int, second: int, found: FloatArray) -> Turn | None:
+    """Return the rotation from one rest to a later one, None if no unbroken chain of motions connects them.
+
+    `found` are parameters near the stage solution, SI, shape (30,). At the rests in between, the rotation is that of
+    their mean rate, which contains the earth rate.
     """
-    angle = float(np.linalg.norm(rotation_vector(rotation_matrix(-earth * duration) @ rotation)))
-    turns = 2.0 * np.pi * np.arange(int(path / (2.0 * np.pi)) + 2)
-    candidates = np.concatenate([turns + angle, turns - angle])
-    return float(candidates[int(np.argmin(np.abs(candidates - path)))])
+    motions = {motion.before: motion for motion in evidence.motions}
+    uncalibrated = calibrated = np.eye(3)
+    duration = path = 0.0
+    for k in range(first, second):
+        motion, rest = motions.get(k), evidence.rests[k]
+        if motion is None:
+            return None
+        if k > first:
+            uncalibrated = uncalibrated @ rotation_matrix(rest.compensated(evidence.before)[0] * rest.duration)
+            calibrated = calibrated @ rotation_matrix(rest.compensated(found)[0] * rest.duration)
+            duration += rest.duration
+        uncalibrated, calibrated = uncalibrated @ motion.uncalibrated, calibrated @ motion.calibrated(found)
+        duration, path = duration + motion.duration, path + motion.path
+    return Turn(first, second, duration, path, uncalibrated, calibrated)
 
 
-def gravity_misses(evidence: Evidence, motion: MotionEvidence, found: FloatArray) -> tuple[float, float]:
-    """Return the angles, rad, between gravity after a motion and its gyro prediction, before and after compensation.
+def angle_errors(evidence: Evidence, turn: Turn, found: FloatArray, axes: TableGeometry | None) -> tuple[float, float]:
+    """Return the errors of the angle between two rests, rad, from uncalibrated and from calibrated gyros.
+
+    The reference is the encoders of the table with these axes, or gravity without a table or encoder angles.
+    """
+    first, second = evidence.rests[turn.before], evidence.rests[turn.after]
+    if axes is None or first.angles is None or second.angles is None:
+        return gravity_misses(evidence, turn, found)
+    earth, _ = first.compensated(found)
+    reference = axes.body_to_home(*first.angles).T @ axes.body_to_home(*second.angles)
+    angles = [_angle(reference)]
+    angles += [_angle(rotation_matrix(-earth * turn.duration) @ B) for B in (turn.uncalibrated, turn.calibrated)]
+    return abs(angles[1] - angles[0]), abs(angles[2] - angles[0])
+
+
+def gravity_misses(evidence: Evidence, turn: Turn, found: FloatArray) -> tuple[float, float]:
+    """Return the angles, rad, between gravity at the second rest and its gyro prediction, before and after calibration.
 
     In both cases gravity is measured by the accelerometers with the parameters `found`.
     """
-    earth, up = evidence.rests[motion.before].compensated(found)
-    seen = evidence.rests[motion.after].compensated(found)[1]
+    earth, up = evidence.rests[turn.before].compensated(found)
+    seen = evidence.rests[turn.after].compensated(found)[1]
     misses = []
-    for rotation in (motion.uncalibrated, motion.calibrated(found)):
-        carried = (rotation_matrix(-earth * motion.duration) @ rotation).T @ up
+    for rotation in (turn.uncalibrated, turn.calibrated):
+        carried = (rotation_matrix(-earth * turn.duration) @ rotation).T @ up
         cosine = carried @ seen / np.linalg.norm(carried) / np.linalg.norm(seen)
         misses.append(float(np.arccos(np.clip(cosine, -1.0, 1.0))))
     return misses[0], misses[1]
+
+
+def _angle(rotation: FloatArray) -> float:
+    return float(np.linalg.norm(rotation_vector(rotation)))

@@ -28,6 +28,7 @@ class AppContext(QObject):
     resume_run = Signal(object)
     page_wanted = Signal(str)  #: Object name of the page to show.
     runs_folder_changed = Signal()
+    closing = Signal()
 
     def __init__(self, station: Path | None = None, runs_folder: Path | None = None) -> None:
         super().__init__()
@@ -79,7 +80,8 @@ class AppContext(QObject):
         self.settings.setValue("language", language.current())
 
     def close(self) -> None:
-        """End the engine and the job process; a run in progress stops safely."""
+        """End the engine, the job process and a live watch; a run in progress stops safely."""
+        self.closing.emit()
         self.engine_link.close()
         self.job_queue.close()
 

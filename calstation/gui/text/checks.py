@@ -11,10 +11,12 @@ from calstation.records import Check, Where
 _PRODUCT_KINDS = (
     "gravity_at_rest",
     "improvement_at_rest",
+    "improvement_at_rest_floor",
     "level_horizontal",
     "level_vertical",
     "motion_angle",
     "motion_improvement",
+    "motion_improvement_floor",
     "offline_online",
     "excitation",
     "previous",
@@ -116,8 +118,8 @@ def _limit(limit: float | tuple[float, float], size: float) -> str:
 
 
 def _where(where: Where) -> str:
+    if where.rest is not None and where.to is not None:
+        return say("check.rests", number=where.rest + 1, to=where.to + 1)
     if where.rest is not None:
         return say("check.rest", number=where.rest + 1)
-    if where.samples is not None:
-        return say("check.samples", first=where.samples[0], last=where.samples[1])
     return parameter_text(where.parameter) if where.parameter in INDEX else where.parameter

@@ -79,6 +79,10 @@
         <translation>检查</translation>
     </message>
     <message>
+        <source>Live</source>
+        <translation>实时</translation>
+    </message>
+    <message>
         <source>Solve a recording first</source>
         <translation>请先解算一段数据</translation>
     </message>
@@ -314,6 +318,50 @@
     </message>
 </context>
 <context>
+    <name>PairBars</name>
+    <message>
+        <source>IMU {0}</source>
+        <extracomment>Display unit of a deviation at rest, and its size in SI.</extracomment>
+        <translation>IMU {0}</translation>
+    </message>
+    <message>
+        <source>primary</source>
+        <translation>主 IMU</translation>
+    </message>
+    <message>
+        <source>no rest to check at</source>
+        <translation>没有静止段可检查</translation>
+    </message>
+    <message>
+        <source>within</source>
+        <translation>合格</translation>
+    </message>
+    <message>
+        <source>out of tolerance</source>
+        <translation>超差</translation>
+    </message>
+    <message>
+        <source>calibrated: now {0}</source>
+        <translation>已标定，现为 {0}</translation>
+    </message>
+    <message>
+        <source>calibrated, still {0}</source>
+        <translation>已标定，仍为 {0}</translation>
+    </message>
+    <message>
+        <source>at most {0}</source>
+        <translation>上限 {0}</translation>
+    </message>
+    <message>
+        <source>IMU {0}, {1}: nothing is stored yet.</source>
+        <translation>IMU {0}，{1}：尚未保存。</translation>
+    </message>
+    <message>
+        <source>IMU {0}, {1}: last calibrated on {2}, {3} values in {4}</source>
+        <translation>IMU {0}，{1}：上次标定 {2}，{3} 个值存于 {4}</translation>
+    </message>
+</context>
+<context>
     <name>PairCheckView</name>
     <message>
         <source>Check at rest</source>
@@ -321,7 +369,6 @@
     </message>
     <message>
         <source>Check now</source>
-        <extracomment>Display unit of a deviation at rest, and its size in SI.</extracomment>
         <translation>立即检查</translation>
     </message>
     <message>
@@ -344,45 +391,76 @@
         <source>Abandoned: {0}</source>
         <translation>已放弃：{0}</translation>
     </message>
+</context>
+<context>
+    <name>PairLiveView</name>
     <message>
-        <source>IMU {0}</source>
-        <translation>IMU {0}</translation>
+        <source>Watch live</source>
+        <translation>实时监测</translation>
     </message>
     <message>
-        <source>primary</source>
-        <translation>主 IMU</translation>
+        <source>Check now</source>
+        <translation>立即检查</translation>
     </message>
     <message>
-        <source>no rest to check at</source>
-        <translation>没有静止段可检查</translation>
+        <source>Checks at the next rest; IMUs out of tolerance are calibrated from the motion after it</source>
+        <translation>在下一个静止段检查；超差的 IMU 用其后的运动标定</translation>
     </message>
     <message>
-        <source>within</source>
-        <translation>合格</translation>
+        <source>Follows the station&apos;s IMUs as they move: it checks at rest, calibrates what is out of tolerance from the motion after it, and stores the results. The program moves nothing.</source>
+        <translation>跟随工位上各 IMU 的运动：静止时检查，超差者用其后的运动标定，并保存结果。程序不驱动任何设备。</translation>
     </message>
     <message>
-        <source>out of tolerance</source>
-        <translation>超差</translation>
+        <source>Clocks</source>
+        <translation>时钟</translation>
     </message>
     <message>
-        <source>IMU {0}, {1}: nothing is stored yet.</source>
-        <translation>IMU {0}，{1}：尚未保存。</translation>
+        <source>Stored</source>
+        <translation>已保存</translation>
     </message>
     <message>
-        <source>IMU {0}, {1}: last calibrated on {2}, {3} values in {4}</source>
-        <translation>IMU {0}，{1}：上次标定 {2}，{3} 个值存于 {4}</translation>
+        <source>Check at rest</source>
+        <translation>静止检查</translation>
     </message>
     <message>
-        <source>calibrated: now {0}</source>
-        <translation>已标定，现为 {0}</translation>
+        <source>Stop</source>
+        <translation>停止</translation>
     </message>
     <message>
-        <source>calibrated, still {0}</source>
-        <translation>已标定，仍为 {0}</translation>
+        <source>Start a watch first</source>
+        <translation>请先开始监测</translation>
     </message>
     <message>
-        <source>at most {0}</source>
-        <translation>上限 {0}</translation>
+        <source>This station has one IMU. Choose a station with [imu2], such as virtual_pair</source>
+        <translation>该工位只有一个 IMU。请选择含 [imu2] 的工位，例如 virtual_pair</translation>
+    </message>
+    <message>
+        <source>not watching</source>
+        <translation>未监测</translation>
+    </message>
+    <message>
+        <source>opening the ports</source>
+        <translation>正在打开端口</translation>
+    </message>
+    <message>
+        <source>the primary sends no samples</source>
+        <translation>主 IMU 无输出</translation>
+    </message>
+    <message>
+        <source>primary out of tolerance: {0}</source>
+        <translation>主 IMU 超差：{0}</translation>
+    </message>
+    <message>
+        <source>watching; no check is due</source>
+        <translation>监测中；暂无检查</translation>
+    </message>
+    <message>
+        <source>IMU {0}: {1:.3f} s from arrival times; measured with the first motion</source>
+        <translation>IMU {0}：按到达时间为 {1:.3f} s；首次运动时测定</translation>
+    </message>
+    <message>
+        <source>IMU {0}: offset {1:.6f} s ± {2:.1f} µs, drift {3:.2f} ppm</source>
+        <translation>IMU {0}：偏差 {1:.6f} s ± {2:.1f} µs，漂移 {3:.2f} ppm</translation>
     </message>
 </context>
 <context>

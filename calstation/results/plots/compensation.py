@@ -1,5 +1,6 @@
 """Plot data of a calibration applied to samples: force and rate before and after, over time and at rest."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,8 +9,9 @@ import numpy as np
 from calstation.errors import InsufficientDataError
 from calstation.estimation.common import SampleBlock, SolveContext, before_after, find_stillness, joined, stage_data
 from calstation.jobs import ProgressCallback
-from calstation.physics import RATE, FloatArray
+from calstation.physics import NAMES, RATE, FloatArray
 from calstation.records import context_from_meta, open_log
+from calstation.results import Parameter
 
 _COLUMNS = 2000
 #: Minimum averaging time of the curves, s; single samples would show only noise.
@@ -36,6 +38,13 @@ class Applied:
     earth: float = RATE  #: Earth rate, rad/s.
     corrected: bool = False  #: Whether the unit's registers corrected the samples; then before and after are equal.
     named: bool = True  #: Whether the unit itself reported its serial number.
+
+
+def before_and_found(before: Mapping[str, float], parameters: Mapping[str, Parameter]) -> tuple[FloatArray, FloatArray]:
+    """Return all parameters before and after a solution, SI, shape (30,) each; those it lacks keep their values."""
+    found = {name: row.value for name, row in parameters.items() if name in NAMES}
+    vectors = (np.array([values.get(name, 0.0) for name in NAMES]) for values in (before, {**before, **found}))
+    return next(vectors), next(vectors)
 
 
 def apply_to_recording(report: ProgressCallback, path: Path, before: FloatArray, found: FloatArray) -> Applied:

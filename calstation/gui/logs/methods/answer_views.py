@@ -7,6 +7,7 @@ from calstation.gui.logs.methods.applied_view import AppliedView
 from calstation.gui.logs.methods.gimbal_view import GimbalView
 from calstation.gui.logs.methods.guidance import guidance
 from calstation.gui.logs.methods.kinds import CROSS_CALIBRATION, GIMBAL, MULTI_POSITION
+from calstation.gui.logs.methods.pair_live import PairLiveView
 from calstation.gui.logs.methods.pair_view import PairCheckView, PairResidualsView
 from calstation.gui.logs.methods.positions_view import PositionsView
 from calstation.gui.shell import AppContext
@@ -38,6 +39,7 @@ class AnswerViews(QWidget):
         self.gimbal = GimbalView() if stage == GIMBAL else None
         self.check = PairCheckView() if stage == CROSS_CALIBRATION else None
         self.residuals = PairResidualsView() if stage == CROSS_CALIBRATION else None
+        self.live = PairLiveView(app) if stage == CROSS_CALIBRATION else None
         self.table, self.checks = AnswerTable(), ChecksTable()
         self.tabs, self._head = ViewTabs(f"{stage}_tabs"), _AnswerHead()
         self._stack: QStackedWidget = stack()
@@ -50,6 +52,7 @@ class AnswerViews(QWidget):
         self._add(lambda: self.tr("Residuals"), self.residuals)
         self._add(lambda: self.tr("Parameters"), self.table)
         self._add(lambda: self.tr("Checks"), self.checks)
+        self._add(lambda: self.tr("Live"), self.live and scroll_area(self.live))
         self.tabs.currentChanged.connect(self._stack.setCurrentIndex)
         top = row(self.tabs, None, export_button, spacing=2 * theme.GRID)
         column(top, self._head, (self._stack, 1), on=self)
@@ -91,7 +94,8 @@ class AnswerViews(QWidget):
         unsolved = "" if self._answered else self.tr("Solve a recording first")
         for index, title in enumerate(self._titles):
             self.tabs.setTabText(index, title())
-            if index:
+            needs_answer = index > 0 and not (self.live is not None and index == len(self._titles) - 1)
+            if needs_answer:
                 self.tabs.setTabEnabled(index, self._answered)
                 self.tabs.setTabToolTip(index, unsolved)
 

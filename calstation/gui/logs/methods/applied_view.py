@@ -26,8 +26,8 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.jobs import Job
-from calstation.physics import DEGREE_PER_HOUR, MICRO_G, NAMES, FloatArray
-from calstation.results.plots import Applied, MethodAnswer, apply_to_recording
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
+from calstation.results.plots import Applied, MethodAnswer, apply_to_recording, before_and_found
 
 
 class AppliedView(QWidget):
@@ -102,9 +102,7 @@ class AppliedView(QWidget):
     @staticmethod
     def _vectors(answer: MethodAnswer) -> tuple[FloatArray, FloatArray]:
         """Return all parameters before and after; those that the method does not estimate keep their values."""
-        before = {name: answer.before[name][0] for name in NAMES}
-        found = {name: row.value for name, row in answer.parameters.items() if name in before}
-        return np.array(list(before.values())), np.array(list((before | found).values()))
+        return before_and_found({name: value for name, (value, _) in answer.before.items()}, answer.parameters)
 
     def _choose(self) -> None:
         if self._answer is not None:

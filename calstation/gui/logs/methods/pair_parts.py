@@ -84,9 +84,13 @@ _LANES = 2
 #: Symbol of each kind of event (`badge.KINDS`), in ascending order of importance.
 _STATES = {
     "triggered": "waiting",
+    "aligned": "none",
     "checked": "none",
     "calibrating": "active",
+    "primary_valid": "good",
+    "primary_resumed": "good",
     "primary_off": "caution",
+    "primary_silent": "caution",
     "calibrated": "good",
     "given_up": "bad",
 }

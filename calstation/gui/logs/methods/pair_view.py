@@ -20,7 +20,39 @@ _SENSORS = ("gyro", "accel")
 _UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
 
 
-class PairCheckView(QWidget):
+class PairBars(QWidget):
+    """Base of the views of a check: a row for each sensor, and the stored calibrations."""
+
+    def _unit_bars(
+        self, number: int, check: Mapping[str, Any] | None, after: Mapping[str, float | None]
+    ) -> list[CheckBar]:
+        """Return the rows of a unit, 0 for the primary; `after` holds the deviations of its calibrated sensors."""
+        name = self.tr("IMU {0}").format(number) if number else self.tr("primary")
+        shown = check and check["secondary" if number else "primary"]
+        return [self._bar(name, s, shown and shown[s], after.get(s)) for s in _SENSORS]
+
+    def _bar(self, unit: str, sensor: str, check: Mapping[str, Any] | None, after: float | None) -> CheckBar:
+        """Return the row of a sensor; `after` is its deviation after a calibration, None without one."""
+        name = f"{unit}  {term('sensor', sensor)}"
+        if check is None:
+            return CheckBar(name, 0.0, "–", "", self.tr("no rest to check at"), "none")
+        verdict, state = (self.tr("within"), "good") if check["within"] else (self.tr("out of tolerance"), "bad")
+        if not check["within"] and after is not None:
+            good = after <= check["limit"]
+            text = self.tr("calibrated: now {0}") if good else self.tr("calibrated, still {0}")
+            verdict, state = text.format(_shown(sensor, after)), "good" if good else "caution"
+        limit = self.tr("at most {0}").format(_shown(sensor, check["limit"]))
+        return CheckBar(name, check["value"] / check["limit"], _shown(sensor, check["value"]), limit, verdict, state)
+
+    def _stored_text(self, stored: StoredPairFile) -> str:
+        if not stored.utc:
+            return self.tr("IMU {0}, {1}: nothing is stored yet.").format(stored.number, stored.serial)
+        return self.tr("IMU {0}, {1}: last calibrated on {2}, {3} values in {4}").format(
+            stored.number, stored.serial, local_time(stored.utc), stored.values, stored.file
+        )
+
+
+class PairCheckView(PairBars):
     """Shows the check at rest, the replay and the stored calibrations; its button emits `check_wanted()`."""
 
     check_wanted = Signal()
@@ -83,7 +115,7 @@ class PairCheckView(QWidget):
 
     def _refresh(self) -> None:
         if self._data is not None:
-            self.schedule_label.setText(_schedule_text(self._schedule))
+            self.schedule_label.setText(schedule_text(self._schedule))
             self.bars.show_bars(self._bars(self._data))
             stored = self._data.stored if self._checked is None else self._checked.stored
             self._stored.setText("\n".join(map(self._stored_text, stored)))
@@ -93,35 +125,16 @@ class PairCheckView(QWidget):
         """Return a row for each sensor of every secondary and then of the primary, from the last check."""
         bars = []
         check: Mapping[str, Any] | None = None
-        by_trigger = {h.number for h in data.events if h.kind == "calibrated"}
+        events = data.events if self._checked is None else self._checked.progress.events
+        calibrated = {(h.number, s) for h in events if h.kind == "calibrated" for s in h.values["sensors"]}
         for k, secondary in enumerate(data.secondaries):
-            check, after = secondary.check, secondary.static if secondary.number in by_trigger else {}
+            check, static = secondary.check, secondary.static
             if self._checked is not None:
                 check = self._checked.checks.get(secondary.number, check)
-                after = self._checked.stored[k].static if secondary.number in self._checked.calibrated else {}
-            name = self.tr("IMU {0}").format(secondary.number)
-            bars += [self._bar(name, s, check and check["secondary"][s], after.get(s)) for s in _SENSORS]
-        return bars + [self._bar(self.tr("primary"), s, check and check["primary"][s], None) for s in _SENSORS]
-
-    def _bar(self, unit: str, sensor: str, check: Mapping[str, Any] | None, after: float | None) -> CheckBar:
-        """Return the row of a sensor; `after` is its deviation after a calibration, None without one."""
-        name = f"{unit}  {term('sensor', sensor)}"
-        if check is None:
-            return CheckBar(name, 0.0, "–", "", self.tr("no rest to check at"), "none")
-        verdict, state = (self.tr("within"), "good") if check["within"] else (self.tr("out of tolerance"), "bad")
-        if not check["within"] and after is not None:
-            good = after <= check["limit"]
-            text = self.tr("calibrated: now {0}") if good else self.tr("calibrated, still {0}")
-            verdict, state = text.format(_shown(sensor, after)), "good" if good else "caution"
-        limit = self.tr("at most {0}").format(_shown(sensor, check["limit"]))
-        return CheckBar(name, check["value"] / check["limit"], _shown(sensor, check["value"]), limit, verdict, state)
-
-    def _stored_text(self, stored: StoredPairFile) -> str:
-        if not stored.utc:
-            return self.tr("IMU {0}, {1}: nothing is stored yet.").format(stored.number, stored.serial)
-        return self.tr("IMU {0}, {1}: last calibrated on {2}, {3} values in {4}").format(
-            stored.number, stored.serial, local_time(stored.utc), stored.values, stored.file
-        )
+                static = self._checked.stored[k].static
+            after = {s: value for s, value in static.items() if (secondary.number, s) in calibrated}
+            bars += self._unit_bars(secondary.number, check, after)
+        return bars + self._unit_bars(0, check, {})
 
 
 def _shown(sensor: str, value: float) -> str:
@@ -130,7 +143,8 @@ def _shown(sensor: str, value: float) -> str:
     return f"{three_digits(value / size)} {unit}"
 
 
-def _schedule_text(schedule: Mapping[str, Any]) -> str:
+def schedule_text(schedule: Mapping[str, Any]) -> str:
+    """Return the trigger, the fitted terms and the thresholds of a schedule as a sentence."""
     fitted = [Text(f"pair.model_{schedule['model']}")]
     if schedule["lever"] and schedule["model"] == "full":
         fitted.append(Text("pair.lever"))

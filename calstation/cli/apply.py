@@ -1,0 +1,115 @@
+"""`apply`: shows the data of a recording or of the connected unit before and after a calibration."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
+from calstation.connection import OtherUnit, read_unit
+from calstation.errors import ConfigurationError
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G, NAMES, FloatArray
+from calstation.records import export_corrected, open_log, prior_from_meta
+from calstation.results import find_log, load_result
+from calstation.results.plots import Applied, apply_to_recording, before_and_found
+
+#: Quantities of the table at rest, before and after: JSON name, heading, display unit and its size.
+_QUANTITIES = (("force", "| f | − g", "µg", MICRO_G), ("rate", "rate − earth", "°/h", DEGREE_PER_HOUR))
+
+
+def apply_command(
+    result_file: Path, log: Path | None, station: Path | None, product: Path | None, out: Path | None, json: str | None
+) -> int:
+    """Apply a result to a recording or to the output of the connected unit, and show every rest before and after.
+
+    Raises ConfigurationError if both or another unit are given, and what reading them raises.
+    """
+    check_json(json)
+    if log is not None and station is not None:
+        raise ConfigurationError("cli.apply_to_one")
+    result = load_result(result_file)
+    solved = find_log(result, result_file)
+    held = result.registers.old if result.registers is not None else {}
+    if solved is not None:
+        held = dict(zip(NAMES, prior_from_meta(open_log(solved).meta).mean.tolist(), strict=True))
+    before, found = before_and_found(held, result.parameters)
+    if np.array_equal(before, found):
+        raise ConfigurationError("cli.apply_nothing", file=result_file)
+    if log is not None:
+        shown = apply_to_recording(ignore_progress, log, before, found)
+        meta, blocks = open_log(log).meta, open_log(log).blocks()
+    else:
+        unit = read_unit(ignore_progress, result.serial, solved, station, product)
+        if isinstance(unit, OtherUnit):
+            raise ConfigurationError("applied.other_unit", connected=unit.serial, serial=result.serial)
+        shown = unit.applied(before, found)
+        meta, blocks = unit.meta, iter([unit.block])
+    cautions = _cautions(shown, result.serial)
+    for caution in cautions:
+        show_line(Console(stderr=True), caution)
+    if out is not None:
+        export_corrected(meta, blocks, np.zeros_like(found) if shown.corrected else found, out)
+        show_line(Console(stderr=True), str(out))
+    errors = np.stack([shown.rest_length, shown.rest_rate - shown.earth])
+    emit_json(_json(shown, errors), json)
+    if json != "-":
+        _show(Console(file=sys.stdout), shown, errors)
+    return 0
+
+
+def _cautions(shown: Applied, serial: str) -> list[str]:
+    """Return warnings about the unit that the samples come from."""
+    if shown.serial != serial:
+        return [say("applied.other_recording", recorded=shown.serial, serial=serial)]
+    corrected = [say("applied.corrected")] if shown.corrected else []
+    return corrected + ([] if shown.named else [say("applied.unnamed", serial=serial)])
+
+
+def _summary(errors: FloatArray) -> dict[str, FloatArray]:
+    """Return rms and largest magnitude over the rests of both quantities before and after, shape (2, 2) each."""
+    return {"rms": np.sqrt(np.mean(errors**2, axis=1)), "max": np.abs(errors).max(axis=1)}
+
+
+def _json(shown: Applied, errors: FloatArray) -> dict[str, object]:
+    """Return the errors of every rest, shape (2, rests, 2), as JSON, SI."""
+
+    def row(values: FloatArray) -> dict[str, float]:
+        names = [f"{quantity[0]}_{when}" for quantity in _QUANTITIES for when in ("before", "after")]
+        return dict(zip(names, values.ravel().tolist(), strict=True))
+
+    return {
+        "serial": shown.serial,
+        "corrected": shown.corrected,
+        "rests": [
+            {"start_s": start, "end_s": end, **row(errors[:, k])} for k, (start, end) in enumerate(shown.rests.tolist())
+        ],
+        **{name: row(values) for name, values in _summary(errors).items()},
+    }
+
+
+def _show(out: Console, shown: Applied, errors: FloatArray) -> None:
+    table = Table(title=f"unit {shown.serial}, at rest", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+    for heading in ("rest", "from s", "to s"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for _, heading, unit, _ in _QUANTITIES:
+        for when in ("before", "after"):
+            table.add_column(f"{heading}\n{when} {unit}", justify="right", no_wrap=True)
+
+    def cells(values: FloatArray) -> list[str]:
+        sizes = np.array([[size] for *_, size in _QUANTITIES])
+        return [_plain(value) for value in (values / sizes).ravel()]
+
+    for k, (start, end) in enumerate(shown.rests.tolist()):
+        table.add_row(str(k), f"{start:.1f}", f"{end:.1f}", *cells(errors[:, k]))
+    table.add_section()
+    for name, values in _summary(errors).items():
+        table.add_row(name, "", "", *cells(values))
+    out.print(table)
+
+
+def _plain(value: float) -> str:
+    """Format a number with three significant digits."""
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"

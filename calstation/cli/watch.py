@@ -1,0 +1,202 @@
+"""`watch`: follows IMUs on one body, from a log or live, and calibrates those out of tolerance."""
+
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TextIO
+
+from rich.console import Console
+
+from calstation.cli.show import check_json, emit_json, on_interrupt, say, show_line
+from calstation.config import RunRequest, load_station, pair_folder, resolve_pair
+from calstation.connection import LineServer, open_pair
+from calstation.errors import ConfigurationError, StoppedError
+from calstation.estimation.common import SampleBlock
+from calstation.estimation.pairs import SENSORS, PairWatch, RestDeviation, WatchEvent
+from calstation.messages import os_reason
+from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G
+from calstation.records import LogMeta, open_log
+from calstation.results import CorrectedOutput, PairWatchResult, pair_report, watch_log
+
+#: Thresholds below these are shown in °/h and µg, SI.
+_SMALL_RATE, _SMALL_FORCE = 0.1 * DEGREE, 10_000 * MICRO_G
+
+
+#: Time for which a replayed log waits for a client that falls behind, s per line.
+_REPLAY_PATIENCE = 10.0
+#: Interval at which the waiting for motion is shown, s.
+_SHOWN_EVERY = 5.0
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """Where corrected data go."""
+
+    serve: str | None = None  #: ``HOST:PORT`` of a service for other programs.
+    file: Path | None = None  #: File of JSON lines.
+
+
+def watch_log_command(log: Path, folder: Path | None, command: bool, json: str | None, delivery: Delivery) -> int:
+    """Replay a log of IMUs on one body, calibrate the sensors that are out of tolerance, and store the results.
+
+    Returns 0 if every sensor of every IMU is within its threshold at the last check or has been calibrated, else 1.
+    """
+    check_json(json)
+    out = _console(json)
+    with _delivered(open_log(log).meta, delivery, out, replay=True) as consumers:
+        watched = watch_log(log, folder or pair_folder(), command, [_Shown(out), *consumers])
+    _show_checks(out, watched)
+    emit_json(pair_report(watched), json)
+    return 0 if watched.within else 1
+
+
+def watch_station_command(
+    request: RunRequest,
+    folder: Path | None,
+    command: bool,
+    seconds: float | None,
+    json: str | None,
+    delivery: Delivery,
+) -> int:
+    """Watch the IMUs of a station live until `seconds` of device time have passed or Ctrl-C is pressed.
+
+    A line on standard input that begins with c requests a check. Returns as `watch_log_command`, or the exit code of a
+    stop after Ctrl-C. Raises ConfigurationError or DeviceFaultError.
+    """
+    check_json(json)
+    out, stopped = _console(json), threading.Event()
+    _, station = load_station(request.station)
+    setup = resolve_pair(RunRequest(request.serial or station.virtual_serial, request.station, request.product))
+    with on_interrupt(stopped.set), open_pair(setup, folder or pair_folder()) as live:
+        watch = live.session.watch
+        if command:
+            watch.command()
+        with _commands(watch), _delivered(live.session.meta, delivery, out) as consumers:
+            shown = _Shown(out, waiting=True)
+            watched = live.session.run(live.blocks(seconds, stopped.is_set), [shown, *consumers])
+    _show_checks(out, watched)
+    emit_json(pair_report(watched, live.alignments()), json)
+    if stopped.is_set():
+        return StoppedError.exit_code
+    return 0 if watched.within else 1
+
+
+def _console(json: str | None) -> Console:
+    """Return where events are shown: standard output, unless the JSON is written there."""
+    return Console(file=sys.stderr if json == "-" else sys.stdout)
+
+
+@contextmanager
+def _delivered(
+    meta: LogMeta, delivery: Delivery, out: Console, *, replay: bool = False
+) -> Iterator[list[CorrectedOutput]]:
+    """Deliver corrected data while the context lasts; a replay starts with the first client and waits for slow ones.
+
+    Raises ConfigurationError if the service or the file cannot be opened.
+    """
+    sinks: list[Callable[[str], object]] = []
+    with ExitStack() as stack:
+        if delivery.file is not None:
+            sinks.append(stack.enter_context(_open_lines(delivery.file)).write)
+        server = None if delivery.serve is None else LineServer(delivery.serve, _REPLAY_PATIENCE if replay else 0.0)
+        if server is not None:
+            stack.callback(server.close)
+            sinks.append(server.write)
+        if not sinks:
+            yield []
+            return
+        output = CorrectedOutput(meta, sinks)
+        if server is not None:
+            server.greeting = lambda: output.greeting
+            show_line(out, say("cli.serving", address=server.address))
+            while replay and not server.wait_for_client(0.2):
+                pass  # Ctrl-C ends the waiting
+        yield [output]
+
+
+def _open_lines(path: Path) -> TextIO:
+    try:
+        return path.open("w", encoding="utf-8")
+    except OSError as exc:
+        raise ConfigurationError("result.unwritable", file=path, reason=os_reason(exc)) from exc
+
+
+@contextmanager
+def _commands(watch: PairWatch) -> Iterator[None]:
+    """Request a check whenever a line that begins with c is entered."""
+
+    def read() -> None:
+        with suppress(OSError, ValueError):
+            for line in sys.stdin:
+                if line.strip().lower().startswith("c"):
+                    watch.command()
+
+    if sys.stdin is not None:
+        threading.Thread(target=read, name="commands", daemon=True).start()
+    yield
+
+
+class _Shown:
+    """Prints the events of a watch and, if it is live, what it is `waiting` for."""
+
+    def __init__(self, out: Console, *, waiting: bool = False) -> None:
+        self._out, self._waiting = out, waiting
+        self._shown = ("", 0.0)
+
+    def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
+        for event in events:
+            values = {name: _imus(value) for name, value in event.values.items()}
+            text = say(f"cli.watch_{event.kind}", **{"number": event.number, **values})
+            show_line(self._out, f"{event.time:9.1f} s  {text}")
+        if self._waiting and len(block):
+            self._show_state(float(block.time[-1]), watch)
+
+    def _show_state(self, now: float, watch: PairWatch) -> None:
+        state, at = self._shown
+        if watch.state == "waiting" or (watch.state == state and now - at < _SHOWN_EVERY):
+            return
+        self._shown = (watch.state, now)
+        code = "axes" if watch.state == "calibrating" and watch.progress >= 1.0 else watch.state
+        show_line(self._out, f"{now:9.1f} s  {say(f'pair.state_{code}', percent=100.0 * watch.progress)}")
+
+
+def _show_checks(out: Console, watched: PairWatchResult) -> None:
+    """Print the last check of every sensor and its verdict."""
+    for number, check in watched.checks.items():
+        for sensor in SENSORS:
+            verdict = {"out_of_tolerance": "OFF"}.get(
+                watched.verdicts[number][sensor], watched.verdicts[number][sensor]
+            )
+            _show_check(out, f"imu{number} {sensor}", sensor, check.secondary[sensor], verdict)
+        for sensor in check.primary_out_of_tolerance:
+            _show_check(out, f"primary {sensor}", sensor, check.primary[sensor], "OFF")
+    if not watched.checks:
+        show_line(out, say("cli.no_rest"))
+
+
+def _show_check(out: Console, name: str, sensor: str, shown: RestDeviation, verdict: str) -> None:
+    size, unit = _unit(sensor, shown.limit)
+    value, limit = (f"{_plain(x / size)} {unit}" for x in (shown.value, shown.limit))
+    show_line(out, f"{name}: {value} at rest (threshold {limit})  {verdict}")
+
+
+def _unit(sensor: str, limit: float) -> tuple[float, str]:
+    """Return the SI size and the name of a readable unit for a threshold."""
+    if sensor == "gyro":
+        return (DEGREE_PER_HOUR, "°/h") if limit < _SMALL_RATE else (DEGREE, "°/s")
+    return (MICRO_G, "µg") if limit < _SMALL_FORCE else (1.0, "m/s²")
+
+
+def _imus(value: Any) -> Any:
+    """Replace IMU numbers in a list by IMU names."""
+    if not isinstance(value, list | tuple):
+        return value
+    return [f"imu{item}" if isinstance(item, int) else str(item) for item in value]
+
+
+def _plain(value: float) -> str:
+    """Format a number with three significant digits."""
+    return f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.3g}"

@@ -1,0 +1,90 @@
+"""The resolved configuration of a station with several IMUs on one body, which are watched live."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pydantic import JsonValue
+
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
+from calstation.config.station import in_file, schedule_values
+from calstation.devices.profiles import load_imu_profile
+from calstation.records import LogMeta
+from calstation.schema import EntryError, validate
+from procedures import method
+
+STAGE = "cross_calibration"
+
+#: Settings of the virtual bench that secondaries share with the primary.
+_OF_THE_BODY = ("seed", "speed", "body", "grade", "instability", "imu_transport", "ready_time_s")
+
+
+@dataclass(frozen=True)
+class PairConfiguration:
+    """A primary and its secondaries, each configured like the only unit of a station, and their schedule."""
+
+    primary: ResolvedConfiguration
+    secondaries: tuple[ResolvedConfiguration, ...]
+    schedule: dict[str, JsonValue]
+
+    @property
+    def units(self) -> tuple[ResolvedConfiguration, ...]:
+        """The primary and the secondaries."""
+        return (self.primary, *self.secondaries)
+
+    def bench_config(self) -> dict[str, Any] | None:
+        """Return the configuration of the bench process; None on hardware."""
+        config = self.primary.bench_config()
+        return None if config is None else {**config, "secondaries": [s.bench_config() for s in self.secondaries]}
+
+    def log_meta(self, serials: list[str], registers: Mapping[str, float]) -> LogMeta:
+        """Return the configuration of a log of these units, with their serial numbers and the primary's registers.
+
+        If they are not applied to its stream, the registers are the primary's own errors.
+        """
+        primary = replace(self.primary, request=replace(self.primary.request, serial=serials[0]))
+        plain = primary.log_meta(registers=registers).model_dump()
+        plain["schedule"] = {STAGE: self.schedule}
+        for number, (unit, serial) in enumerate(zip(self.secondaries, serials[1:], strict=True), 2):
+            own = replace(unit, request=replace(unit.request, serial=serial)).log_meta()
+            plain[f"imu{number}"] = own.imu.model_dump()
+        return validate(LogMeta, plain, "configuration of the watch")
+
+
+def resolve_pair(request: RunRequest) -> PairConfiguration:
+    """Read and check the files of a request for a station with secondaries. Raises ConfigurationError."""
+    primary = resolve_configuration(request)
+    station, path = primary.station, primary.sources["station"].path
+    with in_file(path):
+        if not station.secondaries:
+            raise EntryError("station.one_imu", "imu2")
+        values = schedule_values(primary.product, STAGE, station.cross_calibration)
+        schedule = validate(method(STAGE).schedule, values, f"{path}: {STAGE}")
+        units = []
+        for number, section in station.secondaries.items():
+            name = section.profile or primary.product.imu
+            imu = load_imu_profile(library.find("imus", name))
+            rate, wanted = imu.stream.sample_rate_hz, primary.imu.stream.sample_rate_hz
+            if rate != wanted:
+                raise EntryError("station.imu_rates", f"imu{number}", "profile", rate=rate, primary=wanted)
+            serial = section.serial_number or ("" if station.bench is None else f"{request.serial}-{number}")
+            units.append(
+                replace(
+                    primary,
+                    request=replace(request, serial=serial),
+                    imu=imu,
+                    station=station.model_copy(update={"imu": section, "bench": _bench_of(station.bench, number)}),
+                )
+            )
+    return PairConfiguration(primary, tuple(units), schedule.model_dump(mode="json"))
+
+
+def _bench_of(bench: dict[str, Any] | None, number: int) -> dict[str, Any] | None:
+    """Return the settings of a secondary on the virtual bench: those of the body, and its own."""
+    if bench is None:
+        return None
+    own = bench.get("secondaries", [])
+    shared = {name: value for name, value in bench.items() if name in _OF_THE_BODY}
+    return {**shared, **(own[number - 2] if number - 2 < len(own) else {})}

@@ -1,0 +1,125 @@
+"""Serves lines of text to any number of TCP clients."""
+
+import json
+import logging
+import queue
+import socket
+import threading
+from collections.abc import Callable
+
+from calstation.errors import ConfigurationError
+from calstation.messages import os_reason
+
+#: Number of lines that wait for a client before further ones are dropped.
+BUFFERED = 2000
+#: Time that a client may take to accept a line before it is disconnected, s.
+_TIMEOUT = 10.0
+_TICK = 0.1
+
+logger = logging.getLogger(__name__)
+
+
+class LineServer:
+    """Listens on ``HOST:PORT``; port 0 stands for any free one. Every client first receives `greeting`.
+
+    A client that falls behind by `buffered` lines is waited for, at most `patience` s per line; then it loses lines and
+    is told how many. Raises ConfigurationError if the address cannot be used.
+    """
+
+    def __init__(self, address: str, patience: float = 0.0, buffered: int = BUFFERED) -> None:
+        host, _, port = address.rpartition(":")
+        if not host or not port.isdecimal() or int(port) > 65535:
+            raise ConfigurationError("connection.serve_address", address=address)
+        try:
+            self._listener = socket.create_server((host.strip("[]"), int(port)))
+        except OSError as exc:
+            raise ConfigurationError("connection.serve_unavailable", address=address, reason=os_reason(exc)) from exc
+        self.address = f"{host}:{self._listener.getsockname()[1]}"
+        self.greeting: Callable[[], str] = str
+        self._patience, self._buffered, self._lock = patience, buffered, threading.Lock()
+        self._clients: list[_Client] = []
+        self._connected = threading.Event()
+        threading.Thread(target=self._accept, name="line-server", daemon=True).start()
+
+    def wait_for_client(self, seconds: float) -> bool:
+        """Wait until a client has connected, at most `seconds`; return whether one has."""
+        return self._connected.wait(seconds)
+
+    def write(self, line: str) -> None:
+        """Pass a line on to all clients."""
+        with self._lock:
+            self._clients = [client for client in self._clients if client.put(line)]
+
+    def close(self) -> None:
+        """Stop listening, and disconnect the clients once they have what waits for them."""
+        self._listener.close()
+        with self._lock:
+            for client in self._clients:
+                client.finish()
+        for client in self._clients:
+            client.join()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                connection, peer = self._listener.accept()
+            except OSError:  # closed
+                return
+            logger.info("client %s connected", peer)
+            with self._lock:
+                client = _Client(connection, self._patience, self._buffered)
+                client.put(self.greeting())
+                self._clients.append(client)
+            self._connected.set()
+
+
+class _Client:
+    """A connected client, its lines and the thread that sends them."""
+
+    def __init__(self, connection: socket.socket, patience: float, buffered: int) -> None:
+        self._connection, self._patience = connection, patience
+        connection.settimeout(_TIMEOUT)
+        self._lines: queue.Queue[str] = queue.Queue(buffered)
+        self._dropped, self._ending, self._gone = 0, False, False
+        self._thread = threading.Thread(target=self._send, name="line-client", daemon=True)
+        self._thread.start()
+
+    def put(self, line: str) -> bool:
+        """Add a line, or count it as dropped; return False once the client has gone."""
+        try:
+            if self._dropped:
+                self._lines.put(_dropped(self._dropped), self._patience > 0.0, self._patience)
+                self._dropped = 0
+            self._lines.put(line, self._patience > 0.0, self._patience)
+        except queue.Full:
+            self._dropped += 1
+        return not self._gone
+
+    def finish(self) -> None:
+        """Let the thread end after the lines that wait."""
+        self._ending = True
+
+    def join(self) -> None:
+        """Wait for the thread to end."""
+        self._thread.join(_TIMEOUT)
+
+    def _send(self) -> None:
+        try:
+            while True:
+                try:
+                    line = self._lines.get(timeout=_TICK)
+                except queue.Empty:
+                    if self._ending:
+                        break
+                else:
+                    self._connection.sendall(line.encode())
+            if self._dropped:
+                self._connection.sendall(_dropped(self._dropped).encode())
+        except OSError as error:
+            logger.info("client disconnected: %s", error)
+        self._gone = True
+        self._connection.close()
+
+
+def _dropped(lines: int) -> str:
+    return json.dumps({"type": "dropped", "lines": lines}, separators=(",", ":")) + "\n"

@@ -1,0 +1,181 @@
+"""Reads the IMUs on one body from their ports and aligns their streams, through restarts and lost links."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from calstation.config import PairConfiguration, ResolvedConfiguration
+from calstation.connection.clock import BenchClock, RealClock
+from calstation.connection.devices import imu_endpoints, open_imu
+from calstation.devices import SampleBatch
+from calstation.devices.profiles import StatusSection
+from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, StoppedError
+from calstation.estimation.common import SampleBlock
+from calstation.estimation.pairs import Alignment, PairAligner
+from calstation.results import PairSession
+
+#: Time without samples after which a unit is woken, or its port opened again, and until the next attempt, s.
+_WAKE_AFTER = 1.0
+#: Time without samples of any unit after which the watch ends, s.
+_ALL_SILENT = 20.0
+
+logger = logging.getLogger(__name__)
+
+
+class _Unit:
+    """An IMU on its port; it is woken or opened again in a thread of its own while other units are read."""
+
+    def __init__(self, setup: ResolvedConfiguration, port: str) -> None:
+        self._setup, self._port = setup, port
+        self.imu = open_imu(setup, port)
+        self._closing = threading.Event()
+        self._revival: threading.Thread | None = None
+        self._restarts, self._reopened = 0, False
+        try:
+            self.serial = self.imu.identify().serial
+            self.imu.start()
+        except BaseException:
+            self.imu.close()
+            raise
+        self.last_data: float | None = None
+
+    def read(self, now: float) -> SampleBatch | None:
+        """Return new samples, None without any; `now` is the host's time, s."""
+        self.last_data = now if self.last_data is None else self.last_data
+        if self._revival is not None and self._revival.is_alive():
+            return None
+        try:
+            batch = self.imu.read()
+        except DeviceFaultError as error:
+            logger.warning("%s: %s", self._port, error)
+            batch = None
+        if batch is not None and len(batch):
+            self.last_data = now
+            return batch
+        if now - self.last_data > _WAKE_AFTER and not self._closing.is_set():
+            self.last_data = now
+            self._revival = threading.Thread(target=self._revive, name="imu-revival", daemon=True)
+            self._revival.start()
+        return None
+
+    def restarted(self) -> bool:
+        """Return whether the unit has restarted, or its port was opened again, since the last call."""
+        before, self._restarts = self._restarts, self.imu.stats.restarts
+        reopened, self._reopened = self._reopened, False
+        return reopened or self._restarts > before
+
+    def close(self) -> None:
+        self._closing.set()
+        if self._revival is not None:
+            self._revival.join(10.0)
+        self.imu.close()
+
+    def _revive(self) -> None:
+        try:
+            if self.imu.lost:
+                self.imu.close()
+                self.imu = open_imu(self._setup, self._port)
+                self._restarts, self._reopened = 0, True
+            identity = self.imu.wake(self._check_closing)
+            if identity is not None and identity.serial != self.serial:
+                raise DeviceFaultError("connection.other_imu", port=self._port, found=identity.serial)
+        except CalstationError as error:
+            logger.info("%s: %s", self._port, error)
+
+    def _check_closing(self) -> None:
+        if self._closing.is_set():
+            raise StoppedError("run.stopped")
+
+
+class LivePair:
+    """Open IMUs on one body, and the session that watches them."""
+
+    def __init__(
+        self, session: PairSession, units: list[_Unit], statuses: list[StatusSection], clock: RealClock | BenchClock
+    ) -> None:
+        self.session = session
+        self._units, self._statuses, self._clock = units, statuses, clock
+        context = session.context
+        self._end = 0.0
+        self._aligner = PairAligner(context.imu, [s.imu for s in context.secondaries])
+
+    def alignments(self) -> dict[int, Alignment]:
+        """Return the clock of each secondary by number, at the newest sample."""
+        secondaries = self.session.context.secondaries
+        return {
+            s.number: clock.alignment(self._end) for s, clock in zip(secondaries, self._aligner.clocks, strict=True)
+        }
+
+    def blocks(self, seconds: float | None, stopped: Callable[[], bool]) -> Iterator[SampleBlock]:
+        """Yield aligned samples for `seconds` of the primary's time, or until `stopped` returns True.
+
+        Raises DeviceFaultError if no unit sends samples.
+        """
+        begin: float | None = None
+        heard = self._clock.now()
+        while not stopped():
+            self._clock.sleep(self._clock.tick)
+            now, host = self._clock.now(), time.monotonic()
+            for number, unit in enumerate(self._units):
+                batch = unit.read(host)
+                if batch is not None:
+                    heard = now
+                    self._feed(number, unit, batch, now, host)
+            if now - heard > _ALL_SILENT:
+                raise DeviceFaultError("connection.all_silent", seconds=_ALL_SILENT)
+            block, aligned = self._aligner.take(now)
+            if not len(block):
+                continue
+            end = self._end = float(block.time[-1])
+            for place in aligned:
+                number, clock = self.session.context.secondaries[place].number, self._aligner.clocks[place]
+                self.session.watch.realigned(number, end, float(clock.offset(end)), clock.sigma(end))
+            yield block
+            begin = float(block.time[0]) if begin is None else begin
+            if seconds is not None and end - begin >= seconds:
+                return
+
+    def _feed(self, number: int, unit: _Unit, batch: SampleBatch, now: float, host: float) -> None:
+        status = self._statuses[number]
+        usable = (batch.status & status.ready == status.ready) & (
+            batch.status & (status.saturated | status.failed) == 0
+        )
+        counts = np.where(usable[:, None], batch.counts, np.nan)
+        # on the virtual bench, station time passes at another speed than host time
+        arrival = now - (host - batch.arrival) * self._clock.speed
+        self._aligner.feed(number, batch.seq, counts, arrival, restarted=unit.restarted())
+
+
+@contextmanager
+def open_pair(
+    setup: PairConfiguration, folder: Path, check_cancelled: Callable[[], None] = lambda: None
+) -> Iterator[LivePair]:
+    """Open and identify all IMUs of a station, read the primary's registers, and close all ports on exit.
+
+    `folder` holds the stored calibrations of pairs. Raises DeviceFaultError or ConfigurationError.
+    """
+    with ExitStack() as stack:
+        ports, clock = stack.enter_context(imu_endpoints(setup, check_cancelled))
+        units = []
+        for unit, port in zip(setup.units, ports, strict=True):
+            check_cancelled()
+            units.append(_Unit(unit, port))
+            stack.callback(units[-1].close)
+        serials = [unit.serial for unit in units]
+        for number, serial in enumerate(serials, 1):
+            if not serial:
+                raise ConfigurationError("connection.pair_serial_missing", number=number)
+        if isinstance(clock, BenchClock):
+            clock.attach(lambda: sum(unit.imu.received for unit in units))
+        primary = setup.primary.imu
+        held = units[0].imu.read_registers() if primary.registers and primary.protocol != "stream" else {}
+        meta = setup.log_meta(serials, held)
+        fits = stack.enter_context(ThreadPoolExecutor(1, "fit"))
+        session = PairSession(meta, folder, setup.primary.sources["station"].path, fits.submit)
+        yield LivePair(session, units, [unit.imu.status for unit in setup.units], clock)

@@ -1,0 +1,166 @@
+"""Watches a station's IMUs on one body in a process of its own, for the window."""
+
+import logging
+import multiprocessing
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from queue import Empty
+from typing import Any, Literal
+
+from calstation import applog
+from calstation.config import RunRequest, load_station, pair_folder, resolve_pair
+from calstation.connection.live_pair import LivePair, open_pair
+from calstation.errors import CalstationError, StoppedError
+from calstation.estimation.common import SampleBlock
+from calstation.estimation.pairs import Alignment, PairWatch, WatchEvent, check_values
+from calstation.jobs import PipeReader, spawn_process
+from calstation.results import PairProgress
+from calstation.results.plots import StoredPairFile, stored_pairs
+
+#: Host time between two reports, s.
+_INTERVAL = 0.25
+#: Time covered by the progress of a live watch, s.
+SPAN = 300.0
+#: Host time for closing the ports, s.
+_CLOSES_WITHIN = 15.0
+
+WatchCommand = Literal["check", "stop"]
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class PairStatus:
+    """State of a live watch."""
+
+    schedule: Mapping[str, Any]
+    progress: PairProgress  #: The last `SPAN` s.
+    checks: Mapping[int, Mapping[str, Any]]  #: Last check of each secondary by number, see `check_values`.
+    static: Mapping[int, Mapping[str, float | None]]  #: Deviation of its calibrated sensors, see `PairResult.static`.
+    alignments: Mapping[int, Alignment]
+    stored: tuple[StoredPairFile, ...]
+    primary_off: tuple[str, ...]
+    primary_silent: bool
+
+
+class PairProcess:
+    """A process that watches the IMUs of a station; no method but `close` waits."""
+
+    def __init__(self, request: RunRequest) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._connection, there = context.Pipe()
+        self._process = context.Process(target=_serve, args=(there, request), name="calstation watch")
+        spawn_process(self._process)
+        there.close()
+        self._reader = PipeReader(self._connection)
+        self.ended = False
+
+    def poll(self) -> list[PairStatus | CalstationError]:
+        """Return the reports since the last call; an error is the last one."""
+        found: list[PairStatus | CalstationError] = []
+        while not self.ended:
+            try:
+                found.append(self._reader.take())
+            except Empty:
+                break
+            except EOFError:
+                self.ended = True
+        return found
+
+    def send(self, command: WatchCommand) -> None:
+        """Request a check or the end; ignored if the process has ended."""
+        with suppress(OSError):
+            self._connection.send(command)
+
+    def close(self) -> None:
+        """End the watch and wait until its ports are closed."""
+        self.send("stop")
+        self._process.join(_CLOSES_WITHIN)
+        if self._process.is_alive():
+            self._process.kill()
+        self._reader.close()
+
+
+class _Reports:
+    """Sends the state of a watch to its listener."""
+
+    def __init__(self, connection: "Connection[Any, Any]", live: LivePair) -> None:
+        self._connection, self._live = connection, live
+        self._schedule = live.session.schedule.model_dump(mode="json")
+        self._events: list[WatchEvent] = []
+        self._begin: float | None = None
+        self._stored = stored_pairs(live.session.context, pair_folder())
+        self._sent = 0.0
+
+    def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
+        self._events += events
+        if any(event.kind == "calibrated" for event in events):
+            self._stored = stored_pairs(self._live.session.context, pair_folder())
+        if not len(block) or (not events and time.monotonic() - self._sent < _INTERVAL):
+            return
+        self._sent, end = time.monotonic(), float(block.time[-1])
+        self._begin = float(block.time[0]) if self._begin is None else self._begin
+        start = max(self._begin, end - SPAN)
+        self._events = [event for event in self._events if event.time >= start]
+        shown = tuple(WatchEvent(e.kind, e.time - start, e.number, e.values) for e in self._events)
+        progress = PairProgress(end - start, SPAN, watch.state, watch.progress, shown)
+        checks = {number: check_values(check) for number, check in watch.checks.items()}
+        static = {n: r.static for n, r in watch.calibrated.items() if "calibrated" in watch.verdicts[n].values()}
+        self._connection.send(
+            PairStatus(
+                self._schedule,
+                progress,
+                checks,
+                static,
+                self._live.alignments(),
+                self._stored,
+                watch.primary_off,
+                watch.primary_silent,
+            )
+        )
+
+
+def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
+    """Entry point of the process; it ends with its listener."""
+    applog.configure("watch")
+    stopped, check = threading.Event(), threading.Event()
+
+    def receive() -> None:
+        with suppress(EOFError, OSError):
+            while True:
+                (stopped if connection.recv() == "stop" else check).set()
+        stopped.set()
+
+    def check_cancelled() -> None:
+        if stopped.is_set():
+            raise StoppedError("run.stopped")
+
+    threading.Thread(target=receive, name="commands", daemon=True).start()
+    try:
+        _, station = load_station(request.station)
+        serial = request.serial or station.virtual_serial
+        setup = resolve_pair(RunRequest(serial, request.station, request.product))
+        with open_pair(setup, pair_folder(), check_cancelled) as live:
+
+            def ended() -> bool:
+                if check.is_set():
+                    check.clear()
+                    live.session.watch.command()
+                return stopped.is_set()
+
+            live.session.run(live.blocks(None, ended), [_Reports(connection, live)])
+    except StoppedError:
+        pass
+    except OSError:
+        logger.info("the listener has gone")
+    except CalstationError as error:
+        with suppress(OSError):
+            connection.send(CalstationError(error.code, **error.values))
+    except Exception as error:
+        logger.exception("the watch ended by a mistake of the program")
+        with suppress(OSError):
+            connection.send(CalstationError("program.internal", detail=f"{type(error).__name__}: {error}"))

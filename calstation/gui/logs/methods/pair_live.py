@@ -1,0 +1,167 @@
+"""Watches the station's IMUs on one body live: start and stop, check now, state, last checks and clocks."""
+
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QWidget
+
+from calstation.config import RunRequest, load_station
+from calstation.connection import PairProcess, PairStatus
+from calstation.errors import CalstationError
+from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
+from calstation.gui.logs.methods.pair_view import PairBars, schedule_text
+from calstation.gui.shell import AppContext
+from calstation.gui.text import on_language_change, say, show, term
+from calstation.gui.widgets import StateBadge, button, column, enable, label, panel, row, show_text, theme
+
+
+class PairLiveView(PairBars):
+    """Starts and stops a watch of the station in a process of its own, and shows its state."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__()
+        self._app = app
+        self._watch: PairProcess | None = None
+        self._ended: list[PairProcess] = []
+        self.status: PairStatus | None = None
+        self._error: CalstationError | None = None
+        self._timer = QTimer(self, interval=100)
+        self._timer.timeout.connect(self._poll)
+        self.start_button = button("watch_button", lambda: self.tr("Watch live"), self._start_or_stop, kind="primary")
+        self.check_button = button(
+            "watch_check_button",
+            lambda: self.tr("Check now"),
+            self._check,
+            tip=lambda: self.tr(
+                "Checks at the next rest; IMUs out of tolerance are calibrated from the motion after it"
+            ),
+        )
+        self.badge, self.bars, self.timeline = StateBadge(), CheckBars(), Timeline()
+        self.schedule_label = label(wrap=True)
+        self._clocks, self._stored = label(name="watch_clocks_label", wrap=True), label(wrap=True)
+        self._failure = label(name="watch_failure_label", kind="caution", wrap=True)
+        self._explanation = label(
+            lambda: self.tr(
+                "Follows the station's IMUs as they move: it checks at rest, calibrates what is out of tolerance from "
+                "the motion after it, and stores the results. The program moves nothing."
+            ),
+            "muted",
+            wrap=True,
+        )
+        clocks = row(label(lambda: self.tr("Clocks"), "section"), (self._clocks, 1), spacing=2 * theme.GRID)
+        stored = row(label(lambda: self.tr("Stored"), "section"), (self._stored, 1), spacing=2 * theme.GRID)
+        self._shown = QWidget()
+        column(
+            self.schedule_label,
+            panel(label(lambda: self.tr("Check at rest"), "section"), self.bars),
+            panel(self.timeline),
+            clocks,
+            stored,
+            on=self._shown,
+        )
+        head = row(self.badge, None, self.check_button, self.start_button, spacing=theme.GRID)
+        column(head, self._explanation, self._failure, self._shown, None, on=self, margins=(0, theme.GRID, 0, 0))
+        app.station_changed.connect(self._refresh)
+        app.engine_link.running_changed.connect(self._refresh)
+        app.closing.connect(self.close_watch)
+        on_language_change(self, self._refresh)
+
+    @property
+    def watching(self) -> bool:
+        """Whether a watch is running."""
+        return self._watch is not None
+
+    def close_watch(self) -> None:
+        """End the watch and wait until its ports are closed."""
+        for watch in (*self._ended, *([self._watch] if self._watch is not None else [])):
+            watch.close()
+        self._watch, self._ended = None, []
+
+    def _start_or_stop(self) -> None:
+        if self._watch is not None:
+            self._watch.send("stop")
+            return
+        self._error, self.status = None, None
+        self._watch = PairProcess(RunRequest("", self._app.station_path))
+        self._timer.start()
+        self._refresh()
+
+    def _check(self) -> None:
+        if self._watch is not None:
+            self._watch.send("check")
+
+    def _poll(self) -> None:
+        watch = self._watch
+        if watch is None:
+            return
+        for report in watch.poll():
+            if isinstance(report, PairStatus):
+                self.status = report
+            else:
+                self._error = report
+        if watch.ended:
+            self._timer.stop()
+            watch.close()
+            self._watch = None
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self.start_button.setText(self.tr("Stop") if self.watching else self.tr("Watch live"))
+        enable(self.start_button, "" if self.watching else self._why_not())
+        enable(self.check_button, "" if self.status is not None and self.watching else self.tr("Start a watch first"))
+        self.badge.show_state(*self._state())
+        show_text(self._failure, "" if self._error is None else show(self._error.as_text))
+        status = self.status
+        self._explanation.setVisible(status is None)
+        self._shown.setVisible(status is not None)
+        if status is None:
+            return
+        self.schedule_label.setText(schedule_text(status.schedule))
+        self.bars.show_bars(self._bars(status))
+        self.timeline.show_progress(status.progress)
+        self._clocks.setText("\n".join(self._clock_text(status, number) for number in status.alignments))
+        self._stored.setText("\n".join(map(self._stored_text, status.stored)))
+
+    def _why_not(self) -> str:
+        if self._app.engine_link.running:
+            return say("window.busy_run")
+        try:
+            _, station = load_station(self._app.station_path)
+        except CalstationError as error:
+            return show(error.as_text)
+        if not station.secondaries:
+            return self.tr("This station has one IMU. Choose a station with [imu2], such as virtual_pair")
+        return ""
+
+    def _state(self) -> tuple[str, str]:
+        """Return the badge of the watch."""
+        if not self.watching:
+            return "none", self.tr("not watching")
+        status = self.status
+        if status is None:
+            return "waiting", self.tr("opening the ports")
+        if status.primary_silent:
+            return "bad", self.tr("the primary sends no samples")
+        if status.primary_off:
+            sensors = ", ".join(term("sensor", sensor) for sensor in status.primary_off)
+            return "caution", self.tr("primary out of tolerance: {0}").format(sensors)
+        state = status.progress.state
+        if state == "waiting":
+            return "good", self.tr("watching; no check is due")
+        return "active", say(f"pair.state_{state}", percent=100.0 * status.progress.motion)
+
+    def _bars(self, status: PairStatus) -> list[CheckBar]:
+        bars: list[CheckBar] = []
+        check = None
+        for number in status.alignments:
+            check = status.checks.get(number)
+            bars += self._unit_bars(number, check, status.static.get(number, {}))
+        return bars + self._unit_bars(0, check, {})
+
+    def _clock_text(self, status: PairStatus, number: int) -> str:
+        clock = status.alignments[number]
+        if not clock.measured:
+            return self.tr("IMU {0}: {1:.3f} s from arrival times; measured with the first motion").format(
+                number, clock.offset
+            )
+        return self.tr("IMU {0}: offset {1:.6f} s ± {2:.1f} µs, drift {3:.2f} ppm").format(
+            number, clock.offset, 1e6 * clock.sigma, 1e6 * clock.drift
+        )

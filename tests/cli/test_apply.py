@@ -1,0 +1,88 @@
+"""A result applied to a recording and to the connected unit: every rest before and after, and the corrected samples."""
+
+import csv
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.physics.earth import RATE, normal_gravity
+from tests.cli.conftest import META, Done, six_position_rows, write_log
+
+Run = Callable[..., Done]
+GRAVITY = normal_gravity(np.deg2rad(34.25), 400.0)
+#: What the unit reads: too much by its scale, on top of what `six_position_rows` has.
+READS = 1.001 * 9.7969
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Six faces of a unit whose accelerometers read too much."""
+    return write_log(tmp_path, six_position_rows(), meta=META.replace("accel_lsb = 1e-6", "accel_lsb = 1.001e-6"))
+
+
+@pytest.fixture
+def result(calstation: Run, log: Path, tmp_path: Path) -> Path:
+    """The result of that log."""
+    path = tmp_path / "result.json"
+    assert calstation("resolve", log, "--json", path).code == 0
+    return path
+
+
+def test_shows_every_rest_before_and_after(calstation: Run, log: Path, result: Path) -> None:
+    done = calstation("apply", result, log)
+    assert done.code == 0, done.err
+    assert "unit SN-7, at rest" in done.out
+    assert done.out.count("\n") > 6
+    shown = calstation("apply", result, log, "--json", "-").json
+    assert (shown["serial"], shown["corrected"], len(shown["rests"])) == ("SN-7", False, 6)
+    assert shown["rms"]["force_before"] == pytest.approx(READS - GRAVITY, rel=0.01)
+    assert shown["max"]["force_after"] < 1e-3
+    assert shown["rms"]["force_after"] <= shown["max"]["force_after"]
+    # the gyros of this recording read noise only
+    assert shown["rms"]["rate_after"] == pytest.approx(RATE, rel=0.2)
+
+
+def test_writes_the_corrected_samples_in_si(calstation: Run, log: Path, result: Path, tmp_path: Path) -> None:
+    corrected = tmp_path / "corrected.csv"
+    assert calstation("apply", result, log, "-o", corrected).code == 0
+    with log.open() as raw, corrected.open() as new:
+        before, after = list(csv.DictReader(raw)), list(csv.DictReader(new))
+    assert [row["seq"] for row in after] == [row["seq"] for row in before]
+    assert after[7]["outer_deg"] == "0.0"
+    force = np.array([[float(row[f"accel_{axis}"]) for axis in "xyz"] for row in after])
+    for face in np.split(force, 6):
+        assert np.linalg.norm(face.mean(axis=0)) == pytest.approx(GRAVITY, abs=1e-3)
+    meta = corrected.with_suffix(".toml").read_text(encoding="utf-8")
+    assert 'output = "rate"' in meta
+    assert "accel_lsb = 1.0" in meta
+
+
+def test_another_unit_is_cautioned_about(calstation: Run, log: Path, result: Path) -> None:
+    log.with_suffix(".toml").write_text(META.replace("SN-7", "SN-8"), encoding="utf-8")
+    done = calstation("apply", result, log)
+    assert done.code == 0
+    assert "This recording is of SN-8; the answer was found for SN-7." in done.err
+
+
+def test_one_source_of_data(calstation: Run, log: Path, result: Path) -> None:
+    done = calstation("apply", result, log, "--station", "virtual_bench")
+    assert done.code == 2
+    assert "A recording and --station are both given. Give one of them." in done.err
+
+
+@pytest.mark.long
+def test_shows_the_connected_unit(calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    log, result, corrected = tmp_path / "hand.h5", tmp_path / "hand.json", tmp_path / "now.csv"
+    assert calstation("record", "hand", "-o", log, "--grade", "tactical").code == 0
+    assert calstation("resolve", log, "--stages", "multi_position", "--json", result).code == 0
+    shown = calstation("apply", result, "--station", "virtual_bench", "-o", corrected, "--json", "-").json
+    assert (shown["serial"], shown["corrected"]) == ("BENCH-tactical", False)
+    assert shown["rms"]["force_after"] < 0.1 * shown["rms"]["force_before"]
+    assert abs(shown["rms"]["rate_after"]) < 0.1 * shown["rms"]["rate_before"]
+    with corrected.open() as stream:
+        rows = list(csv.DictReader(stream))
+    force = np.mean([[float(row[f"accel_{axis}"]) for axis in "xyz"] for row in rows], axis=0)
+    assert np.linalg.norm(force) == pytest.approx(9.797, abs=0.01)

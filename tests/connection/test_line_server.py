@@ -1,0 +1,83 @@
+"""Lines to TCP clients: several at once, a slow one loses lines and is told, and nobody waits for it."""
+
+import json
+import socket
+import time
+
+import pytest
+
+from calstation.connection.line_server import LineServer
+from calstation.errors import ConfigurationError
+from tests.helpers import raises_code
+
+
+def connect(server: LineServer) -> socket.socket:
+    host, port = server.address.rsplit(":", 1)
+    client = socket.create_connection((host, int(port)), timeout=10.0)
+    assert server.wait_for_client(10.0)
+    return client
+
+
+def lines(client: socket.socket) -> list[str]:
+    with client, client.makefile(encoding="utf-8") as stream:
+        return stream.read().splitlines()
+
+
+def test_every_client_is_greeted_and_gets_every_line():
+    server = LineServer("127.0.0.1:0")
+    server.greeting = lambda: "hello\n"
+    clients = [connect(server), connect(server)]
+    for client in clients:  # the greeting shows that it is in the list
+        assert client.recv(6) == b"hello\n"
+    for k in range(100):
+        server.write(f"{k}\n")
+    server.close()
+    assert [lines(client) for client in clients] == [[str(k) for k in range(100)]] * 2
+
+
+def test_a_slow_client_loses_lines_and_is_told_how_many():
+    server = LineServer("127.0.0.1:0", buffered=10)
+    server.greeting = lambda: "hello\n"
+    client = connect(server)
+    long = "x" * 100_000 + "\n"
+    begin = time.monotonic()
+    for _ in range(500):
+        server.write(long)
+    assert time.monotonic() - begin < 2.0
+    client.settimeout(20.0)
+    received = []
+    with client, client.makefile(encoding="utf-8") as stream:
+        for line in stream:
+            received.append(line)
+            if len(received) == 5:
+                server.write("last\n")
+                server.close()
+    dropped = sum(json.loads(line)["lines"] for line in received if line.startswith("{"))
+    assert dropped > 0
+    assert received.count(long) + ("last\n" in received) + dropped == 501
+
+
+def test_a_client_that_leaves_is_forgotten():
+    server = LineServer("127.0.0.1:0")
+    server.greeting = lambda: "hello\n"
+    client = connect(server)
+    client.recv(6)
+    client.close()
+    for _ in range(50):
+        server.write("x" * 1000 + "\n")
+        time.sleep(0.01)
+    assert not server._clients
+    server.close()
+
+
+@pytest.mark.parametrize("address", ["5555", ":5555", "localhost:x", "localhost:70000"])
+def test_a_malformed_address_is_refused(address):
+    with raises_code(ConfigurationError, "connection.serve_address"):
+        LineServer(address)
+
+
+def test_a_port_in_use_is_refused():
+    server = LineServer("127.0.0.1:0")
+    with raises_code(ConfigurationError, "connection.serve_unavailable"):
+        LineServer(server.address)
+    server.close()

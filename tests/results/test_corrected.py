@@ -1,0 +1,180 @@
+"""Corrected output of IMUs on one body: values, calibrations replaced without a gap, switch-overs, missing samples."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.estimation.common.samples import SampleBlock
+from calstation.records.log import Log, open_log
+from calstation.results.corrected import CorrectedOutput
+from calstation.results.pairs import PairSession
+from calstation.simulation.bench_recordings import make_recording
+
+Lines = list[dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Log:
+    """Two IMUs on one body, the secondary out of tolerance, with a lever arm and a clock offset between them."""
+    path = tmp_path_factory.mktemp("pair") / "pair.h5"
+    make_recording("pair", path, "mems", 3)
+    return open_log(path)
+
+
+def unchanged(block: SampleBlock) -> SampleBlock:
+    return block
+
+
+def watched(
+    log: Log, folder: Path, change: Callable[[SampleBlock], SampleBlock] = unchanged, again: tuple[float, ...] = ()
+) -> Lines:
+    """Lines of a watch in blocks of 0.1 s; `again` are the times at which a check is requested."""
+    lines: list[str] = []
+    session = PairSession(log.meta, folder, "log")
+    session.watch.command()
+
+    def blocks() -> Iterator[SampleBlock]:
+        asked = list(again)
+        for whole in log.blocks():
+            for start in range(0, len(whole), 10):
+                block = change(whole.part(start, min(start + 10, len(whole))))
+                if asked and block.time[0] >= asked[0]:
+                    asked.pop(0)
+                    session.watch.command()
+                yield block
+
+    session.run(blocks(), [CorrectedOutput(log.meta, [lines.append])])
+    return [json.loads(line) for line in lines]
+
+
+@pytest.fixture(scope="module")
+def first_watch(recording: Log, tmp_path_factory: pytest.TempPathFactory) -> tuple[Lines, Path]:
+    """The lines while the secondary is calibrated, and the folder with the result."""
+    folder = tmp_path_factory.mktemp("pairs")
+    return watched(recording, folder), folder
+
+
+def data(lines: Lines) -> Lines:
+    return [line for line in lines if line["type"] == "data"]
+
+
+def events(lines: Lines, kind: str) -> Lines:
+    return [line for line in lines if line["type"] == "event" and line["kind"] == kind]
+
+
+def column(lines: Lines, imu: str, sensor: str) -> np.ndarray:
+    return np.array([row or [np.nan] * 3 for line in lines for row in line[imu][sensor]])
+
+
+def assert_continuous(lines: Lines, log: Log) -> None:
+    facts, expected = log.facts(), None
+    for line in data(lines):
+        assert expected is None or line["seq"] == expected
+        expected = line["seq"] + line["count"]
+        assert len(line["time_s"]) == line["count"] == len(line["primary"]["gyro"]) == len(line["imu2"]["accel"])
+    assert (data(lines)[0]["seq"], expected) == (facts.first_seq, facts.last_seq + 1)
+
+
+def test_a_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path], recording: Log) -> None:
+    lines, _ = first_watch
+    assert (lines[0]["type"], lines[-1]["type"]) == ("start", "end")
+    assert lines[0]["schema"] == "calstation.corrected/1"
+    assert lines[0]["imu2"] == {"serial": "BENCH-2"}
+    assert_continuous(lines, recording)
+    told = [(line["calibration"], bool(line["values"])) for line in events(lines, "calibration")]
+    assert told == [(0, False), (1, True)]
+    used = [line["imu2"]["calibration"] for line in data(lines)]
+    assert used == sorted(used)
+    assert set(used) == {0, 1}
+    # told before the first samples corrected by it
+    assert lines.index(events(lines, "calibration")[1]) < lines.index(data(lines)[used.index(1)])
+
+
+def test_the_secondary_reads_what_the_primary_reads(first_watch: tuple[Lines, Path], recording: Log) -> None:
+    after = [line for line in data(first_watch[0]) if line["imu2"]["calibration"] == 1]
+    before = [line for line in data(first_watch[0]) if line["imu2"]["calibration"] == 0]
+    noise = recording.meta.imu.gyro_arw * np.sqrt(100.0), recording.meta.imu.accel_vrw * np.sqrt(100.0)
+    for sensor, white in zip(("gyro", "accel"), noise, strict=True):
+        for lines, agree in ((before, False), (after, True)):
+            apart = column(lines, "imu2", sensor) - column(lines, "primary", sensor)
+            at_rest = np.linalg.norm(column(lines, "primary", "gyro"), axis=1) < 0.02
+            mean = np.abs(apart[at_rest].mean(axis=0)).max()
+            assert (mean < 5.0 * white / np.sqrt(np.count_nonzero(at_rest)) + 1e-4) == agree
+
+
+@pytest.mark.long
+def test_the_lever_arm_is_removed(first_watch: tuple[Lines, Path], recording: Log) -> None:
+    _, folder = first_watch
+    lines = data(watched(recording, folder))
+    assert all(line["imu2"]["calibration"] == 0 for line in lines)  # that of the first watch
+    time = np.array([t for line in lines for t in line["time_s"]])
+    offset = lines[0]["imu2"]["clock_offset_s"]
+    assert abs(offset) > 1e-3
+    primary, force = column(lines, "primary", "accel"), column(lines, "imu2", "accel")
+    moving = np.linalg.norm(column(lines, "primary", "gyro"), axis=1) > 0.5
+    shifted = np.column_stack([np.interp(time + offset, time, axis) for axis in primary.T])
+    assert np.sqrt(np.mean((force - shifted)[moving] ** 2)) < 0.2
+    (path,) = folder.glob("*.toml")
+    bare = folder / "bare"
+    bare.mkdir()
+    text = [row for row in path.read_text().splitlines() if "lever" not in row]
+    (bare / path.name).write_text("\n".join(text))
+    without = column(data(watched(recording, bare)), "imu2", "accel")
+    assert np.sqrt(np.mean((without - shifted)[moving] ** 2)) > 1.5 * np.sqrt(np.mean((force - shifted)[moving] ** 2))
+
+
+def test_a_silent_primary_is_replaced_by_the_secondary_and_told(
+    first_watch: tuple[Lines, Path], recording: Log
+) -> None:
+    def silent(block: SampleBlock) -> SampleBlock:
+        gone = (block.time > 20.0) & (block.time < 30.0)
+        return replace(block, counts=np.where(gone[:, None], np.nan, block.counts), valid=block.valid & ~gone)
+
+    lines = watched(recording, first_watch[1], silent)
+    assert_continuous(lines, recording)
+    overs = events(lines, "switch_over")
+    assert [(e["from"], e["to"], e["reason"]) for e in overs] == [
+        ("primary", "imu2", "primary_silent"),
+        ("imu2", "primary", "primary_valid"),
+    ]
+    assert 20.5 < overs[0]["time_s"] < 20.8
+    assert 30.0 <= overs[1]["time_s"] < 30.2
+    within = [line for line in data(lines) if overs[0]["time_s"] < line["time_s"][0] < 29.9]
+    assert {(line["source"], line["switch_overs"]) for line in within} == {("imu2", 1)}
+    assert all(row is None for line in within for row in line["primary"]["gyro"])
+    assert np.isfinite(column(within, "imu2", "gyro")).all()
+    assert data(lines)[-1]["switch_overs"] == 2
+
+
+@pytest.mark.long
+def test_a_primary_out_of_tolerance_is_replaced_until_a_check_finds_it_sound(
+    first_watch: tuple[Lines, Path], recording: Log
+) -> None:
+    """The gyros of the primary read 0.01 rad/s too much for some seconds, and a check is due in them and after them."""
+    size = recording.meta.imu.gyro_lsb * (100.0 if recording.meta.imu.output == "increment" else 1.0)
+
+    def off(block: SampleBlock) -> SampleBlock:
+        wrong = (block.time > 3.0) & (block.time < 15.0)
+        return replace(block, counts=block.counts + np.outer(wrong, np.eye(6)[0] * 0.01 / size))
+
+    lines = watched(recording, first_watch[1], off, again=(4.0, 16.0))
+    overs = events(lines, "switch_over")
+    assert [(e["to"], e["reason"], e["count"]) for e in overs[:2]] == [
+        ("imu2", "primary_off", 1),
+        ("primary", "primary_valid", 2),
+    ]
+    assert events(lines, "primary_off")
+    assert lines.index(events(lines, "primary_off")[0]) < lines.index(overs[0])
+
+
+@pytest.mark.long
+def test_without_a_valid_imu_the_source_is_none(recording: Log, tmp_path: Path) -> None:
+    size = recording.meta.imu.gyro_lsb * (100.0 if recording.meta.imu.output == "increment" else 1.0)
+    lines = watched(recording, tmp_path, lambda block: replace(block, counts=block.counts + np.eye(6)[0] * 0.01 / size))
+    assert events(lines, "switch_over")[0]["to"] is None
+    assert data(lines)[-1]["source"] is None
