@@ -14,6 +14,7 @@ _STEP_VALUES = {
     "turn_about": ("axis", "angle"),
     "unwind": ("axis",),
     "face_up": ("axis",),
+    "oblique": ("axes",),
     "flip": ("angle",),
 }
 

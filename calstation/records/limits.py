@@ -247,7 +247,8 @@ def check_limits(
     """Compare the result of a chain of stages with the limits of its product.
 
     A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
-    only estimated parameters are compared. Innovations and unobservable parameters are checked without near misses.
+    only estimated parameters are compared. Innovations, unless there was none to test, and unobservable parameters are
+    checked without near misses.
     """
     if not solutions:
         return []
@@ -268,7 +269,8 @@ def check_limits(
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near)
     for s in solutions:
         c = s.consistency
-        checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
+        if c.count:
+            checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
     lost = unobservable(prior, solutions)
     checks.append(Check("unobservable", "", float(len(lost)), 0.0, "1", not lost))
     return checks

@@ -89,18 +89,29 @@ def test_every_move_is_followed_by_its_rest(stage):
     steps = [s for s in steps_of(stage, TableGeometry(), 1, dwell_s=7.0) if not isinstance(s, RoundEnd)]
     pairs = list(zip(steps[::2], steps[1::2], strict=True))
     assert all(isinstance(a, Move) and isinstance(b, Dwell) for a, b in pairs)
-    durations = {b.duration for a, b in pairs if a.label[0] not in ("into_place", "unwind")}
+    durations = {b.duration for a, b in pairs if a.label[0] not in ("into_place", "unwind", "oblique")}
     assert durations == {7.0}
 
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
 def test_six_positions_bring_each_face_up_once(table):
-    found = moves_of(steps_of("six_position", table))
+    found = [move for move in moves_of(steps_of("six_position", table)) if move.label[0] == "face_up"]
     faces = [move.label[1] for move in found]
     assert sorted(faces) == ["+x", "+y", "+z", "-x", "-y", "-z"]
     for move, face in zip(found, faces, strict=True):
         up = table.body_to_home(move.outer, move.inner).T @ UP
         assert up == pytest.approx(BODY[face[1]] * (1.0 if face[0] == "+" else -1.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("table", TABLES, ids=IDS)
+def test_oblique_positions_cancel_biases_and_misalignments(table):
+    steps = steps_of("six_position", table)
+    found = [move for move in moves_of(steps) if move.label[0] == "oblique"]
+    up = np.array([table.body_to_home(move.outer, move.inner).T @ UP for move in found])
+    assert np.abs(up) == pytest.approx(np.full((4, 3), 3.0**-0.5), abs=1e-9)
+    assert up.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+    assert up.T @ up == pytest.approx(4.0 / 3.0 * np.eye(3), abs=1e-9)
+    assert [step.duration for step in steps[-7::2]] == [10.0] * 4
 
 
 @given(limits())

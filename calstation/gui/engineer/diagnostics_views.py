@@ -110,6 +110,8 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
     """Return the mean NIS of a stage, its band, the badge state and the key of the verdict text."""
     c = stage.consistency
     state, verdict = "good", "inside"
+    if not c.count:
+        return {"mean": "–", "band": "–", "state": "none", "verdict": "untested"}
     if not c.passed:
         state, verdict = "bad", "above"
     elif c.warning:
