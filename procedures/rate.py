@@ -206,14 +206,14 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     mask = np.array([name in ESTIMATED for name in NAMES])
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(places), None)
     result = gauss_newton("rate", model, observed, variance, prior, zero, sigma, mask, encoders)
-    residual = result.residual.reshape(-1, 3)
+    residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",
         belief=restricted(prior, result.belief, mask),
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,
-        innovations=Innovations(np.array([data.seq[t.stop - 1] for t in turns]), result.redundancy.normalised.reshape(-1, 3)),
+        innovations=Innovations(np.array([data.seq[t.stop - 1] for t in turns]), tested),
         details={
             "turns": [
                 {

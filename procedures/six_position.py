@@ -157,14 +157,14 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
     result = gauss_newton(
         "six_position", model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask
     )
-    residual = result.residual.reshape(-1, 3)
+    residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
         belief=restricted(prior, result.belief, mask),
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,
-        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), result.redundancy.normalised.reshape(-1, 3)),
+        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), tested),
         details={
             "positions": [
                 {**data.seq_range(p.start, p.stop), "force": p.force.tolist(), "residual": r.tolist()}

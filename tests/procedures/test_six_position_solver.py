@@ -60,9 +60,9 @@ def test_oblique_positions_find_a_cubic_term(chain):
     assert not solved(chain.truth, chain.priors["six_position"], [wrong]).consistency.passed
 
 
-def test_oblique_positions_find_a_scale_asymmetry_if_misalignments_are_known(nav_chain):
+def test_oblique_positions_find_a_scale_asymmetry_if_the_other_errors_are_known(nav_chain):
     prior = nav_chain.priors["six_position"]
-    known = np.isin(np.arange(30), MISALIGN)
+    known = np.isin(np.arange(30), (*MISALIGN, *QUADRATIC))
     keep = np.where(known, 0.003, 1.0)
     accurate = Belief(np.where(known, nav_chain.truth.parameters, prior.mean), prior.covariance * np.outer(keep, keep))
     sound, wrong = (
