@@ -1,20 +1,24 @@
 """Excitation: revolutions about y, x, z, then z, x, y in quarter turns with rests; the 39-state filter estimates all.
 
-The inner axis is horizontal when used, so that gravity observes its rotation. Joints unwind only if the travel ends.
+The inner axis is horizontal when used, so that gravity observes its rotation. From one revolution to the next a joint
+turns the other way, so that it does not wind up.
 """
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
 from pydantic import Field
 
+from calstation.errors import ConfigurationError
 from calstation.estimation import Method, RepeatedSchedule
 from calstation.estimation.common import SolveContext
 from calstation.estimation.navigation import NavigationStage
-from calstation.physics import NAMES, Dwell, Move, RoundEnd, Step, TableGeometry
+from calstation.physics import INNER, JOINTS, NAMES, OUTER, Dwell, JointLimits, Move, RoundEnd, Step, TableGeometry
 
 ORDER = "yxzzxy"
 QUARTERS = 4
+QUARTER = 0.5 * np.pi
 
 
 class Schedule(RepeatedSchedule):
@@ -27,42 +31,54 @@ class Schedule(RepeatedSchedule):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Plan endless rounds of y, x, z, z, x, y, each followed by `RoundEnd`."""
+    """Plan endless rounds of y, x, z, z, x, y, each followed by `RoundEnd`.
+
+    Raises ConfigurationError if the travel of a joint has no room for four quarter turns.
+    """
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     joints = [0.0, 0.0]
+    last: dict[int, int] = {}
     yield Move(0.0, 0.0, rate, acceleration, ("start",))
     yield Dwell(schedule.dwell_s)
     rounds = 0
     while True:
         for name in ORDER:
-            turn = geometry.body_turn(np.eye(3)["xyz".index(name)], joints[1])
-            place = [joints[0], joints[1]]
+            turn = geometry.body_turn(np.eye(3)["xyz".index(name)], joints[INNER])
+            place = [joints[OUTER], joints[INNER]]
             if turn.inner is None:
-                place[0] = geometry.level_inner((joints[0], joints[1]))
+                place[OUTER] = geometry.level_inner((joints[OUTER], joints[INNER]))
             else:
-                place[1] = turn.inner
+                place[INNER] = turn.inner
+            way = -last.get(turn.joint, -turn.sign)
+            place[turn.joint], way = _revolution(geometry.limits, turn.joint, place[turn.joint], way)
+            last[turn.joint] = way
             if max(abs(a - b) for a, b in zip(place, joints, strict=True)) > 1e-9:
                 joints = place
                 yield Move(joints[0], joints[1], rate, acceleration, ("into_place", name))
                 yield Dwell(schedule.place_dwell_s)
-            quarter = turn.sign * 0.5 * np.pi
             for _ in range(QUARTERS):
-                if not geometry.limits.within(turn.joint, joints[turn.joint] + quarter):
-                    joints[turn.joint] = _unwound(geometry, turn.joint, joints[turn.joint], turn.sign)
-                    yield Move(joints[0], joints[1], rate, acceleration, ("unwind", name))
-                    yield Dwell(schedule.place_dwell_s)
-                joints[turn.joint] += quarter
-                yield Move(joints[0], joints[1], rate, acceleration, ("turn_about", name, 90.0))
+                joints[turn.joint] += way * QUARTER
+                yield Move(joints[0], joints[1], rate, acceleration, ("turn_about", name, 90.0 * way * turn.sign))
                 yield Dwell(schedule.dwell_s)
         rounds += 1
         yield RoundEnd(rounds)
 
 
-def _unwound(geometry: TableGeometry, joint: int, angle: float, sign: int) -> float:
-    """Return the joint angle of the same attitude, as many full turns back as the travel allows, rad."""
-    end = geometry.limits.low[joint] if sign > 0 else geometry.limits.high[joint]
-    turns = np.floor(abs(end - angle) / (2.0 * np.pi) + 1e-9)
-    return float(geometry.nearest(joint, angle, angle - sign * 2.0 * np.pi * max(turns, 1.0)))
+def _revolution(limits: JointLimits, joint: int, at: float, way: int) -> tuple[float, int]:
+    """Return start angle, rad, and direction of a revolution: `way` if possible, from `at` or a few quarters beside it.
+
+    Raises ConfigurationError if the travel has no room for it.
+    """
+    for quarters, sign in itertools.product((0, 1, -1, 2, -2), (way, -way)):
+        start = at + quarters * QUARTER
+        if limits.within(joint, start) and limits.within(joint, start + sign * QUARTERS * QUARTER):
+            return start, sign
+    raise ConfigurationError(
+        "plan.revolution_exceeds_travel",
+        axis=JOINTS[joint],
+        low_deg=float(np.rad2deg(limits.low[joint])),
+        high_deg=float(np.rad2deg(limits.high[joint])),
+    )
 
 
 def estimates(context: SolveContext) -> tuple[str, ...]:

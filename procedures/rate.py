@@ -22,7 +22,6 @@ from calstation.estimation.common import (
     find_rests,
     gauss_newton,
     mean_angles,
-    nis_consistency,
     restricted,
 )
 from calstation.messages import Text
@@ -205,15 +204,16 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     bias_drift = 2.0 * noise.bias_drift[0] ** 2 / BIAS_DRIFT_TIME
     variance = np.repeat([noise.rate * t.duration + bias_drift * t.duration**3 / 3.0 for t in turns], 3)
     mask = np.array([name in ESTIMATED for name in NAMES])
-    result = gauss_newton("rate", model, observed, variance, prior, np.zeros(len(sigma)), sigma, mask)
-    residual = result.residual.reshape(-1, 3)
+    zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(places), None)
+    result = gauss_newton("rate", model, observed, variance, prior, zero, sigma, mask, encoders)
+    residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",
         belief=restricted(prior, result.belief, mask),
         estimated=ESTIMATED,
-        consistency=nis_consistency(result.chi2, len(turns), 3),
+        consistency=result.redundancy.consistency,
         gaps=data.gaps,
-        innovations=Innovations(np.array([data.seq[t.stop - 1] for t in turns]), result.normalised.reshape(-1, 3)),
+        innovations=Innovations(np.array([data.seq[t.stop - 1] for t in turns]), tested),
         details={
             "turns": [
                 {

@@ -1,6 +1,8 @@
 """Six positions: each accelerometer axis up and down; the magnitude of gravity gives scale factors and biases.
 
-The faces are not assumed to be level: the direction of gravity in b is an unknown at every rest.
+The faces are not assumed to be level: the direction of gravity in b is an unknown at every rest. Six faces determine
+three scale factors and three biases and test nothing. Four oblique positions, the corners of a tetrahedron, test them:
+summed over these, the modulus of gravity depends neither on misalignments nor on biases.
 """
 
 from collections.abc import Iterator
@@ -19,7 +21,6 @@ from calstation.estimation.common import (
     find_rests,
     gauss_newton,
     mean_angles,
-    nis_consistency,
     rest_mean_variance,
     restricted,
     slope_weights,
@@ -43,6 +44,8 @@ ESTIMATED = tuple(f"{group}_{axis}" for group in ("accel_scale", "accel_bias") f
 SHORTEST_REST = 1.0
 #: Prior sigma of an unknown direction of gravity about the measured one, rad.
 FREE_DIRECTION_SIGMA = 1.0
+#: Body directions that point up in the oblique positions, in order.
+OBLIQUE = ((-1, 1, -1), (-1, -1, 1), (1, -1, -1), (1, 1, 1))
 #: Largest angle between gravity and an axis at a face, rad; other rests are used in the fit but are not faces.
 ON_FACE = np.deg2rad(30.0)
 
@@ -52,6 +55,7 @@ class Schedule(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     dwell_s: float = Field(30.0, ge=2.0, le=600.0, description="rest in every position")
+    oblique_dwell_s: float = Field(10.0, ge=2.0, le=600.0, description="rest in every oblique position")
     rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
 
@@ -68,7 +72,7 @@ class Position:
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Plan z up, z down, y up, y down, x up, x down, each at the joint angles nearest to the previous ones."""
+    """Plan z up, z down, y up, y down, x up, x down, and the oblique positions, each at the nearest joint angles."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     pose = (0.0, 0.0)
     for axis in (2, 1, 0):
@@ -79,6 +83,11 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
             face = f"{'+' if sign > 0 else '-'}{'xyz'[axis]}"
             yield Move(*pose, rate, acceleration, ("face_up", face))
             yield Dwell(schedule.dwell_s)
+    for up in OBLIQUE:
+        pose = geometry.pose_up(np.array(up, dtype=np.float64), pose)
+        signs = "".join(f"{'+' if part > 0 else '-'}{axis}" for part, axis in zip(up, "xyz", strict=True))
+        yield Move(*pose, rate, acceleration, ("oblique", signs))
+        yield Dwell(schedule.oblique_dwell_s)
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
@@ -148,14 +157,14 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
     result = gauss_newton(
         "six_position", model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask
     )
-    residual = result.residual.reshape(-1, 3)
+    residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
         belief=restricted(prior, result.belief, mask),
         estimated=ESTIMATED,
-        consistency=nis_consistency(result.chi2, len(positions), 3),
+        consistency=result.redundancy.consistency,
         gaps=data.gaps,
-        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), result.normalised.reshape(-1, 3)),
+        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), tested),
         details={
             "positions": [
                 {**data.seq_range(p.start, p.stop), "force": p.force.tolist(), "residual": r.tolist()}

@@ -32,6 +32,15 @@ class Innovations:
 
 
 @dataclass(frozen=True)
+class Ranking:
+    """Observability of the states of a stage so far, see `ObservabilityAnalysis`."""
+
+    step: int  #: Number of the latest step.
+    rank: int  #: Number of singular values of the stripped observability matrix above 1.
+    strength: Mapping[str, float]  #: Prior sigma divided by the sigma from the observations, by state.
+
+
+@dataclass(frozen=True)
 class Estimate:
     """An estimate in SI that is not one of the 30 parameters; `determined` is False if the data do not determine it."""
 

@@ -12,8 +12,8 @@ _STEP_VALUES = {
     "into_place": ("axis",),
     "whole_turns": ("axis", "angle"),
     "turn_about": ("axis", "angle"),
-    "unwind": ("axis",),
     "face_up": ("axis",),
+    "oblique": ("axes",),
     "flip": ("angle",),
 }
 

@@ -223,22 +223,37 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
 
 
 def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
-    """Return estimated parameters that the data do not determine: sigma above 0.9 of the prior sigma."""
+    """Return estimated parameters that the data do not determine.
+
+    Their sigma is above 0.9 of the prior sigma; or they lie in the unobservable subspace of every stage that estimated
+    them, so that only a correlation of the prior has reduced it.
+    """
     if not solutions:
         return []
     before, after = prior.sigma, solutions[-1].belief.sigma
     lost = [
         name
         for name in estimated_stage(solutions)
-        if after[INDEX[name]] > OBSERVABLE_RATIO * before[INDEX[name]] and before[INDEX[name]] > 0
+        if before[INDEX[name]] > 0
+        and (after[INDEX[name]] > OBSERVABLE_RATIO * before[INDEX[name]] or _not_observed(name, solutions))
     ]
     return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
 
 
-def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> list[str]:
-    """Return parameters with a limit that no stage estimated; a partial run is judged only by its own stages."""
-    estimated = estimated_stage(solutions)
-    return [p.name for p in PARAMETERS if (p.name in limits or p.group in limits) and p.name not in estimated]
+def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
+    """Whether the observability analyses of all stages that estimated a parameter exist and do not contain it."""
+    states = [s.observability.get("states", {}).get(name) for s in solutions if name in s.estimated]
+    return all(state is not None and state["step"] is None for state in states)
+
+
+def not_compared(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution]) -> list[str]:
+    """Return parameters with a limit that no stage estimated, or that the data do not determine.
+
+    A partial run is judged only by its own stages, and claims nothing about a parameter that its data do not contain.
+    """
+    estimated, lost = estimated_stage(solutions), unobservable(prior, solutions)
+    limited = [p.name for p in PARAMETERS if p.name in limits or p.group in limits]
+    return [name for name in limited if name not in estimated or name in lost]
 
 
 def check_limits(
@@ -247,14 +262,17 @@ def check_limits(
     """Compare the result of a chain of stages with the limits of its product.
 
     A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
-    only estimated parameters are compared. Innovations and unobservable parameters are checked without near misses.
+    only parameters that were estimated and determined by the data are compared. Innovations, if a stage had any to
+    test, and unobservable parameters are checked without near misses.
     """
     if not solutions:
         return []
     belief = solutions[-1].belief
-    sigma = belief.sigma
+    sigma, lost = belief.sigma, unobservable(prior, solutions)
     checks = []
     for name, stage in estimated_stage(solutions).items():
+        if name in lost:
+            continue
         i = INDEX[name]
         limit = limits.get(name, limits.get(PARAMETERS[i].group))
         if limit is not None:
@@ -268,8 +286,8 @@ def check_limits(
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near)
     for s in solutions:
         c = s.consistency
-        checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
-    lost = unobservable(prior, solutions)
+        if c.count:
+            checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
     checks.append(Check("unobservable", "", float(len(lost)), 0.0, "1", not lost))
     return checks
 

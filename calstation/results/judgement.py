@@ -35,7 +35,7 @@ class Judgement:
 
     checks: tuple[Check, ...]
     passed: bool | None  #: None if there are no limits.
-    not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated; they do not fail the unit.
+    not_compared: tuple[str, ...] = ()  #: Parameters with a limit that no stage estimated or determined.
 
     def with_more(self, checks: list[Check]) -> "Judgement":
         """Return the judgement with more checks; it fails if one of them does not pass."""
@@ -57,7 +57,7 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     if not limits and section is None:
         return Judgement(checks, None)
     passed = bool(found) and all(check.passed for check in checks)
-    return Judgement(checks, passed, tuple(not_compared(limits, solutions)))
+    return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
 
 
 def is_partial(meta: LogMeta) -> bool:

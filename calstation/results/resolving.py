@@ -48,6 +48,7 @@ def resolve(
     if first_seq is not None and last_seq is not None and first_seq > last_seq:
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
     log = open_log(path)
+    _check_range(log, first_seq, last_seq)
     chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
     facts = log.facts()
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
@@ -75,6 +76,17 @@ def resolve(
     if missing:
         result = result.model_copy(update={"missing_data": {stage: sentence(why) for stage, why in missing.items()}})
     return Resolved(result, tuple(messages), tuple(missing.values()))
+
+
+def _check_range(log: Log, first: int | None, last: int | None) -> None:
+    """Raise InputError if the log does not hold a sequence number at which the range is to begin or to end."""
+    if first is None and last is None:
+        return
+    facts = log.facts()
+    for wanted in (first, last):
+        if facts.samples and wanted is not None and not facts.first_seq <= wanted <= facts.last_seq:
+            values = {"wanted": wanted, "first": facts.first_seq, "last": facts.last_seq}
+            raise InputError("solution.range_beyond", file=log.path, **values)
 
 
 def stored_result(log: Log) -> Result | None:

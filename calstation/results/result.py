@@ -148,7 +148,7 @@ class Result(_Section):
     parameters: dict[str, Parameter]
     unobservable: list[str] = Field(default_factory=list)  #: Parameters that the data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
-    not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage estimated.
+    not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage determined.
     consistency: dict[str, StageConsistency] = Field(default_factory=dict)
     #: Observability and details by stage, as reported by its method.
     observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)

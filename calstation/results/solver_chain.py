@@ -9,9 +9,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation import Progress, Solution, StageSolver
+from calstation.estimation import Progress, Ranking, Solution, StageSolver
 from calstation.estimation.common import RestOutput, SampleBlock, Spool, resolves_earth_rate, stage_data
-from calstation.estimation.navigation import warm_up
+from calstation.estimation.navigation import NavigationStage, warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
 from calstation.physics import COUNT, FloatArray
@@ -77,6 +77,10 @@ class StageChain:
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
         return self.belief.sigma if self._solver is None else self._solver.sigma()
+
+    def ranking(self) -> Ranking | None:
+        """Return the observability at the last call of `sigma`; None for a stage without the 39-state filter."""
+        return self._solver.ranking() if isinstance(self._solver, NavigationStage) else None
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the started stage; its posterior becomes the next prior. Raises InputError if the solution diverges."""

@@ -32,6 +32,7 @@ from .events import PositionGuided as PositionGuided
 from .events import Settled as Settled
 from .events import StageEnded as StageEnded
 from .events import StageProgress as StageProgress
+from .events import StageRanked as StageRanked
 from .events import StageSolved as StageSolved
 from .events import StageStarted as StageStarted
 from .events import StateChanged as StateChanged

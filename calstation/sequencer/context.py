@@ -10,7 +10,7 @@ import numpy as np
 from calstation.devices import Imu, Table
 from calstation.devices.profiles import Span
 from calstation.errors import CalstationError
-from calstation.estimation import Solution
+from calstation.estimation import Ranking, Solution
 from calstation.estimation.common import ImuModel, SampleBlock
 from calstation.physics import FloatArray, TableGeometry
 from calstation.sequencer.control import Control, State
@@ -159,6 +159,9 @@ class Solving(Protocol):
 
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, shape (30,), SI."""
+
+    def ranking(self) -> Ranking | None:
+        """Return the observability at the last call of `sigma`; None if the stage has none."""
 
     def finish(self) -> Solution:
         """Solve the stage."""

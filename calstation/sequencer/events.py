@@ -52,6 +52,16 @@ class StageProgress(Event):
 
 
 @dataclass(frozen=True)
+class StageRanked(Event):
+    """Observability of a stage up to `step`: rank of the observability matrix, and strength by state (`Ranking`)."""
+
+    stage: str
+    step: int
+    rank: int
+    strength: Mapping[str, float]
+
+
+@dataclass(frozen=True)
 class StepStarted(Event):
     """A step begins: its `kind`, its number `step` on the samples, and its `label` (id and values) from the plan."""
 
@@ -176,7 +186,7 @@ class Fault(Event):
 _KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event.__subclasses__()}
 
 #: Events that only refresh a display: a slow listener may miss some, and they are not logged.
-LOSSY = (StageProgress, TableMoved, Trace, PositionGuided)
+LOSSY = (StageProgress, StageRanked, TableMoved, Trace, PositionGuided)
 
 
 def to_json(event: Event) -> dict[str, Any]:

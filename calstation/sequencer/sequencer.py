@@ -13,7 +13,7 @@ from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.context import Ended, Finalized, Output, RunContext
 from calstation.sequencer.control import State, StopRequested
 from calstation.sequencer.driving import POLL, Driving, RunInBackground
-from calstation.sequencer.events import Message, StageEnded, StageStarted, solution_events
+from calstation.sequencer.events import Message, StageEnded, StageRanked, StageStarted, solution_events
 from calstation.sequencer.guard import check_limits, check_travel
 from calstation.sequencer.plan import StagePlan, StageTrack, plan_time, planned, step_time
 
@@ -161,6 +161,8 @@ class Sequencer:
                 drive.runner.run(step)
                 track.end(self._solving.sigma())
                 self._show_progress()
+                if (ranking := self._solving.ranking()) is not None:
+                    self._context.emit(StageRanked(stage.name, ranking.step, ranking.rank, ranking.strength))
                 ending = stage.rule.repeated and isinstance(step, Dwell) and self._context.control.ending_stage
                 if ending or (isinstance(step, Carry) and drive.runner.guiding.done):
                     return "operator", rounds

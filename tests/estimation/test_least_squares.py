@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.estimation.common.context import Belief
-from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, restricted
+from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, redundant, restricted
 from calstation.physics.parameters import COUNT
 
 ALL = np.ones(COUNT, dtype=bool)
@@ -47,18 +47,77 @@ def test_a_linear_model_gives_the_gaussian_posterior(seed):
 
 
 @given(SEEDS)
-def test_chi2_is_the_innovations_squared_over_their_covariance(seed):
-    model, arguments, H, _, _ = linear_case(seed)
-    observed, noise, prior, nuisance, nuisance_sigma = arguments
-    P = np.zeros((H.shape[1],) * 2)
-    P[:COUNT, :COUNT], P[COUNT:, COUNT:] = prior.covariance, np.diag(nuisance_sigma**2)
-    innovation = observed - H @ np.concatenate([prior.mean, nuisance])
-    expected = innovation @ np.linalg.solve(H @ P @ H.T + np.diag(noise), innovation)
+def test_the_residual_is_that_of_the_posterior(seed):
+    model, arguments, *_ = linear_case(seed)
     result = gauss_newton("test", model, *arguments, ALL)
-    assert result.chi2 == pytest.approx(expected, rel=1e-6)
-    assert np.sum(result.normalised**2) == pytest.approx(expected, rel=1e-6)
-    posterior = model(result.belief.mean, result.nuisance)
-    assert result.residual == pytest.approx(observed - posterior, abs=1e-9)
+    assert result.residual == pytest.approx(arguments[0] - model(result.belief.mean, result.nuisance), abs=1e-9)
+
+
+def redundancy_case(seed, unknowns=6, observations=14, width=1.0):
+    """H, the covariances of unknowns and noise, and a source of random numbers."""
+    random = np.random.default_rng(seed)
+    H, root = random.normal(size=(observations, unknowns)), random.normal(size=(observations, observations))
+    return H, width**2 * np.eye(unknowns), root @ root.T + np.eye(observations), random
+
+
+@given(SEEDS)
+def test_free_unknowns_leave_the_least_squares_residual_to_test(seed):
+    H, P, N, random = redundancy_case(seed, width=1e4)
+    observed = random.normal(size=len(H)) * 3.0
+    weight = np.linalg.inv(N)
+    residual = observed - H @ np.linalg.solve(H.T @ weight @ H, H.T @ weight @ observed)
+    found = redundant(H @ P @ H.T, N, observed)
+    assert found.freedom == len(H) - H.shape[1]
+    assert np.sum(found.normalised**2) == pytest.approx(residual @ weight @ residual, rel=1e-4)
+
+
+@given(SEEDS)
+def test_known_unknowns_leave_every_observation_to_test(seed):
+    H, P, N, random = redundancy_case(seed, width=1e-6)
+    observed = random.normal(size=len(H)) * 3.0
+    found = redundant(H @ P @ H.T, N, observed)
+    assert found.freedom == len(H)
+    assert np.sum(found.normalised**2) == pytest.approx(observed @ np.linalg.solve(N, observed), rel=1e-6)
+
+
+def test_as_many_unknowns_as_observations_leave_nothing_to_test():
+    H, P, N, random = redundancy_case(4, 14, width=1e4)
+    found = redundant(H @ P @ H.T, N, random.normal(size=14))
+    assert found.freedom == 0
+    assert np.all(found.normalised == 0.0)
+    assert found.consistency.count == 0
+    assert found.consistency.passed
+    assert not found.consistency.warning
+
+
+@pytest.mark.parametrize("width", [1e-3, 1.0, 1e3])
+def test_the_band_of_the_redundancy_holds_999_of_1000(width):
+    H, P, N, random = redundancy_case(6, width=width)
+    prior, noise = np.linalg.cholesky(P), np.linalg.cholesky(N)
+    outside, total = 0, 0.0
+    for _ in range(4000):
+        observed = H @ prior @ random.normal(size=H.shape[1]) + noise @ random.normal(size=len(H))
+        found = redundant(H @ P @ H.T, N, observed)
+        outside += not found.consistency.passed or found.consistency.warning
+        total += found.consistency.nis_mean
+    assert total / 4000 == pytest.approx(1.0, abs=5.0 * np.sqrt(2.0 / found.freedom / 4000))
+    assert outside <= 14  # expected 4, Poisson
+
+
+def test_a_noisy_nuisance_belongs_to_the_noise():
+    prior = Belief(np.zeros(COUNT), 1e8 * np.eye(COUNT))
+    observed, noise = np.array([1.0, 5.0]), np.full(2, 1e-6)
+
+    def model(p, n):
+        return p[0] + n
+
+    found = [
+        gauss_newton("test", model, observed, noise, prior, np.zeros(2), np.ones(2), ALL, noisy).redundancy
+        for noisy in (slice(0, 0), slice(0, 2))
+    ]
+    assert [f.freedom for f in found] == [0, 1]
+    # the difference of two readings with a sigma of 1 each
+    assert np.sum(found[1].normalised ** 2) == pytest.approx(16.0 / 2.0, rel=1e-5)
 
 
 def test_exactly_known_parameters_do_not_change():

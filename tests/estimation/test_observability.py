@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from simulated_stages import SCHEDULES, geometry_of, solved
+from simulated_stages import SCHEDULES, block_of, cut, geometry_of, solved
 
 from calstation.estimation.common.alignment import starts
 from calstation.estimation.common.stage import stage_data
@@ -16,8 +16,10 @@ from calstation.estimation.navigation.observability import (
     observability_analysis,
     pieces,
 )
+from calstation.estimation.navigation.stage import LiveFilter
 from calstation.physics.motion import Move
 from calstation.physics.parameters import NAMES
+from calstation.records.limits import unobservable
 from procedures import method
 
 
@@ -132,3 +134,43 @@ def test_pieces_cover_every_observation_and_turn_no_more_than_five_degrees(passe
 def test_observability_of_a_solution_is_json_ready(nav_stage):
     found = solved(nav_stage.truth, nav_stage.prior, [nav_stage.block]).observability
     assert json.loads(json.dumps(found, allow_nan=False)) == found
+
+
+def test_live_ranking_grows_to_that_of_the_solution(nav_stage, passed):
+    live = LiveFilter(nav_stage.context, nav_stage.prior)
+    assert live.ranking() is None
+    block, ranks = nav_stage.block, {}
+    edges = np.flatnonzero(np.diff(block.step)) + 1
+    for piece in cut(block, [int(e) for e in edges]):
+        live.feed(piece)
+        live.sigma()
+        ranking = live.ranking()
+        assert ranking is not None
+        ranks[ranking.step] = ranking
+    _, _, found = passed
+    assert list(ranks) == [segment["step"] for segment in found["segments"]]
+    assert ranks[1].rank == 8
+    last = ranks[max(ranks)]
+    assert last.rank == 36
+    assert tuple(last.strength) == STATE_NAMES
+    for name in NAMES:
+        # the live filter linearises at the prior, and half a second at the end still waits for its group
+        assert last.strength[name] == pytest.approx(found["states"][name]["strength"], rel=0.15), name
+
+
+def test_the_live_filter_keeps_no_history(nav_stage):
+    live = LiveFilter(nav_stage.context, nav_stage.prior)
+    for piece in cut(nav_stage.block, [5000]):
+        live.feed(piece)
+        live.sigma()
+        assert len(live._filter.history.index) == 0
+
+
+def test_data_at_rest_leave_the_parameters_of_a_rotation_unobservable(nav_stage):
+    first = nav_stage.block.step == nav_stage.block.step[0]
+    found = solved(nav_stage.truth, nav_stage.prior, [block_of(nav_stage.samples, first)])
+    lost = unobservable(nav_stage.prior, [found])
+    assert {n for n in NAMES if n.startswith(("gyro_scale", "gyro_misalign", "inner_lever", "outer_lever"))} <= set(
+        lost
+    )
+    assert "accel_bias_z" not in lost

@@ -19,7 +19,7 @@ from procedures import method
 
 STAGES = sorted(path.stem for path in Path(procedures.__file__).parent.glob("*.py") if path.stem != "__init__")
 
-#: A table with travel to spare, and one on which the joints must unwind.
+#: A table with travel to spare, and one with little more than a turn.
 TABLES = (TableGeometry(), TableGeometry(limits=JointLimits(np.deg2rad([-200.0] * 2), np.deg2rad([200.0] * 2))))
 
 
@@ -62,4 +62,4 @@ def test_every_step_of_a_plan_is_described_in_both_languages(stage: str) -> None
 
 def test_the_plans_on_these_tables_include_steps_that_only_some_tables_need() -> None:
     names = {label[0] for stage in STAGES for _, label in labels(stage)}
-    assert {"unwind", "carry", "whole_turns", "position"} <= names
+    assert {"into_place", "carry", "whole_turns", "position"} <= names

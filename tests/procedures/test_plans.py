@@ -89,18 +89,29 @@ def test_every_move_is_followed_by_its_rest(stage):
     steps = [s for s in steps_of(stage, TableGeometry(), 1, dwell_s=7.0) if not isinstance(s, RoundEnd)]
     pairs = list(zip(steps[::2], steps[1::2], strict=True))
     assert all(isinstance(a, Move) and isinstance(b, Dwell) for a, b in pairs)
-    durations = {b.duration for a, b in pairs if a.label[0] not in ("into_place", "unwind")}
+    durations = {b.duration for a, b in pairs if a.label[0] not in ("into_place", "unwind", "oblique")}
     assert durations == {7.0}
 
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
 def test_six_positions_bring_each_face_up_once(table):
-    found = moves_of(steps_of("six_position", table))
+    found = [move for move in moves_of(steps_of("six_position", table)) if move.label[0] == "face_up"]
     faces = [move.label[1] for move in found]
     assert sorted(faces) == ["+x", "+y", "+z", "-x", "-y", "-z"]
     for move, face in zip(found, faces, strict=True):
         up = table.body_to_home(move.outer, move.inner).T @ UP
         assert up == pytest.approx(BODY[face[1]] * (1.0 if face[0] == "+" else -1.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("table", TABLES, ids=IDS)
+def test_oblique_positions_cancel_biases_and_misalignments(table):
+    steps = steps_of("six_position", table)
+    found = [move for move in moves_of(steps) if move.label[0] == "oblique"]
+    up = np.array([table.body_to_home(move.outer, move.inner).T @ UP for move in found])
+    assert np.abs(up) == pytest.approx(np.full((4, 3), 3.0**-0.5), abs=1e-9)
+    assert up.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+    assert up.T @ up == pytest.approx(4.0 / 3.0 * np.eye(3), abs=1e-9)
+    assert [step.duration for step in steps[-7::2]] == [10.0] * 4
 
 
 @given(limits())
@@ -114,15 +125,38 @@ def test_vertical_outer_axis_cannot_reach_the_faces():
 
 
 @pytest.mark.parametrize("table", TABLES, ids=IDS)
-def test_excitation_turns_y_x_z_z_x_y_once_round_always_the_same_way(table):
+def test_excitation_turns_y_x_z_z_x_y_once_round_and_a_joint_back_the_next_time(table):
     steps = steps_of("excitation", table, 2)
     found = moves_of(steps)
     order = [move.label[1] for move in found if move.label[0] == "turn_about"]
     assert "".join(order) == 2 * "".join(4 * axis for axis in "yxzzxy")
+    ways = ([], [])
     for before, after in pairwise(found):
         if after.label[0] == "turn_about":
-            assert turned(table, before, after) == pytest.approx(0.5 * np.pi * BODY[after.label[1]], abs=1e-9)
-    assert not any(move.label[0] == "unwind" for move in found)
+            _, axis, angle = after.label
+            assert abs(angle) == 90.0
+            assert turned(table, before, after) == pytest.approx(np.deg2rad(angle) * BODY[axis], abs=1e-9)
+            way = np.array([after.outer - before.outer, after.inner - before.inner]) / (0.5 * np.pi)
+            joint = int(np.argmax(np.abs(way)))
+            ways[joint].append(round(way[joint]))
+    for joint in ways:
+        revolutions = np.array(joint).reshape(-1, 4)
+        assert np.array_equal(revolutions, np.outer((-1) ** np.arange(len(revolutions)), 4 * [joint[0]]))
+
+
+@pytest.mark.parametrize("table", TABLES[:2], ids=IDS[:2])
+def test_excitation_turns_every_axis_both_ways(table):
+    ways = {axis: set() for axis in "xyz"}
+    for move in moves_of(steps_of("excitation", table, 1)):
+        if move.label[0] == "turn_about":
+            ways[move.label[1]].add(move.label[2])
+    assert set(map(frozenset, ways.values())) == {frozenset({-90.0, 90.0})}
+
+
+@pytest.mark.parametrize("table", TABLES, ids=IDS)
+def test_excitation_does_not_wind_up(table):
+    angles = np.array([(move.outer, move.inner) for move in moves_of(steps_of("excitation", table, 5))])
+    assert np.abs(angles).max() <= 3.0 * np.pi + 1e-9
 
 
 def test_excitation_turns_the_inner_axis_horizontally():
@@ -133,21 +167,20 @@ def test_excitation_turns_the_inner_axis_horizontally():
 
 
 @given(limits())
-def test_excitation_unwinds_only_if_the_travel_requires_it(travel):
+def test_excitation_stays_within_any_travel_of_half_a_turn_either_way(travel):
     table = TableGeometry(limits=travel)
     steps = steps_of("excitation", table, 2)
     assert_within(travel, steps)
-    found = moves_of(steps)
-    for before, after, following in zip(found, found[1:], [*found[2:], None], strict=False):
+    for before, after in pairwise(moves_of(steps)):
         if after.label[0] == "turn_about":
-            assert turned(table, before, after) == pytest.approx(0.5 * np.pi * BODY[after.label[1]], abs=1e-9)
-        if after.label[0] == "unwind":
-            # a whole number of turns back: the same attitude, and the turn after it had no room before
-            assert turned(table, before, after) == pytest.approx(np.zeros(3), abs=1e-6)
-            joint = 0 if abs(after.outer - before.outer) > 1e-6 else 1
-            at = (before.outer, before.inner)[joint]
-            way = np.sign((following.outer, following.inner)[joint] - (after.outer, after.inner)[joint])
-            assert not travel.within(joint, at + way * 0.5 * np.pi)
+            angle = np.deg2rad(after.label[2])
+            assert turned(table, before, after) == pytest.approx(angle * BODY[after.label[1]], abs=1e-9)
+
+
+def test_excitation_refuses_a_travel_without_room_for_a_revolution():
+    with raises_code(ConfigurationError, "plan.revolution_exceeds_travel") as caught:
+        steps_of("excitation", TableGeometry(limits=JointLimits((-1.0, -4.0), (5.5, 4.0))), 1)
+    assert caught.value.values["axis"] == "outer"
 
 
 @given(limits(), st.integers(1, 2))

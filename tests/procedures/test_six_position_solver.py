@@ -15,6 +15,8 @@ from calstation.results.solver_chain import solve
 from tests.helpers import raises_code
 
 SCALE, BIAS = group_indices("accel_scale"), group_indices("accel_bias")
+MISALIGN = group_indices("accel_misalign")
+G, X = 9.8, np.array([1.0, 0.0, 0.0])
 QUADRATIC = group_indices("accel_quadratic")
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "real" / "hand_six_position" / "session.csv.gz"
 
@@ -23,6 +25,53 @@ def without_face(chain, place):
     samples = chain.samples["six_position"]
     step = sorted({int(s) for s in samples.step})[place]
     return block_of(samples, samples.step != step)
+
+
+def faces_only(chain):
+    """The stage's samples up to the end of the sixth face, as earlier logs have them."""
+    samples = chain.samples["six_position"]
+    return block_of(samples, samples.step < sorted({int(s) for s in samples.step})[6])
+
+
+def with_force_error(chain, error):
+    """The stage's samples, with an error of the accelerometers, m/s², that depends on the specific force."""
+    block, size = block_of(chain.samples["six_position"]), context_of(chain.truth).imu.count_size[3:]
+    counts = block.counts.astype(float)
+    counts[:, 3:] += error(counts[:, 3:] * size) / size
+    return replace(block, counts=counts)
+
+
+def test_six_faces_alone_have_nothing_to_test(nav_chain):
+    prior = nav_chain.priors["six_position"]
+    found = solved(nav_chain.truth, prior, [faces_only(nav_chain)])
+    assert found.consistency.count == 0
+    wrong = with_force_error(nav_chain, lambda f: 5e-4 * G * (f / G) ** 3)
+    unseen = solved(nav_chain.truth, prior, [wrong.part(0, len(faces_only(nav_chain)))])
+    assert unseen.consistency.count == 0
+
+
+def test_oblique_positions_test_the_modulus(chain):
+    assert chain.solutions["six_position"].consistency.count == 1
+
+
+def test_oblique_positions_find_a_cubic_term(chain):
+    large = {"nav": 1e-4, "tactical": 2e-4, "mems": 5e-4}[chain.truth.grade]
+    wrong = with_force_error(chain, lambda f: large * G * (f / G) ** 3)
+    assert not solved(chain.truth, chain.priors["six_position"], [wrong]).consistency.passed
+
+
+def test_oblique_positions_find_a_scale_asymmetry_if_the_other_errors_are_known(nav_chain):
+    prior = nav_chain.priors["six_position"]
+    known = np.isin(np.arange(30), (*MISALIGN, *QUADRATIC))
+    keep = np.where(known, 0.003, 1.0)
+    accurate = Belief(np.where(known, nav_chain.truth.parameters, prior.mean), prior.covariance * np.outer(keep, keep))
+    sound, wrong = (
+        solved(nav_chain.truth, accurate, [with_force_error(nav_chain, lambda f, s=size: s * np.abs(f) * X)])
+        for size in (0.0, 1e-3)
+    )
+    assert sound.consistency.count == 4
+    assert sound.consistency.passed
+    assert not wrong.consistency.passed
 
 
 def test_scale_and_bias_agree_with_their_sigma(chain):

@@ -1,5 +1,7 @@
 """A product's limits become checks; parameters that the data did not determine are listed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from calstation.estimation.common.context import Belief
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
 from calstation.physics.parameters import COUNT, INDEX
-from calstation.records.limits import Limit, check_limits, estimated_stage, unobservable
+from calstation.records.limits import Limit, check_limits, estimated_stage, not_compared, unobservable
 from calstation.schema import validate
 
 PRIOR = Belief(np.zeros(COUNT), np.eye(COUNT))
@@ -52,6 +54,37 @@ def test_a_parameter_that_kept_its_prior_sigma_is_named_and_fails() -> None:
     found = solution("rate", ("gyro_bias_x", "gyro_scale_x"), {"gyro_scale_x": (0.0, 1e-3), "gyro_bias_x": (0.0, 0.95)})
     assert unobservable(PRIOR, [found]) == ["gyro_bias_x"]
     assert not check_limits({"gyro_bias": limit(within=1.0)}, PRIOR, [found])[-1].passed
+
+
+def ranked(found: Solution, **steps: int | None) -> Solution:
+    """The solution with an observability analysis, in which these states became observable in these steps."""
+    return replace(found, observability={"states": {name: {"step": step} for name, step in steps.items()}})
+
+
+def test_a_parameter_outside_the_observable_subspace_is_named_even_if_a_correlation_reduced_its_sigma() -> None:
+    names = ("gyro_bias_x", "gyro_bias_y")
+    sharp = dict.fromkeys(names, (0.0, 0.1))
+    found = ranked(solution("excitation", names, sharp), gyro_bias_x=None, gyro_bias_y=3)
+    assert unobservable(PRIOR, [found]) == ["gyro_bias_x"]
+    assert unobservable(PRIOR, [found, ranked(solution("azimuth_flip", names, sharp), gyro_bias_x=2)]) == []
+    assert unobservable(PRIOR, [solution("rate", names, sharp), found]) == []
+
+
+def test_nothing_is_claimed_about_a_parameter_that_the_data_do_not_determine() -> None:
+    names = ("gyro_bias_x", "gyro_bias_y")
+    values = dict.fromkeys(names, (0.0, 0.1))
+    found = ranked(solution("excitation", names, values), gyro_bias_x=None, gyro_bias_y=3)
+    limits = {"gyro_bias": limit(within=1.0, sigma_below=1.0), "accel_bias_x": limit(within=1.0)}
+    checks = check_limits(limits, PRIOR, [found])
+    claims = [(c.kind, c.subject) for c in checks if c.subject in names]
+    assert claims == [("within", "gyro_bias_y"), ("sigma_below", "gyro_bias_y")]
+    assert not checks[-1].passed
+    assert not_compared(limits, PRIOR, [found]) == ["gyro_bias_x", "gyro_bias_z", "accel_bias_x"]
+
+
+def test_a_stage_with_nothing_to_test_has_no_check_of_consistency() -> None:
+    found = Solution("six_position", PRIOR, (), Consistency(0.0, 0.0, 0.0, 0))
+    assert [c.kind for c in check_limits({}, PRIOR, [found])] == ["unobservable"]
 
 
 def test_innovations_above_their_band_fail_and_below_it_pass() -> None:

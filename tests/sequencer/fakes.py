@@ -21,7 +21,7 @@ from calstation.errors import DeviceFaultError
 from calstation.estimation.common.context import Belief, ImuModel
 from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.common.samples import SampleBlock
-from calstation.estimation.method import Solution
+from calstation.estimation.method import Ranking, Solution
 from calstation.physics.motion import Dwell, Move, RoundEnd, Step
 from calstation.physics.parameters import COUNT
 from calstation.physics.rotation import rotation_matrix, rotation_vector
@@ -295,6 +295,9 @@ class FakeSolving:
     def sigma(self) -> np.ndarray:
         self.level *= 0.5
         return np.full(COUNT, self.level)
+
+    def ranking(self) -> Ranking | None:
+        return Ranking(len(self.blocks[self.stage]), 8, {"gyro_bias_x": 1.0 / self.level})
 
     def finish(self, progress: Any = None) -> Solution:
         belief = Belief(np.zeros(COUNT), np.eye(COUNT))

@@ -22,15 +22,30 @@ class MapResult:
 
     belief: Belief  #: Posterior of the 30 parameters.
     nuisance: FloatArray  #: Posterior mean of the nuisance parameters, shape (k,).
-    chi2: float  #: Squared innovations y' (H P H' + R)⁻¹ y at the solution.
     residual: FloatArray  #: Observations minus model at the solution, shape (m,).
-    normalised: FloatArray  #: Decorrelated innovations in units of sigma; their squares sum to chi2; shape (m,).
+    redundancy: "Redundancy"  #: What the observations say beyond the unknowns, at the solution.
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_settled`` if the iteration did not converge.
 
 
 @dataclass(frozen=True)
+class Redundancy:
+    """Part of the innovations of a fit that its unknowns cannot explain (`redundant`)."""
+
+    freedom: int  #: Number of independent directions of it.
+    normalised: FloatArray  #: The innovations in these directions, decorrelated, in units of sigma, shape (m,).
+
+    @property
+    def consistency(self) -> "Consistency":
+        """Mean square per degree of freedom and its band."""
+        return nis_consistency(float(self.normalised @ self.normalised), self.freedom, 1)
+
+
+@dataclass(frozen=True)
 class Consistency:
-    """Normalised innovation squared (NIS) of a stage: mean over the observations and 99.9 % band of the mean."""
+    """Normalised innovation squared (NIS) of a stage: mean over `count` observations or degrees of freedom, and band.
+
+    The band is that of 99.9 % of the means; without any observation to test, all values are 0.
+    """
 
     nis_mean: float
     nis_low: float
@@ -57,6 +72,7 @@ def gauss_newton(
     nuisance: FloatArray,
     nuisance_sigma: FloatArray,
     estimated: BoolArray,
+    noisy: slice = slice(0, 0),
 ) -> MapResult:
     """Maximise p(parameters, nuisances | observed), relinearising until `estimated` and nuisances converge.
 
@@ -69,6 +85,7 @@ def gauss_newton(
     observed, noise : observed values and their variances, shape (m,)
     nuisance, nuisance_sigma : prior mean and sigma of the nuisance parameters, shape (k,)
     estimated : True for parameters that are relinearised; the others only enter the gain; shape (30,)
+    noisy : nuisance parameters that are measurement errors, part of the noise in the test of redundancy
     """
     mean = np.concatenate([prior.mean, nuisance])
     P = np.zeros((len(mean), len(mean)))
@@ -94,11 +111,33 @@ def gauss_newton(
         if moved < CONVERGED:
             break
     not_settled = ("not_settled", {"stage": stage, "passes": MOST_ITERATIONS})
-    chi2 = float(innovation @ np.linalg.solve(S, innovation))
-    normalised = solve_triangular(np.linalg.cholesky(S), innovation, lower=True)
+    measured = np.zeros(len(mean), dtype=bool)
+    measured[COUNT:][noisy] = True
+    unknown, E = np.where(measured, 0.0, 1.0), H[:, measured]
+    N = R + E @ P[np.ix_(measured, measured)] @ E.T
+    found = redundant((H * unknown) @ P @ (H * unknown).T, N, innovation)
     belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
     residual = observed - model(posterior[:COUNT], posterior[COUNT:])
-    return MapResult(belief, posterior[COUNT:], chi2, residual, normalised, () if moved < CONVERGED else (not_settled,))
+    return MapResult(belief, posterior[COUNT:], residual, found, () if moved < CONVERGED else (not_settled,))
+
+
+def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
+    """Return the part of `innovation`, shape (m,), in the directions in which noise exceeds what the unknowns explain.
+
+    `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` that of the measurement, shape
+    (m, m). Along the other directions the unknowns take up any innovation, so that a wide prior would count as a test
+    that is always passed: six free tilts and six parameters leave nothing of 18 observations to test. The directions
+    are independent, and their squares are χ² distributed. They are the classical parity space (J. E. Potter, M. C.
+    Suman, *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph 224, 1977), in which an
+    unknown with an accurate prior counts as known.
+    """
+    root = np.linalg.cholesky(noise)
+    white = solve_triangular(root, innovation, lower=True)
+    half = solve_triangular(root, explained, lower=True)
+    size, directions = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
+    tested = size < 1.0
+    chosen = directions[:, tested]
+    return Redundancy(int(tested.sum()), chosen @ (chosen.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))))
 
 
 def _jacobian(
@@ -131,8 +170,10 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
     """Return the mean of `count` NIS values that sum to `total`, and its 99.9 % band (Bar-Shalom et al. 2001, 5.4)."""
-    low, high = (chi_square_quantile(p, count * dimension) / max(count, 1) for p in (0.0005, 0.9995))
-    return Consistency(total / max(count, 1), float(low), float(high), count)
+    if count == 0:
+        return Consistency(0.0, 0.0, 0.0, 0)
+    low, high = (chi_square_quantile(p, count * dimension) / count for p in (0.0005, 0.9995))
+    return Consistency(total / count, float(low), float(high), count)
 
 
 def chi_square_quantile(share: float, freedom: float) -> float:

@@ -125,6 +125,12 @@ class NavigationFilter:
         """All observations so far."""
         return History(*(np.concatenate(columns) for columns in zip(*self._history, strict=True)))
 
+    def take_history(self) -> History:
+        """Return the observations since the last call and forget them."""
+        found = self.history
+        del self._history[1:]
+        return found
+
     def begin(self, data: StageData, start: Start, attitude: FloatArray) -> None:
         """Start or restart at rest: reset the navigation states and keep the parameters.
 

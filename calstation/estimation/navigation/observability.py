@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
+from calstation.estimation import Ranking
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
 from calstation.estimation.navigation.filter import POSITION_SIGMA, History
-from calstation.physics import NAMES, STATES, FloatArray, IntArray, compensation, dynamics, rotation_rate, skew
+from calstation.physics import NAMES, STATES, FloatArray, compensation, dynamics, rotation_rate, skew
 
 STATE_NAMES = (
     *(f"{s}_{a}" for s in ("attitude_error", "velocity_error", "position_error") for a in ("east", "north", "up")),
@@ -46,65 +47,107 @@ def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:
         first, turned = k, 0.0
 
 
+class ObservabilityAnalysis:
+    """Observability of the states after each step; takes the observations of a stage in order, all at once or live.
+
+    `point` contains the parameters of the linearisation, SI, shape (30,).
+    """
+
+    def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
+        self._context, self._point = context, point
+        noise = filter_noise(context)
+        self._interval, self._velocity = noise.interval, np.sqrt(noise.velocity)
+        tilt = context.table.mount_sigma
+        azimuth = np.hypot(tilt, context.table.azimuth_sigma)
+        self._scale = np.array([tilt, tilt, azimuth, *[self._velocity] * 3, *[POSITION_SIGMA] * 3, *prior.sigma])
+        self._R, self._total, self._carried = np.zeros((STATES, STATES)), np.zeros((STATES, STATES)), np.eye(STATES)
+        self._step: int | None = None
+        self._seqs, self._count = (0, 0), 0
+        self._segments: list[dict[str, Any]] = []
+        self._by_step: list[FloatArray] = []
+
+    def take(self, data: StageData, history: History) -> None:
+        """Add observations, whose indices refer to `data`."""
+        index = history.index
+        if not len(index):
+            return
+        steps, seqs = data.step[index - 1], data.seq[index - 1]
+        for a, b in pieces(data, history):
+            if steps[a] != self._step:
+                self._end_step()
+                self._step, self._seqs, self._count = int(steps[a]), (int(seqs[a]), 0), 0
+            middle = (a + b) // 2
+            T = float(index[b - 1] - index[a - 1] if a else index[b - 1] - index[0] + 1) * data.dt
+            rows, transition = _piece(
+                self._context, self._point, history.attitude[middle], history.rate[middle], max(T, self._interval)
+            )
+            weight = np.sqrt(b - a) / self._velocity
+            self._R = _stacked(self._R, rows * self._scale * weight)
+            self._total = _stacked(self._total, rows @ self._carried * self._scale * weight)
+            self._carried = transition @ self._carried
+            self._count += 1
+            self._seqs = (self._seqs[0], int(seqs[b - 1]))
+
+    def _end_step(self) -> None:
+        if self._step is not None:
+            self._segments.append(self._segment())
+            self._by_step.append(self._strengths())
+
+    def _singular_values(self) -> FloatArray:
+        return np.asarray(np.linalg.svd(self._R, compute_uv=False))
+
+    def _strengths(self) -> FloatArray:
+        """Return the prior sigma divided by the sigma from the total matrix, shape (39,)."""
+        left = np.linalg.inv(np.eye(STATES) + self._total.T @ self._total)
+        return np.asarray(1.0 / np.sqrt(np.diag(left)))
+
+    def _segment(self) -> dict[str, Any]:
+        singular = self._singular_values()
+        return {
+            "step": self._step,
+            "first_seq": self._seqs[0],
+            "last_seq": self._seqs[1],
+            "pieces": self._count,
+            "rank": int(np.count_nonzero(singular > 1.0)),
+            "singular_values": [float(f"{s:.4g}") for s in singular],
+        }
+
+    def ranking(self) -> Ranking | None:
+        """Return the observability so far; None before the first observation."""
+        if self._step is None:
+            return None
+        strength = {name: float(f"{s:.3g}") for name, s in zip(STATE_NAMES, self._strengths(), strict=True)}
+        return Ranking(self._step, int(np.count_nonzero(self._singular_values() > 1.0)), strength)
+
+    def found(self) -> dict[str, Any]:
+        """End the last step and return the analysis as JSON values.
+
+        ``segments`` lists for each step its number, first and last sequence number, number of pieces, and the rank
+        (singular values above 1) and singular values of the stripped matrix so far. ``states`` gives for each state the
+        step in which it became observable (or None), its ``strength`` (prior sigma divided by the sigma from the total
+        matrix, without process noise) and ``by_step``, the strength after each step.
+        """
+        self._end_step()
+        self._step = None
+        states = {}
+        for i, name in enumerate(STATE_NAMES):
+            strengths = [float(s[i]) for s in self._by_step]
+            seen = [k for k, s in enumerate(strengths) if s > 1.0 / OBSERVABLE]
+            states[name] = {
+                "step": self._segments[seen[0]]["step"] if seen else None,
+                "strength": float(f"{strengths[-1]:.4g}") if strengths else 1.0,
+                "by_step": [float(f"{s:.3g}") for s in strengths],
+            }
+        return {"segments": self._segments, "states": states}
+
+
 def observability_analysis(
     data: StageData, history: History, context: SolveContext, prior: Belief, point: FloatArray
 ) -> dict[str, Any]:
-    """Analyse the observability of the states after each step.
-
-    `point` contains the parameters of the linearisation, SI, shape (30,). Returns JSON values. ``segments`` lists for
-    each step its number, first and last sequence number, number of pieces, and the rank (singular values above 1) and
-    singular values of the stripped matrix so far. ``states`` gives for each state the step in which it became
-    observable (or None), its ``strength`` (prior sigma divided by the sigma from the total matrix, without process
-    noise) and ``by_step``, the strength after each step.
-    """
-    noise = filter_noise(context)
-    tilt = context.table.mount_sigma
-    azimuth = np.hypot(tilt, context.table.azimuth_sigma)
-    velocity = np.sqrt(noise.velocity)
-    scale = np.array([tilt, tilt, azimuth, *[velocity] * 3, *[POSITION_SIGMA] * 3, *prior.sigma])
-    index, attitude, rate = history.index, history.attitude, history.rate
-    steps: IntArray = data.step[index - 1]
-    R, total, carried = np.zeros((STATES, STATES)), np.zeros((STATES, STATES)), np.eye(STATES)
-    segments: list[dict[str, Any]] = []
-    by_step: list[FloatArray] = []
-    last_step, count, first = None, 0, 0
-    for a, b in [*pieces(data, history), (len(index), len(index))]:
-        if last_step is not None and (a == len(index) or steps[a] != last_step):
-            singular = np.linalg.svd(R, compute_uv=False)
-            segments.append(
-                {
-                    "step": int(last_step),
-                    "first_seq": int(data.seq[index[first] - 1]),
-                    "last_seq": int(data.seq[index[a - 1] - 1]),
-                    "pieces": count,
-                    "rank": int(np.count_nonzero(singular > 1.0)),
-                    "singular_values": [float(f"{s:.4g}") for s in singular],
-                }
-            )
-            left = np.linalg.inv(np.eye(STATES) + total.T @ total)
-            by_step.append(1.0 / np.sqrt(np.diag(left)))
-            count, first = 0, a
-        if a == len(index):
-            break
-        last_step = steps[a]
-        middle = (a + b) // 2
-        T = float(index[b - 1] - index[a - 1] if a else index[b - 1] - index[0] + 1) * data.dt
-        rows, transition = _piece(context, point, attitude[middle], rate[middle], max(T, noise.interval))
-        weight = np.sqrt(b - a) / velocity
-        R = _stacked(R, rows * scale * weight)
-        total = _stacked(total, rows @ carried * scale * weight)
-        carried = transition @ carried
-        count += 1
-    states = {}
-    for i, name in enumerate(STATE_NAMES):
-        strengths = [float(s[i]) for s in by_step]
-        seen = [k for k, s in enumerate(strengths) if s > 1.0 / OBSERVABLE]
-        states[name] = {
-            "step": segments[seen[0]]["step"] if seen else None,
-            "strength": float(f"{strengths[-1]:.4g}") if strengths else 1.0,
-            "by_step": [float(f"{s:.3g}") for s in strengths],
-        }
-    return {"segments": segments, "states": states}
+    """Analyse all observations of a stage, see `ObservabilityAnalysis.found`."""
+    analysis = ObservabilityAnalysis(context, prior, point)
+    analysis.take(data, history)
+    return analysis.found()
 
 
 def _stacked(R: FloatArray, rows: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from calstation.estimation import Innovations, Progress, Solution
+from calstation.estimation import Innovations, Progress, Ranking, Solution
 from calstation.estimation.common import (
     Belief,
     ImuModel,
@@ -22,7 +22,7 @@ from calstation.estimation.common import (
     starts,
 )
 from calstation.estimation.navigation.filter import NavigationFilter
-from calstation.estimation.navigation.observability import observability_analysis
+from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
 from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, FloatArray
 
@@ -36,6 +36,7 @@ class LiveFilter:
     def __init__(self, context: SolveContext, prior: Belief) -> None:
         self._context, self._prior = context, prior
         self._filter = NavigationFilter(context, prior, prior.mean)
+        self._observability = ObservabilityAnalysis(context, prior, prior.mean)
         self._pending: list[SampleBlock] = []
         self._aligned = False
 
@@ -60,9 +61,14 @@ class LiveFilter:
             while consumed + run.group_size * run.stride < last:
                 run.observe(data, consumed, run.group_size)
                 consumed += run.group_size * run.stride
+        self._observability.take(data, run.take_history())
         if len(data):
             self._pending = since(self._pending, int(data.seq[consumed]))
         return run.belief.sigma
+
+    def ranking(self) -> Ranking | None:
+        """Return the observability at the last call of `sigma`."""
+        return self._observability.ranking()
 
 
 class NavigationStage:
@@ -81,6 +87,10 @@ class NavigationStage:
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, SI, shape (30,)."""
         return self._live.sigma()
+
+    def ranking(self) -> Ranking | None:
+        """Return the observability at the last call of `sigma`; None before the first observation."""
+        return self._live.ranking()
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage. Raises InsufficientDataError if it has no rest for alignment."""

@@ -15,6 +15,7 @@ from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import Column, ElidedLabel, EmptyState, ThemedPlot, column, label, row, scroll_area, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
 from calstation.results import Diagnostics, StageDiagnostics
+from calstation.sequencer import StageRanked
 
 #: Maximum number of observations within ±3 σ drawn per plot; larger numbers are decimated.
 _MAX_POINTS = 1500
@@ -110,6 +111,8 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
     """Return the mean NIS of a stage, its band, the badge state and the key of the verdict text."""
     c = stage.consistency
     state, verdict = "good", "inside"
+    if not c.count:
+        return {"mean": "–", "band": "–", "state": "none", "verdict": "untested"}
     if not c.passed:
         state, verdict = "bad", "above"
     elif c.warning:
@@ -250,7 +253,9 @@ class ObservabilityView(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self._stages: Mapping[str, Mapping[str, Any]] = {}
+        self._stages: dict[str, Mapping[str, Any]] = {}
+        #: Latest ranking of each stage of the run that is followed; empty for a result or a preview.
+        self._live: dict[str, StageRanked] = {}
         self._stage_combo = StageCombo("observability_stage_combo")
         self._stage_combo.currentIndexChanged.connect(self._show)
         self._caption = label(lambda: self.tr("Stage"), buddy=self._stage_combo)
@@ -269,9 +274,29 @@ class ObservabilityView(QWidget):
 
     def show_stages(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
         """Show the observability of stages from a result or a preview."""
+        self._live = {}
         self._stages = {name: found for name, found in stages.items() if found.get("segments")}
         self._stage_combo.offer(list(self._stages))
         self._show()
+
+    def follow(self, ranked: StageRanked) -> None:
+        """Add the observability after a step of the running stage; the first call drops what was shown before."""
+        if not self._live:
+            self._stages = {}
+        stage, step = ranked.stage, ranked.step
+        before: Mapping[str, Any] = self._stages.get(stage, {"segments": [], "states": {}})
+        kept = sum(segment["step"] < step for segment in before["segments"])  # the latest step may grow
+        states = {}
+        for name, strength in ranked.strength.items():
+            earlier = before["states"].get(name, {"step": None, "by_step": []})
+            seen = earlier["step"] if earlier["step"] is not None else step if strength > OBSERVABLE else None
+            states[name] = {"step": seen, "by_step": [*earlier["by_step"][:kept], strength]}
+        self._stages[stage] = {"segments": [*before["segments"][:kept], {"step": step}], "states": states}
+        if stage not in self._live:
+            self._stage_combo.offer(list(self._stages), stage)
+        self._live[stage] = ranked
+        if self._stage_combo.stage == stage:
+            self._show()
 
     def _show_texts(self) -> None:
         self._empty.say(
@@ -295,6 +320,10 @@ class ObservabilityView(QWidget):
             np.array([state["by_step"] for state in states.values()], dtype=np.float64),
         )
         lost = [name for name, state in states.items() if state["step"] is None]
+        if (ranked := self._live.get(self._stage_combo.stage)) is not None:
+            key = "observed_so_far" if lost else "observed_all"
+            self._lost.setText(say(f"engineer.{key}", step=ranked.step, rank=ranked.rank, lost=lost))
+            return
         self._lost.setText(
             self.tr("Not determined by this stage: {0}").format(", ".join(lost))
             if lost

@@ -239,6 +239,7 @@ class EngineerPage(Page):
             self._update()
 
     def _follow(self, event: Event) -> None:
+        self.analysis.follow(event)
         if isinstance(event, Verdict):
             self.analysis.open(Path(event.result_file))
 

@@ -40,6 +40,7 @@ from calstation.results import (
     diagnose,
     load_finished_run,
 )
+from calstation.sequencer import Event, StageRanked, StateChanged
 
 _NONE = "–"
 #: Maximum height of the table of checks that do not concern a single parameter, px.
@@ -225,6 +226,8 @@ class ResultAnalysis(QObject):
         self._app = app
         self._run: FinishedRun | None = None
         self._path: Path | None = None
+        #: Whether the observability shown is that of the run in progress.
+        self._following = False
         #: The log whose diagnostics are shown or being computed.
         self._diagnosed_log: Path | None = None
         self.loading = JobWatch(self, self._loaded, self._not_loaded)
@@ -248,6 +251,15 @@ class ResultAnalysis(QObject):
         """Show the observability predicted by a preview, unless a run is open."""
         if self._run is None:
             self.observability.view.show_stages({s.stage: s.observability for s in preview.stages})
+            self.observability.show_view()
+
+    def follow(self, event: Event) -> None:
+        """Show the observability of the run in progress, unless a run was opened since it started."""
+        if isinstance(event, StateChanged) and event.state == "preparing":
+            self._following = True
+            self.observability.view.show_stages({})
+        elif isinstance(event, StageRanked) and self._following:
+            self.observability.view.follow(event)
             self.observability.show_view()
 
     def prepare(self, view: QWidget | None) -> None:
@@ -279,7 +291,7 @@ class ResultAnalysis(QObject):
 
     def _loaded(self, run: FinishedRun) -> None:
         self._diagnosing.cancel()
-        self._run, self._diagnosed_log = run, None
+        self._run, self._diagnosed_log, self._following = run, None, False
         if run.result.parameters:
             self.result.view.show_run(run)
             self.result.show_view()
