@@ -1,10 +1,11 @@
 """Limits of a product (value `within`, sigma `below`), and the checks against them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+import numpy as np
 from pydantic import Field, field_validator
 
 from calstation.estimation import Estimate, Solution
@@ -17,6 +18,10 @@ PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
 NEAR = 0.8
 #: A posterior sigma above this fraction of the prior sigma means that the data do not determine the parameter.
 OBSERVABLE_RATIO = 0.9
+#: Change of a parameter, in its standard deviations, beyond which the unit is not that of its calibration any more.
+_CHANGED = 6.0
+#: Smallest relative decrease of a variance that is not rounding.
+_RESOLVED = 1e-6
 
 
 class Limit(StrictModel):
@@ -84,6 +89,7 @@ CheckKind = Literal[
     "offline_online",
     "previous",
     "excitation",
+    "change",
     "other",
 ]
 
@@ -94,6 +100,7 @@ _NAMES: dict[CheckKind, str] = {
     "consistency": "{} consistency",
     "unobservable": "unobservable parameters",
     "previous": "previous {}",
+    "change": "change since calibration",
     "other": "{}",
 }
 
@@ -222,15 +229,18 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
     return {name: last[name] for name in NAMES if name in last}
 
 
-def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
-    """Return estimated parameters that the data do not determine: sigma above 0.9 of the prior sigma."""
+def unobservable(prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str] = ()) -> list[str]:
+    """Return estimated parameters that the data do not determine: sigma above 0.9 of the prior sigma.
+
+    Those in `calibrated` are already known from the calibration in force.
+    """
     if not solutions:
         return []
     before, after = prior.sigma, solutions[-1].belief.sigma
     lost = [
         name
         for name in estimated_stage(solutions)
-        if after[INDEX[name]] > OBSERVABLE_RATIO * before[INDEX[name]] and before[INDEX[name]] > 0
+        if name not in calibrated and after[INDEX[name]] > OBSERVABLE_RATIO * before[INDEX[name]] > 0
     ]
     return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
 
@@ -242,12 +252,17 @@ def not_compared(limits: Mapping[str, Limit], solutions: Sequence[Solution]) -> 
 
 
 def check_limits(
-    limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution], near: float = NEAR
+    limits: Mapping[str, Limit],
+    prior: Belief,
+    solutions: Sequence[Solution],
+    near: float = NEAR,
+    calibrated: Collection[str] = (),
 ) -> list[Check]:
     """Compare the result of a chain of stages with the limits of its product.
 
     A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
     only estimated parameters are compared. Innovations and unobservable parameters are checked without near misses.
+    The change of the parameters in `calibrated`, whose prior is the calibration in force, is compared with its sigma.
     """
     if not solutions:
         return []
@@ -269,9 +284,28 @@ def check_limits(
     for s in solutions:
         c = s.consistency
         checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
-    lost = unobservable(prior, solutions)
+    lost = unobservable(prior, solutions, calibrated)
     checks.append(Check("unobservable", "", float(len(lost)), 0.0, "1", not lost))
+    changes = _changes(prior, belief, [n for n in estimated_stage(solutions) if n in calibrated])
+    if changes:
+        worst = max(changes, key=lambda name: changes[name])
+        checks.append(Check.compare("change", changes[worst], _CHANGED, "sigma", near=1.0, where=Where(worst)))
     return checks
+
+
+def _changes(prior: Belief, found: Belief, names: Sequence[str]) -> dict[str, float]:
+    """Return by how much the data changed each parameter, in standard deviations of the change expected from the prior.
+
+    An estimate that equals its prior in the limit of useless data has a change with the variance by which it improved.
+    """
+    before, after = np.diag(prior.covariance), np.diag(found.covariance)
+    found_changes = {}
+    for name in names:
+        i = INDEX[name]
+        variance = before[i] - after[i]
+        if variance > _RESOLVED * before[i]:
+            found_changes[name] = float(abs(found.mean[i] - prior.mean[i]) / np.sqrt(variance))
+    return found_changes
 
 
 def _check_estimate(name: str, estimate: Estimate, limit: Limit, sigma_limit: float | None, near: float) -> list[Check]:

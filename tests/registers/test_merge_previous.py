@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from calstation.results.merge_previous import VerifiedRegister, better_previous_values, condition_on
 
 from calstation.config.request import computer_user
 from calstation.estimation.common.context import Belief
@@ -14,7 +15,6 @@ from calstation.messages.progress import event_text
 from calstation.messages.rendering import sentence
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.results.history import History
-from calstation.results.merge_previous import VerifiedRegister, better_previous_values, condition_on
 from calstation.sequencer.events import Message
 from tests.results.test_history import refreshed, write
 from tests.site_folder import SiteFolder
