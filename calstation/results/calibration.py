@@ -24,6 +24,7 @@ class Calibration:
 
     section: CalibrationSection
     belief: Belief
+    registers: Mapping[str, float]  #: The registers that the run wrote, SI by parameter.
 
     def prior(self, setup: ResolvedConfiguration, meta: LogMeta) -> LogMeta:
         """Return the configuration `meta` of a partial run of this unit with the calibration as its prior.
@@ -38,7 +39,7 @@ class Calibration:
         mean, covariance = self.belief.mean, self.belief.covariance
         covariance = covariance + np.diag(setup.imu.change_sigmas(years) ** 2)
         if setup.after_registers:
-            offset, matrix = composition(meta.registers)
+            offset, matrix = composition(meta.registers or self.registers)
             inverse = np.linalg.inv(matrix)
             mean, covariance = inverse @ (mean - offset), inverse @ covariance @ inverse.T
         lever = group_indices("outer_lever")
@@ -55,12 +56,13 @@ class Calibration:
 
 
 def calibration_in_force(
-    history: History, setup: ResolvedConfiguration, held: Mapping[str, float]
+    history: History, setup: ResolvedConfiguration, held: Mapping[str, float] | None
 ) -> tuple[Calibration | None, str]:
     """Find the latest passed run of the unit that wrote and verified the registers that the unit holds.
 
-    `held` contains the registers read from the unit by parameter, SI; they must agree as stored. Return the calibration
-    and the id of the message that reports it, which explains why there is None otherwise.
+    `held` contains the registers read from the unit by parameter, SI; they must agree as stored. With None, as in a
+    preview, the unit is assumed to hold those of its latest calibration. Return the calibration and the id of the
+    message that reports it, which explains why there is None otherwise.
     """
     entries, why = RegisterMap(tuple(setup.imu.registers)), "prior_no_calibration"
     for record in history.passed(setup.request.serial):
@@ -73,11 +75,11 @@ def calibration_in_force(
             continue
         if profile is None or profile.name != setup.sources["imu"].section.name:
             continue
-        if entries.differing(registers.new, held) or not result.started_utc:
+        if not result.started_utc or (held is not None and entries.differing(registers.new, held)):
             why = "prior_other_registers"
             continue
         section = CalibrationSection(log=record.log.name, started_utc=result.started_utc)
-        return Calibration(section, from_estimate(registers.estimate)), "prior_calibration"
+        return Calibration(section, from_estimate(registers.estimate), registers.new), "prior_calibration"
     return None, why
 
 
