@@ -14,6 +14,7 @@ from calstation.physics import NAMES, FloatArray, composition, group_indices, pa
 from calstation.records import CalibrationSection, LogMeta, PriorSection, correlation_of, covariance_from
 from calstation.results.history import History
 from calstation.results.result import JointEstimate
+from calstation.sequencer import Message
 
 _YEAR = timedelta(days=365.25)
 
@@ -57,15 +58,16 @@ class Calibration:
 
 def calibration_in_force(
     history: History, setup: ResolvedConfiguration, held: Mapping[str, float] | None
-) -> tuple[Calibration | None, str]:
+) -> tuple[Calibration | None, Message]:
     """Find the latest passed run of the unit that wrote and verified the registers that the unit holds.
 
     `held` contains the registers read from the unit by parameter, SI; they must agree as stored. With None, as in a
-    preview, the unit is assumed to hold those of its latest calibration. Return the calibration and the id of the
-    message that reports it, which explains why there is None otherwise.
+    preview, the unit is assumed to hold those of its latest calibration. Return the calibration and the message that
+    reports it, which explains why there is None otherwise.
     """
-    entries, why = RegisterMap(tuple(setup.imu.registers)), "prior_no_calibration"
-    for record in history.passed(setup.request.serial):
+    entries, serial = RegisterMap(tuple(setup.imu.registers)), setup.request.serial
+    none = Message("prior_no_calibration", {"serial": serial})
+    for record in history.passed(serial):
         try:
             result = history.result(record)
         except InputError:
@@ -76,11 +78,12 @@ def calibration_in_force(
         if profile is None or profile.name != setup.sources["imu"].section.name:
             continue
         if not result.started_utc or (held is not None and entries.differing(registers.new, held)):
-            why = "prior_other_registers"
+            none = Message("prior_other_registers", {"serial": serial})
             continue
         section = CalibrationSection(log=record.log.name, started_utc=result.started_utc)
-        return Calibration(section, from_estimate(registers.estimate), registers.new), "prior_calibration"
-    return None, why
+        found = Message("prior_calibration", {"log": record.log.name, "date": result.started_utc[:10]})
+        return Calibration(section, from_estimate(registers.estimate), registers.new), found
+    return None, none
 
 
 def estimate_of(belief: Belief, registers: Mapping[str, float]) -> JointEstimate:

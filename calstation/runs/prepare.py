@@ -50,12 +50,9 @@ class PreparedRun:
         attempt = 1 + self.history.attempts(serial) if before is None else before.attempt
         meta = self.setup.log_meta(self.started, attempt, registers)
         if registers is not None and is_partial(meta):
-            calibration, why = calibration_in_force(self.history, self.setup, registers)
-            values = {"serial": serial}
+            calibration, message = calibration_in_force(self.history, self.setup, registers)
             if calibration is not None:
                 meta = calibration.prior(self.setup, meta)
-                values |= {"log": calibration.section.log, "date": calibration.section.started_utc[:10]}
-            message = Message(why, values)
         if before is not None:
             return before.meta(meta, registers is not None), None
         checks = self.setup.product.checks

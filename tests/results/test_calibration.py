@@ -132,18 +132,20 @@ def test_only_the_registers_of_a_verified_run_are_in_force(site_folder: SiteFold
     result(runs, "d", 9, second, held(configured, second))
     history = refreshed(runs)
     for found, log in ((first, "a.h5"), (second, "b.h5")):
-        calibration, why = calibration_in_force(history, configured, held(configured, found))
+        calibration, message = calibration_in_force(history, configured, held(configured, found))
         assert calibration is not None
-        assert (calibration.section.log, why) == (log, "prior_calibration")
+        assert (calibration.section.log, message.id) == (log, "prior_calibration")
         np.testing.assert_array_equal(calibration.belief.mean, found.mean)
     other = held(configured, first)
     other["gyro_bias_x"] = float(np.nextafter(np.float32(other["gyro_bias_x"]), np.float32(1.0)))
-    assert calibration_in_force(history, configured, other) == (None, "prior_other_registers")
+    none, message = calibration_in_force(history, configured, other)
+    assert (none, message.id) == (None, "prior_other_registers")
     latest, _ = calibration_in_force(history, configured, None)
     assert latest is not None
     assert latest.section.log == "b.h5"
     other_unit = replace(configured, request=replace(configured.request, serial="SN-000043"))
-    assert calibration_in_force(history, other_unit, other) == (None, "prior_no_calibration")
+    none, message = calibration_in_force(history, other_unit, other)
+    assert (none, message.id) == (None, "prior_no_calibration")
 
 
 def test_correlations_are_written_to_toml_and_back(tmp_path: Path) -> None:
