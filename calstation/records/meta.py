@@ -188,6 +188,11 @@ class LogMeta(StrictModel):
         sections = {number: getattr(self, f"imu{number}") for number in FURTHER_IMUS}
         return {number: section for number, section in sections.items() if section is not None}
 
+    @property
+    def calibrated(self) -> frozenset[str]:
+        """Names of the parameters whose prior is a joint estimate, such as the calibration in force."""
+        return frozenset(self.prior_correlation).union(*self.prior_correlation.values())
+
     @model_validator(mode="after")
     def _further_imus(self) -> "LogMeta":
         for expected, (number, section) in enumerate(self.secondaries.items(), 2):

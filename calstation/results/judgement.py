@@ -50,9 +50,9 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     limits = meta.product.limits if meta.product is not None else {}
     section = meta.product.checks if meta.product is not None else None
     near = section.near_miss_beyond if section is not None else NEAR
-    found = check_limits(limits, prior, solutions, near, meta.prior_correlation)
+    found = check_limits(limits, prior, solutions, near, meta.calibrated)
     if section is not None:
-        if meta.prior_correlation:  # the calibration in force, not the run, determines most of the sigmas
+        if meta.calibrated:  # the calibration in force, not the run, determines most of the sigmas
             section = section.model_copy(update={"excitation": None})
         found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
     checks = (*found, *check_latitude(meta, solutions))
@@ -111,7 +111,7 @@ def build_result(
             "partial": is_partial(meta),
             "passed": judgement.passed,
             "parameters": solved_parameters(solutions),
-            "unobservable": unobservable(prior, solutions, meta.prior_correlation),
+            "unobservable": unobservable(prior, solutions, meta.calibrated),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
             "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
@@ -146,7 +146,7 @@ def _calibration(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) 
     section = meta.run.calibration if meta.run is not None else None
     if section is None:
         return None
-    names = [name for name in unobservable(prior, solutions) if name in meta.prior_correlation]
+    names = [name for name in unobservable(prior, solutions) if name in meta.calibrated]
     return CalibrationUsed(**section.model_dump(), not_improved=names)
 
 
