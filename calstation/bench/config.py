@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from calstation.bench.table import TableLimits
-from calstation.bench.truth import BenchTruth, EncoderTruth, GradeName, ManualRig, TableTruth, draw_imu
+from calstation.bench.truth import BenchTruth, EncoderTruth, GradeName, ManualRig, TableTruth, draw_imu, draw_power_ups
 from calstation.physics import INDEX, group_indices
 from calstation.schema import EntryError, near_miss
 
@@ -127,8 +127,12 @@ class BenchConfig(BaseModel):
     orders: tuple[Order, ...] = ()
     report_file: Path | None = None
 
-    def truth(self) -> BenchTruth:
-        """Draw the true values of the bench from this configuration and its seed."""
+    def truth(self, earlier: int = 0) -> BenchTruth:
+        """Draw the true values of the bench from this configuration and its seed.
+
+        After `earlier` writes to its flash, the unit has been powered up as often since its first run, and its errors
+        have changed each time by the repeatability of its grade.
+        """
         unit_seed, table_seed = np.random.SeedSequence(self.seed).spawn(2)
         imu = draw_imu(
             self.grade,
@@ -139,6 +143,9 @@ class BenchConfig(BaseModel):
             instability=self.instability,
             out_of_limits=self.out_of_limits,
         )
+        if earlier and self.instability:
+            drift = draw_power_ups(self.grade, np.random.default_rng([self.seed, 2]), earlier)
+            imu.parameters[:] += drift
         for name, value in self.parameters.items():
             imu.parameters[INDEX[name]] = value
         if self.body is not None:

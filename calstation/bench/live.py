@@ -6,7 +6,7 @@ import numpy as np
 
 from calstation.bench.config import BenchConfig, Order
 from calstation.bench.imu import SAMPLES as VECTORNAV
-from calstation.bench.imu import DspUnit, ImuUnit, StreamFaults, VectorNavUnit
+from calstation.bench.imu import DspUnit, ImuUnit, StreamFaults, VectorNavUnit, burnt_cycles
 from calstation.bench.table import Clocks, Fault, TableMachine, TableRegisters
 from calstation.bench.truth import (
     BodyMotion,
@@ -43,8 +43,9 @@ class LiveBench:
     """
 
     def __init__(self, config: BenchConfig, host_time: Callable[[], float], *, secondary: bool = False) -> None:
-        self.truth = config.truth()
-        stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1]).spawn(3)
+        earlier = burnt_cycles(config.flash_file)
+        self.truth = config.truth(earlier)
+        stream_seed, encoder_seed, other_seed = np.random.SeedSequence([config.seed, 1, earlier]).spawn(3)
         self._random = np.random.default_rng(other_seed)
         if config.start_deg is None:
             outer, inner = self._random.uniform(-_START, _START, 2)

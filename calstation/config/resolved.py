@@ -8,6 +8,7 @@ from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 from pydantic import BaseModel, JsonValue
@@ -49,6 +50,9 @@ from procedures import method
 
 #: Registers that deviate from zero by more than this many prior sigmas are no calibration of the unit.
 _PLAUSIBLE_SIGMAS = 3.0
+
+#: Folder of the flash memories of the virtual bench's units, beside the runs.
+BENCH_FOLDER = "bench"
 
 #: Seed of a virtual bench if its file does not specify one.
 _DEFAULT_SEED = 1
@@ -223,7 +227,8 @@ class ResolvedConfiguration:
             settings["seed"] = self.request.seed
         if self.request.speed is not None:
             settings["speed"] = self.request.speed
-        return settings
+        flash = f"{quote(str(settings['serial']), safe='')}_{settings.get('seed', _DEFAULT_SEED)}.flash"
+        return {"flash_file": str(self.request.out / BENCH_FOLDER / flash), **settings}
 
     def task(self) -> Task:
         """Build the table's task."""

@@ -7,6 +7,9 @@ from .earth import rotation_rate as rotation_rate
 from .imu_model import Compensation as Compensation
 from .imu_model import compensate as compensate
 from .imu_model import compensation as compensation
+from .imu_model import compose as compose
+from .imu_model import composition as composition
+from .imu_model import parameter_vector as parameter_vector
 from .motion import Carry as Carry
 from .motion import Dwell as Dwell
 from .motion import Finish as Finish

@@ -1,11 +1,12 @@
-"""Compensation of raw IMU output with the parameters of the error model."""
+"""Compensation of raw IMU output with the parameters of the error model, and corrections one after the other."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import group_matrix, group_vector
+from calstation.physics.parameters import NAMES, PARAMETERS, group_matrix, group_vector
 
 
 class Compensation(NamedTuple):
@@ -49,3 +50,36 @@ def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[Fl
         force = (linear - c.quadratic * force**2) @ c.accel_inverse.T
     square = omega**2
     return omega, force + c.inner_lever * (square.sum(axis=1, keepdims=True) - square)
+
+
+def parameter_vector(values: Mapping[str, float]) -> FloatArray:
+    """Return the parameters, SI, shape (30,); 0 for those not in `values`."""
+    return np.array([values.get(name, 0.0) for name in NAMES])
+
+
+def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
+    """Combine registers with a solution from their output into all 30 parameters, by name, SI; missing ones count as 0.
+
+    With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is
+    (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,
+    add to first order. The accelerometer matrix stays lower triangular, as a product of lower triangular matrices.
+    """
+    was, now = parameter_vector(old), parameter_vector(found)
+    result = was + now
+    for sensor in ("gyro", "accel"):
+        groups = (f"{sensor}_scale", f"{sensor}_misalign")
+        before = np.eye(3) + group_matrix(was, *groups)
+        matrix = before @ (np.eye(3) + group_matrix(now, *groups)) - np.eye(3)
+        bias = before @ group_vector(now, f"{sensor}_bias") + group_vector(was, f"{sensor}_bias")
+        for i, parameter in enumerate(PARAMETERS):
+            if parameter.group in groups:
+                result[i] = matrix[parameter.row, parameter.column]
+            elif parameter.group == f"{sensor}_bias":
+                result[i] = bias[parameter.row]
+    return dict(zip(NAMES, result.tolist(), strict=True))
+
+
+def composition(old: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Return offset, shape (30,), and matrix, shape (30, 30), of `compose`, which is linear in the solution, SI."""
+    offset = parameter_vector(compose(old, {}))
+    return offset, np.column_stack([parameter_vector(compose(old, {name: 1.0})) - offset for name in NAMES])

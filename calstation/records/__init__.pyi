@@ -29,6 +29,7 @@ from .log import estimated_rows as estimated_rows
 from .log import open_log as open_log
 from .log import read_truth as read_truth
 from .log import truth_path as truth_path
+from .meta import CalibrationSection as CalibrationSection
 from .meta import FileSection as FileSection
 from .meta import ImuSection as ImuSection
 from .meta import LogMeta as LogMeta
@@ -38,6 +39,8 @@ from .meta import RunSection as RunSection
 from .meta import SiteSection as SiteSection
 from .meta import TableSection as TableSection
 from .meta import context_from_meta as context_from_meta
+from .meta import correlation_of as correlation_of
+from .meta import covariance_from as covariance_from
 from .meta import load_pair as load_pair
 from .meta import pair_path as pair_path
 from .meta import prior_from_meta as prior_from_meta

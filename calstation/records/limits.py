@@ -1,10 +1,11 @@
 """Limits of a product (value `within`, sigma `below`), and the checks against them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+import numpy as np
 from pydantic import Field, field_validator
 
 from calstation.estimation import Estimate, Solution
@@ -17,6 +18,10 @@ PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
 NEAR = 0.8
 #: A posterior sigma above this fraction of the prior sigma means that the data do not determine the parameter.
 OBSERVABLE_RATIO = 0.9
+#: Change of a parameter, in its standard deviations, beyond which the unit is not that of its calibration any more.
+_CHANGED = 6.0
+#: Smallest relative decrease of a variance that is not rounding.
+_RESOLVED = 1e-6
 
 
 class Limit(StrictModel):
@@ -86,6 +91,7 @@ CheckKind = Literal[
     "offline_online",
     "previous",
     "excitation",
+    "change",
     "other",
 ]
 
@@ -96,6 +102,7 @@ _NAMES: dict[CheckKind, str] = {
     "consistency": "{} consistency",
     "unobservable": "unobservable parameters",
     "previous": "previous {}",
+    "change": "change since calibration",
     "other": "{}",
 }
 
@@ -222,11 +229,12 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
     return {name: last[name] for name in NAMES if name in last}
 
 
-def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
+def unobservable(prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str] = ()) -> list[str]:
     """Return estimated parameters that the data do not determine.
 
     Their sigma is above 0.9 of the prior sigma; or they lie in the unobservable subspace of every stage that estimated
-    them, so that only a correlation of the prior has reduced it.
+    them, so that only a correlation of the prior has reduced it. Those in `calibrated` are already known from the
+    calibration in force.
     """
     if not solutions:
         return []
@@ -234,7 +242,8 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     lost = [
         name
         for name in estimated_stage(solutions)
-        if before[INDEX[name]] > 0
+        if name not in calibrated
+        and before[INDEX[name]] > 0
         and (after[INDEX[name]] > OBSERVABLE_RATIO * before[INDEX[name]] or _not_observed(name, solutions))
     ]
     return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
@@ -246,29 +255,36 @@ def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
     return all(state is not None and state["step"] is None for state in states)
 
 
-def not_compared(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution]) -> list[str]:
+def not_compared(
+    limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str] = ()
+) -> list[str]:
     """Return parameters with a limit that no stage estimated, or that the data do not determine.
 
     A partial run is judged only by its own stages, and claims nothing about a parameter that its data do not contain.
     """
-    estimated, lost = estimated_stage(solutions), unobservable(prior, solutions)
+    estimated, lost = estimated_stage(solutions), unobservable(prior, solutions, calibrated)
     limited = [p.name for p in PARAMETERS if p.name in limits or p.group in limits]
     return [name for name in limited if name not in estimated or name in lost]
 
 
 def check_limits(
-    limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution], near: float = NEAR
+    limits: Mapping[str, Limit],
+    prior: Belief,
+    solutions: Sequence[Solution],
+    near: float = NEAR,
+    calibrated: Collection[str] = (),
 ) -> list[Check]:
     """Compare the result of a chain of stages with the limits of its product.
 
     A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
     only parameters that were estimated and determined by the data are compared. Innovations, if a stage had any to
-    test, and unobservable parameters are checked without near misses.
+    test, and unobservable parameters are checked without near misses. The change of the parameters in `calibrated`,
+    whose prior is the calibration in force, is compared with its sigma.
     """
     if not solutions:
         return []
     belief = solutions[-1].belief
-    sigma, lost = belief.sigma, unobservable(prior, solutions)
+    sigma, lost = belief.sigma, unobservable(prior, solutions, calibrated)
     checks = []
     for name, stage in estimated_stage(solutions).items():
         if name in lost:
@@ -289,7 +305,26 @@ def check_limits(
         if c.count:
             checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
     checks.append(Check("unobservable", "", float(len(lost)), 0.0, "1", not lost))
+    changes = _changes(prior, belief, [n for n in estimated_stage(solutions) if n in calibrated])
+    if changes:
+        worst = max(changes, key=lambda name: changes[name])
+        checks.append(Check.compare("change", changes[worst], _CHANGED, "sigma", near=1.0, where=Where(worst)))
     return checks
+
+
+def _changes(prior: Belief, found: Belief, names: Sequence[str]) -> dict[str, float]:
+    """Return by how much the data changed each parameter, in standard deviations of the change expected from the prior.
+
+    An estimate that equals its prior in the limit of useless data has a change with the variance by which it improved.
+    """
+    before, after = np.diag(prior.covariance), np.diag(found.covariance)
+    found_changes = {}
+    for name in names:
+        i = INDEX[name]
+        variance = before[i] - after[i]
+        if variance > _RESOLVED * before[i]:
+            found_changes[name] = float(abs(found.mean[i] - prior.mean[i]) / np.sqrt(variance))
+    return found_changes
 
 
 def _check_estimate(name: str, estimate: Estimate, limit: Limit, sigma_limit: float | None, near: float) -> list[Check]:

@@ -5,6 +5,7 @@ It is stored beside a CSV as TOML or inside a raw log, and includes the last cro
 
 import json
 import re
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal
@@ -16,13 +17,15 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, ImuModel, Secondary, Site, SolveContext, StoredPair, TableModel
 from calstation.messages import os_reason
-from calstation.physics import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, group_indices
+from calstation.physics import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, FloatArray, group_indices
 from calstation.records.atomic import write_atomic
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
 from calstation.schema import EntryError, StrictModel, load, near_miss, validate
 
 _UNIT_TOLERANCE = 1e-3
+#: Largest negative eigenvalue of a correlation matrix that rounding explains.
+_ROUNDING = 1e-9
 #: Permitted numbers of secondary IMUs in files.
 FURTHER_IMUS = tuple(range(2, 10))
 
@@ -133,6 +136,13 @@ class FileSection(StrictModel):
     sha256: str
 
 
+class CalibrationSection(StrictModel):
+    """`[run.calibration]`: the run whose calibration is in force and gives the prior of a partial run."""
+
+    log: str  #: File name of its log.
+    started_utc: str
+
+
 class RunSection(StrictModel):
     """`[run]`: operator, station, software and time of the run; absent from a CSV of another program."""
 
@@ -145,6 +155,7 @@ class RunSection(StrictModel):
     started_utc: str
     files: dict[str, FileSection] | None = None  #: Files by kind.
     resumed_from: str | None = None  #: Name of the log whose completed stages this log begins with.
+    calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
 
 
 class LogMeta(StrictModel):
@@ -154,6 +165,8 @@ class LogMeta(StrictModel):
     imu: ImuSection
     table: TableSection = TableSection()
     prior: dict[str, PriorSection] = Field(default_factory=dict)
+    #: Prior correlation coefficients of a parameter with others; 0 for pairs that are not listed.
+    prior_correlation: dict[str, dict[str, float]] = Field(default_factory=dict)
     product: ProductSection | None = None
     run: RunSection | None = None
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Schedule of each stage.
@@ -175,6 +188,11 @@ class LogMeta(StrictModel):
         sections = {number: getattr(self, f"imu{number}") for number in FURTHER_IMUS}
         return {number: section for number, section in sections.items() if section is not None}
 
+    @property
+    def calibrated(self) -> frozenset[str]:
+        """Names of the parameters whose prior is a joint estimate, such as the calibration in force."""
+        return frozenset(self.prior_correlation).union(*self.prior_correlation.values())
+
     @model_validator(mode="after")
     def _further_imus(self) -> "LogMeta":
         for expected, (number, section) in enumerate(self.secondaries.items(), 2):
@@ -185,12 +203,25 @@ class LogMeta(StrictModel):
                 raise EntryError("log.imu_rates", f"imu{number}", "sample_rate_hz", rate=rate, primary=primary)
         return self
 
-    @field_validator("prior", "registers", "previous")
+    @field_validator("prior", "prior_correlation", "registers", "previous")
     @classmethod
     def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
         for name in table:
             if name not in INDEX:
                 raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, NAMES))
+        return table
+
+    @field_validator("prior_correlation")
+    @classmethod
+    def _correlation(cls, table: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
+        for name, row in table.items():
+            for other in row:
+                if other not in INDEX:
+                    raise EntryError("entry.unknown_parameter", name, other, name=other, remedy=near_miss(other, NAMES))
+                if other == name or name in table.get(other, {}):
+                    raise EntryError("log.correlation_repeated", name, other, name=name, other=other)
+        if table and not np.linalg.eigvalsh(covariance_from(np.ones(COUNT), table)).min() > -_ROUNDING:
+            raise EntryError("log.correlation_impossible")
         return table
 
     def to_json(self) -> str:
@@ -271,7 +302,7 @@ def _normalised(axis: list[float]) -> tuple[float, float, float]:
 
 
 def prior_from_meta(meta: LogMeta) -> Belief:
-    """Return the independent priors of the 30 parameters before the first stage; 0 with default sigma if not given."""
+    """Return the prior of the 30 parameters before the first stage; 0 with default sigma if not given."""
     mean = np.zeros(COUNT)
     sigma = np.array([p.prior_sigma for p in PARAMETERS])
     for name, prior in meta.prior.items():
@@ -282,7 +313,30 @@ def prior_from_meta(meta: LogMeta) -> Belief:
     if meta.table.outer_lever == "fixed":
         mean[group_indices("outer_lever")] = 0.0
         sigma[group_indices("outer_lever")] = 0.0
-    return Belief(mean, np.diag(sigma**2))
+    return Belief(mean, covariance_from(sigma, meta.prior_correlation))
+
+
+def covariance_from(sigma: FloatArray, correlation: Mapping[str, Mapping[str, float]]) -> FloatArray:
+    """Return the covariance, shape (30, 30), for standard deviations, shape (30,), and correlations by name."""
+    covariance = np.diag(sigma**2)
+    for name, row in correlation.items():
+        i = INDEX[name]
+        for other, coefficient in row.items():
+            j = INDEX[other]
+            covariance[i, j] = covariance[j, i] = coefficient * sigma[i] * sigma[j]
+    return covariance
+
+
+def correlation_of(covariance: FloatArray) -> dict[str, dict[str, float]]:
+    """Return the correlations of a covariance, shape (30, 30), of each parameter with earlier ones, without zeros."""
+    sigma = np.sqrt(np.diag(covariance))
+    found: dict[str, dict[str, float]] = {}
+    for i, name in enumerate(NAMES):
+        for j, other in enumerate(NAMES[:i]):
+            if covariance[i, j] != 0.0:
+                coefficient = covariance[i, j] / (sigma[i] * sigma[j])
+                found.setdefault(name, {})[other] = float(np.clip(coefficient, -1.0, 1.0))
+    return found
 
 
 def pair_path(folder: Path, primary: str, secondary: str) -> Path:

@@ -4,7 +4,7 @@ import json
 import sqlite3
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -30,7 +30,7 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 5
+_VERSION = 6
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -69,8 +69,6 @@ class IndexedRun:
     stamp: str  #: Stamp of the files from which the row was read.
     record: RunRecord
     values: Mapping[str, float]  #: Solved values by parameter, SI.
-    #: Value and sigma of each register that the run wrote from its result and verified, SI.
-    written: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 _RUN = TypeAdapter(IndexedRun)

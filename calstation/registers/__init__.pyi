@@ -12,7 +12,6 @@ from .preconditions import check_interrupted as check_interrupted
 from .unit_registers import Register as Register
 from .unit_registers import TargetRegisters as TargetRegisters
 from .unit_registers import UnitRegisters as UnitRegisters
-from .unit_registers import compose as compose
 from .unit_registers import read_unit as read_unit
 from .unit_registers import wanted_registers as wanted_registers
 from .verification import AppliedRegisters as AppliedRegisters

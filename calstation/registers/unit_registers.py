@@ -5,15 +5,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from calstation.config import ResolvedConfiguration, RunRequest, resolve_configuration
 from calstation.connection import open_imu_session
 from calstation.devices import ImuIdentity
 from calstation.devices.imu import RegisterMap
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
-from calstation.physics import NAMES, PARAMETERS, FloatArray, group_matrix, group_vector
+from calstation.physics import compose
 from calstation.records import open_log
 from calstation.registers import journal
 from calstation.registers.journal import journal_folder
@@ -129,32 +127,5 @@ def unit_registers(
     )
 
 
-def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
-    """Combine registers with a solution from their output into all 30 parameters, by name, SI; missing ones count as 0.
-
-    With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is
-    (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,
-    add to first order. The accelerometer matrix stays lower triangular, as a product of lower triangular matrices.
-    """
-    was, now = parameter_vector(old), parameter_vector(found)
-    result = was + now
-    for sensor in ("gyro", "accel"):
-        groups = (f"{sensor}_scale", f"{sensor}_misalign")
-        before = np.eye(3) + group_matrix(was, *groups)
-        matrix = before @ (np.eye(3) + group_matrix(now, *groups)) - np.eye(3)
-        bias = before @ group_vector(now, f"{sensor}_bias") + group_vector(was, f"{sensor}_bias")
-        for i, parameter in enumerate(PARAMETERS):
-            if parameter.group in groups:
-                result[i] = matrix[parameter.row, parameter.column]
-            elif parameter.group == f"{sensor}_bias":
-                result[i] = bias[parameter.row]
-    return dict(zip(NAMES, result.tolist(), strict=True))
-
-
 def _rows(entries: RegisterMap, values: Mapping[str, float]) -> tuple[Register, ...]:
     return tuple(Register(address, name, values[name], raw) for address, name, raw in entries.stored(values))
-
-
-def parameter_vector(values: Mapping[str, float]) -> FloatArray:
-    """Return the parameters, SI, shape (30,); 0 for those not in `values`."""
-    return np.array([values.get(name, 0.0) for name in NAMES])

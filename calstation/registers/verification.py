@@ -34,11 +34,11 @@ from calstation.physics import (
     group_indices,
     group_matrix,
     group_vector,
+    parameter_vector,
     rotation_matrix,
 )
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.registers.preconditions import register_map
-from calstation.registers.unit_registers import parameter_vector
 from calstation.sequencer import RunInBackground, Turned, VerificationData
 
 #: Maximum deviation in standard deviations; noise exceeds it with a probability of about 1e-8.

@@ -1,3 +1,5 @@
+from .calibration import calibration_in_force as calibration_in_force
+from .calibration import estimate_of as estimate_of
 from .corrected import CorrectedOutput as CorrectedOutput
 from .diagnostics import Diagnostics as Diagnostics
 from .diagnostics import StageDiagnostics as StageDiagnostics
@@ -12,9 +14,6 @@ from .judgement import Ending as Ending
 from .judgement import build_result as build_result
 from .judgement import is_partial as is_partial
 from .judgement import judge as judge
-from .merge_previous import PreviousValue as PreviousValue
-from .merge_previous import better_previous_values as better_previous_values
-from .merge_previous import condition_on as condition_on
 from .offline import drop_partial as drop_partial
 from .offline import export_log as export_log
 from .offline import export_result as export_result

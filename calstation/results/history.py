@@ -20,8 +20,7 @@ from calstation.records import (
     read_contents,
     solved_stages,
 )
-from calstation.results.merge_previous import VerifiedRegister
-from calstation.results.result import Result
+from calstation.results.result import SCHEMA, Result, load_result
 
 #: Number of runs read between two progress reports.
 _AT_ONCE = 100
@@ -74,10 +73,22 @@ class History:
         """Return all runs of a unit, the latest first."""
         return [run.record for run in self._ask(lambda: self._index.of(serial))]
 
+    def passed(self, serial: str) -> list[RunRecord]:
+        """Return the unit's runs that passed, the latest first."""
+        return [run.record for run in self._ask(lambda: self._index.of(serial, ("passed",)))]
+
     def passed_before(self, serial: str) -> RunRecord | None:
         """Return the unit's latest run that passed, or None."""
-        found = self._ask(lambda: self._index.of(serial, ("passed",)))
-        return found[0].record if found else None
+        return next(iter(self.passed(serial)), None)
+
+    def result(self, record: RunRecord) -> Result:
+        """Return the result of a run in the index, from its log if there is no result file. Raises InputError."""
+        if record.result is not None:
+            return load_result(record.result)
+        try:
+            return Result.from_json(read_contents(record.log).results[-1])
+        except (ValueError, IndexError) as exc:
+            raise InputError("result.not_a_result", file=record.log, schema=SCHEMA) from exc
 
     def attempts(self, serial: str) -> int:
         """Return the number of runs of the unit; a resumed run counts once."""
@@ -94,14 +105,6 @@ class History:
         for run in self._ask(lambda: self._index.of(serial, _SOLVED, before)):
             values = {**run.values, **values}
         return values
-
-    def verified_registers(self, serial: str) -> Mapping[str, VerifiedRegister]:
-        """Return the unit's registers by parameter, as written and verified by the latest run that estimated each."""
-        found: dict[str, VerifiedRegister] = {}
-        for run in self._ask(lambda: self._index.of(serial, ("passed",))):
-            for name, (value, sigma) in run.written.items():
-                found.setdefault(name, VerifiedRegister(value, sigma, run.record.started_utc))
-        return found
 
     def solved(self, serial: str) -> list[IndexedRun]:
         """Return the unit's solved runs with their values, the oldest first."""
@@ -188,20 +191,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
     "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate
     values = {name: row.value for name, row in result.parameters.items() if math.isfinite(row.value)}
-    return IndexedRun(name, stamp, record, values, _written(result))
-
-
-def _written(result: Result) -> dict[str, tuple[float, float]]:
-    """Return value and sigma of each register that a run wrote from its own solution and verified, SI."""
-    registers = result.registers
-    if result.outcome != "passed" or registers is None or not registers.verified:
-        return {}
-    pairs = {
-        name: (value, result.parameters[name].sigma)
-        for name, value in (registers.new or {}).items()
-        if name in result.parameters and name not in registers.kept
-    }
-    return {name: pair for name, pair in pairs.items() if all(map(math.isfinite, pair))}
+    return IndexedRun(name, stamp, record, values)
 
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:

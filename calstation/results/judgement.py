@@ -25,7 +25,7 @@ from calstation.records import (
     not_compared,
     unobservable,
 )
-from calstation.results.result import SCHEMA, Parameter, Result, StageConsistency, plain
+from calstation.results.result import SCHEMA, CalibrationUsed, Parameter, Result, StageConsistency, plain
 from procedures import DEFAULT_STAGES
 
 
@@ -50,14 +50,16 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     limits = meta.product.limits if meta.product is not None else {}
     section = meta.product.checks if meta.product is not None else None
     near = section.near_miss_beyond if section is not None else NEAR
-    found = check_limits(limits, prior, solutions, near)
+    found = check_limits(limits, prior, solutions, near, meta.calibrated)
     if section is not None:
+        if meta.calibrated:  # the calibration in force, not the run, determines most of the sigmas
+            section = section.model_copy(update={"excitation": None})
         found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
     checks = (*found, *check_latitude(meta, solutions))
     if not limits and section is None:
         return Judgement(checks, None)
     passed = bool(found) and all(check.passed for check in checks)
-    return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
+    return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions, meta.calibrated)))
 
 
 def is_partial(meta: LogMeta) -> bool:
@@ -92,6 +94,7 @@ def build_result(
     run, facts, error = meta.run, ending.facts, ending.error
     first, last = ending.first_seq, ending.last_seq
     optional = {
+        "calibration": _calibration(meta, prior, solutions),
         "error": None if error is None else str(error),
         "error_code": None if error is None else error.code,
         "error_values": None if error is None else values_to_json(error.values),
@@ -108,7 +111,7 @@ def build_result(
             "partial": is_partial(meta),
             "passed": judgement.passed,
             "parameters": solved_parameters(solutions),
-            "unobservable": unobservable(prior, solutions),
+            "unobservable": unobservable(prior, solutions, meta.calibrated),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
             "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
@@ -137,6 +140,14 @@ def build_result(
             **{key: value for key, value in optional.items() if value is not None},
         }
     )
+
+
+def _calibration(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> CalibrationUsed | None:
+    section = meta.run.calibration if meta.run is not None else None
+    if section is None:
+        return None
+    names = [name for name in unobservable(prior, solutions) if name in meta.calibrated]
+    return CalibrationUsed(**section.model_dump(), not_improved=names)
 
 
 def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:

@@ -15,7 +15,10 @@ from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
 from calstation.physics import JOINTS, NAMES, Carry, Finish, FloatArray, Move, RoundEnd, Step
-from calstation.records import context_from_meta
+from calstation.records import LogMeta, context_from_meta
+from calstation.results.calibration import calibration_in_force
+from calstation.results.history import History
+from calstation.results.judgement import is_partial
 from calstation.results.solver_chain import StageChain, one_blas_thread
 from calstation.sequencer import StagePlan, check_limits, move_time, named, planned, step_time
 from procedures import method
@@ -95,13 +98,24 @@ def compute_preview(report: ProgressCallback, request: RunRequest) -> Preview:
         return _Previewer(report, setup).run()
 
 
+def _expected_meta(setup: ResolvedConfiguration) -> LogMeta:
+    """Return the configuration of the log that a run would write, if the unit holds its latest calibration."""
+    meta, folder = setup.log_meta(), setup.request.out
+    if not is_partial(meta) or not folder.is_dir():
+        return meta
+    history = History(folder)
+    history.refresh()
+    calibration, _ = calibration_in_force(history, setup, None)
+    return meta if calibration is None else calibration.prior(setup, meta)
+
+
 class _Previewer:
     """Executes the plans of a configuration without devices."""
 
     def __init__(self, report: ProgressCallback, setup: ResolvedConfiguration) -> None:
         self._report = report
         self._setup = setup
-        meta = setup.log_meta()
+        meta = _expected_meta(setup)
         self._plans = setup.task().stages
         self._geometry = setup.table.geometry()
         self._context = context_from_meta(meta)

@@ -67,13 +67,21 @@ class Temperature(_Section):
     max: float
 
 
-class KeptRegister(_Section):
-    """A register that was not rewritten because an earlier run had estimated it more accurately; SI."""
+class JointEstimate(_Section):
+    """Joint estimate of a unit's parameters by name, SI: means, standard deviations and correlation coefficients."""
 
-    sigma: Number = math.nan
-    sigma_now: Number = math.nan
-    value_now: Number = math.nan
-    found_utc: str = Field(default="", alias="from")
+    mean: dict[str, float]
+    sigma: dict[str, float]
+    correlation: dict[str, dict[str, float]] = Field(default_factory=dict)  #: 0 for pairs that are not listed.
+
+
+class CalibrationUsed(_Section):
+    """The calibration in force from which a partial run began."""
+
+    log: str  #: File name of the log of its run.
+    started_utc: str
+    #: Estimated parameters that the run left as they were known: their sigma is above 0.9 of the prior's.
+    not_improved: list[str] = Field(default_factory=list)
 
 
 class Verification(_Section):
@@ -93,7 +101,9 @@ class Registers(_Section):
     old: dict[str, Number] = Field(default_factory=dict)
     new: dict[str, Number] | None = None  #: None if nothing was written.
     verified: bool = False  #: Whether the unit's output was compared and agrees.
-    kept: dict[str, KeptRegister] = Field(default_factory=dict)  #: Registers that were left unchanged.
+    kept: dict[str, JsonValue] = Field(default_factory=dict)  #: Registers that an older version left unchanged.
+    #: Estimate of the parameters from which verified registers were written, before registers are applied.
+    estimate: JointEstimate | None = None
     proof: list[Verification] = Field(default_factory=list)  #: The comparisons of the output.
     proved_on: str | None = None  #: Basis of the verification: ``corrected_output`` or ``read_back``.
     written_utc: str | None = None
@@ -163,6 +173,7 @@ class Result(_Section):
     configuration: dict[str, FileSection] = Field(default_factory=dict)  #: The files used, by kind.
     temperature_c: Temperature | None = None
     registers: Registers | None = None
+    calibration: CalibrationUsed | None = None  #: None for a run that began from the prior of the IMU profile.
     log: LogSection
     software: Software | None = None
     started_utc: str | None = None

@@ -9,20 +9,20 @@ from calstation.config import check_seen_latitude, unconfirmed_latitude
 from calstation.devices import Imu
 from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
 from calstation.estimation import Solution
-from calstation.physics import NAMES, FloatArray
+from calstation.estimation.common import Belief
+from calstation.physics import NAMES, compose
 from calstation.records import context_from_meta, estimated_stage
 from calstation.registers import (
     AppliedRegisters,
     Purpose,
     close_checked,
-    compose,
     journal_folder,
     verified_on,
     verify_output,
     without_register,
 )
 from calstation.registers import journal as register_journal
-from calstation.results import PreviousValue, better_previous_values, condition_on, is_partial, judge
+from calstation.results import estimate_of, judge
 from calstation.runs.prepare import OpenRun
 from calstation.sequencer import CaptureReference, Finalized, Message, RunInBackground, StopRequested, VerificationData
 
@@ -37,9 +37,8 @@ class Finalization:
         self._setup = run.setup
         self._imu = imu
         self._entries = RegisterMap(tuple(run.setup.imu.registers))
-        self._earlier = run.prepared.history.verified_registers(run.serial)
         self._done: Transferred | None = None
-        self._covariance: FloatArray | None = None
+        self._belief: Belief | None = None
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies a transfer finished before the run, or None if there is none."""
@@ -78,7 +77,7 @@ class Finalization:
         # Only this thread may write the log, so the registers are read and logged before the transfer begins.
         old = run_in_background(lambda: flash_registers(self._imu))
         self._log_old(old, run_in_background)
-        wanted = self._wanted(solutions, old)
+        wanted = self._wanted(solutions)
         check_cancelled = run.prepared.control.check_cancelled
         run.emit(Message("reference"))
         capture_reference()
@@ -102,13 +101,13 @@ class Finalization:
 
         Raises DeviceFaultError.
         """
-        if self._done is None or self._covariance is None:
+        if self._done is None or self._belief is None:
             raise RuntimeError("nothing was transferred")
         run, entry = self._run, self._done.entry
         checks = verify_output(
             data,
             AppliedRegisters(entry.new, entry.old if self._setup.after_registers else None),
-            self._covariance,
+            without_register(self._belief, entry.old),
             context_from_meta(run.meta),
             self._setup.repeatability,
         )
@@ -116,29 +115,18 @@ class Finalization:
         restored = partial(run.registers.__setitem__, "new")
         run_in_background(lambda: close_checked(self._imu, self._entries, entry, checks, data, restored))
         written = datetime.now(UTC).isoformat(timespec="seconds")
+        estimate = estimate_of(self._belief, run.meta.registers).model_dump()
         run.registers |= {"verified": True, "proved_on": verified_on(data), "written_utc": written}
+        run.registers["estimate"] = estimate
         message = "registers_written" if data.corrected else "registers_read_back"
         run.emit(Message(message, {"count": len(self._done.found)}))
 
-    def _wanted(self, solutions: tuple[Solution, ...], old: Mapping[str, float]) -> dict[str, float]:
-        """Return the registers to write; a partial calibration keeps more accurate ones."""
-        run, after_registers = self._run, self._setup.after_registers
-        belief, estimated = solutions[-1].belief, estimated_stage(solutions)
-        better: tuple[PreviousValue, ...] = ()
-        if is_partial(run.meta):
-            better = better_previous_values(old, belief, estimated, self._earlier, after_registers=after_registers)
-        kept = [parameter for parameter in better if not parameter.contradicted]
-        for parameter in better:
-            message = "better_changed" if parameter.contradicted else "better_kept"
-            run.emit(Message(message, parameter.values()))
-        if kept:
-            run.registers["kept"] = {parameter.name: parameter.to_json() for parameter in kept}
-        belief = condition_on(belief, kept, old, after_registers=after_registers)
-        self._covariance = without_register(belief, old)
+    def _wanted(self, solutions: tuple[Solution, ...]) -> dict[str, float]:
+        """Return the registers to write; those of parameters that no stage estimated keep their values."""
+        self._belief = belief = solutions[-1].belief
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
-        answer = {name: found[name] for name in estimated}
-        wanted = compose(run.meta.registers, found) if after_registers else answer
-        return wanted | {parameter.name: old[parameter.name] for parameter in kept}
+        answer = {name: found[name] for name in estimated_stage(solutions)}
+        return compose(self._run.meta.registers, answer) if self._setup.after_registers else answer
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:
         log, site = self._run.log.path, journal_folder(self._setup.station)

@@ -14,7 +14,7 @@ from calstation.messages import Text, os_reason
 from calstation.physics import INDEX
 from calstation.records import RESERVE, LogMeta, RawLogWriter, free_space
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
-from calstation.results import History, StageChain, register_pending
+from calstation.results import History, StageChain, calibration_in_force, is_partial, register_pending
 from calstation.runs.hooks import RunHooks
 from calstation.runs.incomplete import finish_incomplete
 from calstation.runs.resume import Continuation
@@ -40,33 +40,42 @@ class PreparedRun:
         """Folder of its log."""
         return self.setup.request.out
 
-    def meta(self, registers: dict[str, float] | None) -> LogMeta:
-        """Return the log's configuration; `registers` are those of the unit, SI, or None if they could not be read.
+    def meta(self, registers: dict[str, float] | None) -> tuple[LogMeta, Message | None]:
+        """Return the log's configuration, and a message about the prior of a partial run that is not resumed.
 
-        Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
+        `registers` are those of the unit, SI, or None if they could not be read. The prior of a partial run is the
+        calibration in force. Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
         """
-        if self.continuation is not None:
-            return self.continuation.meta(self.setup, self.started, registers)
-        serial = self.setup.request.serial
-        meta = self.setup.log_meta(self.started, 1 + self.history.attempts(serial), registers)
+        before, serial, message = self.continuation, self.setup.request.serial, None
+        attempt = 1 + self.history.attempts(serial) if before is None else before.attempt
+        meta = self.setup.log_meta(self.started, attempt, registers)
+        if registers is not None and is_partial(meta):
+            calibration, message = calibration_in_force(self.history, self.setup, registers)
+            if calibration is not None:
+                meta = calibration.prior(self.setup, meta)
+        if before is not None:
+            return before.meta(meta, registers is not None), None
         checks = self.setup.product.checks
         if checks is None or checks.previous is None:
-            return meta
+            return meta, message
         known = {name: value for name, value in self.history.previous(serial).items() if name in INDEX}
-        return meta.model_copy(update={"previous": known})
+        return meta.model_copy(update={"previous": known}), message
 
     def open(self, registers: dict[str, float] | None, unverified: UnverifiedTransfer | None = None) -> "OpenRun":
         """Open the run's log and register its result as pending for the hand-over.
 
         Raises like `meta`, and ConfigurationError if the log cannot be created.
         """
-        meta = self.meta(registers)
+        meta, message = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
         log = RawLogWriter(self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta)
         with suppress(OSError):  # a full disk is reported when the result is written
             register_pending(self.folder, log.path.stem)
         self.hooks.log_opened(log)
-        return OpenRun(self, meta, log, StageChain(meta), unverified)
+        run = OpenRun(self, meta, log, StageChain(meta), unverified)
+        if message is not None:
+            run.emit(message)
+        return run
 
 
 @dataclass
@@ -122,7 +131,7 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     check_interrupted(setup, request.out)
     emit = hooks.listener(setup, request.out, emit)
     prepared = PreparedRun(setup, history, emit, control, hooks, continuation, datetime.now(UTC))
-    meta = prepared.meta(None)  # refuses a run that cannot be resumed unchanged
+    meta, _ = prepared.meta(None)  # refuses a run that cannot be resumed unchanged
     files = (meta.run.files if meta.run else None) or {}
     logger.info("run of %s, stages %s", request.serial, ", ".join(setup.stages))
     for kind, section in files.items():

@@ -6,11 +6,10 @@ These are solved again by the same chain with bit-identical results; therefore p
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config import ResolvedConfiguration, RunRequest, StationConfig, latitude_agrees, load_station
+from calstation.config import RunRequest, StationConfig, latitude_agrees, load_station
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import SampleBlock
@@ -177,22 +176,28 @@ class Continuation:
         )
         return cls(filled, log, finished)
 
-    def meta(self, setup: ResolvedConfiguration, started: datetime, registers: dict[str, float] | None) -> LogMeta:
+    @property
+    def attempt(self) -> int:
+        """Number of the run among those of its unit, from 1."""
+        return self.log.meta.run.attempt if self.log.meta.run is not None else 1
+
+    def meta(self, new: LogMeta, registers_read: bool) -> LogMeta:
         """Return the new log's configuration: that of the old log, so that the finished stages stay valid.
 
-        `registers` are the unit's current ones, or None if they could not be read. Raises ConfigurationError or
-        DeviceFaultError if site, table, unit or product have changed.
+        `new` is the configuration of a new run, with the unit's registers if they could be read. Raises
+        ConfigurationError or DeviceFaultError if site, table, unit or product have changed.
         """
         old, path = self.log.meta, self.log.path
-        attempt = old.run.attempt if old.run is not None else 1
-        new = setup.log_meta(started, attempt, registers)
         for name in ("site", "imu", "table", "product", "schedule"):
             if _stored(getattr(new, name)) != _stored(getattr(old, name)):
                 raise ConfigurationError("run.section_changed", path=path, section=name)
-        if registers is not None and (new.registers, new.prior) != (old.registers, old.prior):
+        if registers_read and _known(new) != _known(old):
             raise DeviceFaultError("run.registers_changed", log=path.name)
-        run = new.run.model_copy(update={"resumed_from": path.name}) if new.run is not None else None
-        return new.model_copy(update={"prior": old.prior, "registers": old.registers, "run": run})
+        calibration = old.run.calibration if old.run is not None else None
+        changed = {"resumed_from": path.name, "calibration": calibration}
+        run = new.run.model_copy(update=changed) if new.run is not None else None
+        kept = {name: getattr(old, name) for name in ("prior", "prior_correlation", "registers")}
+        return new.model_copy(update={**kept, "run": run})
 
     def copy(
         self, log: RawLogWriter, chain: StageChain, on_block: Callable[[], None], on_solved: Callable[[Solution], None]
@@ -277,6 +282,12 @@ def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
     """Return the original schedule of a stage; values that are not in the log were None."""
     given = meta.schedule.get(stage, {})
     return {name: given.get(name) for name in method(stage).schedule.model_fields}
+
+
+def _known(meta: LogMeta) -> Any:
+    """Return what a run knew of its unit: the calibration in force, or else the prior; and the registers it applies."""
+    calibration = meta.run.calibration if meta.run is not None else None
+    return meta.registers, meta.prior if calibration is None else calibration.log
 
 
 def _stored(value: Any) -> Any:

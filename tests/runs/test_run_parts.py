@@ -13,8 +13,8 @@ from calstation.config.summary import compatible_products
 from calstation.connection.bench_process import BenchHost
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError, InsufficientDataError
+from calstation.physics import compose
 from calstation.physics.parameters import NAMES, group_matrix, group_vector
-from calstation.registers.unit_registers import compose
 from calstation.results.solver_chain import solve
 from tests.site_folder import SiteFolder
 

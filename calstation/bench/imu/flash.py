@@ -10,6 +10,11 @@ import numpy as np
 _NUMBER, _CHECK = struct.Struct("<I"), struct.Struct("<I")
 
 
+def burnt_cycles(file: Path | None) -> int:
+    """Return the number of writes to a flash saved in a file; 0 without a file."""
+    return int.from_bytes(file.read_bytes()[:4], "little") if file is not None and file.exists() else 0
+
+
 class PowerCut(Exception):  # noqa: N818 - an event of the unit, not an error of the program
     """The unit's power supply failed."""
 
@@ -23,14 +28,13 @@ class Flash:
     """
 
     def __init__(self, size: int, banks: int = 2, file: Path | None = None) -> None:
-        self.cycles = 0
+        self.cycles = burnt_cycles(file)
         self.image_bytes = _NUMBER.size + size + _CHECK.size
         self._file = file
         self._erased = b"\xff" * self.image_bytes
         self._banks = [self._erased] * banks
         if file is not None and file.exists():
             content = file.read_bytes()
-            self.cycles = int.from_bytes(content[:4], "little")
             self._banks = [content[4 + i * self.image_bytes :][: self.image_bytes] for i in range(banks)]
 
     def load(self) -> bytes | None:
@@ -48,6 +52,7 @@ class Flash:
         self._banks[bank] = image[:written] + self._erased[written:]
         self.cycles += 1
         if self._file is not None:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
             self._file.write_bytes(self.cycles.to_bytes(4, "little") + b"".join(self._banks))
         if power_for is not None:
             raise PowerCut

@@ -13,6 +13,7 @@ from .gimbal import GimbalSamples as GimbalSamples
 from .grades import GRADES as GRADES
 from .grades import GradeName as GradeName
 from .grades import draw_imu as draw_imu
+from .grades import draw_power_ups as draw_power_ups
 from .imu import ImuTruth as ImuTruth
 from .imu import StreamOutput as StreamOutput
 from .manual_rig import HandStream as HandStream

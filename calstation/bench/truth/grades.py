@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from calstation.bench.truth.imu import ImuTruth
-from calstation.physics import COUNT, INDEX, PARAMETERS, group_indices
+from calstation.physics import COUNT, INDEX, PARAMETERS, FloatArray, group_indices
 
 GradeName = Literal["nav", "tactical", "mems"]
 
@@ -21,9 +21,13 @@ _MAX_SIGMAS = 2.5
 
 @dataclass(frozen=True)
 class Grade:
-    """Magnitudes of one grade, SI: `sigma` of a unit's parameters by group; LSBs are those of increment output."""
+    """Magnitudes of one grade, SI: `sigma` of a unit's parameters by group; LSBs are those of increment output.
+
+    `repeatability` is the sigma of the change of a parameter from one power-up to the next, by group.
+    """
 
     sigma: dict[str, float]
+    repeatability: dict[str, float]
     gyro_lsb: float
     accel_lsb: float
     gyro_arw: float
@@ -47,6 +51,16 @@ _SIGMAS: dict[str, tuple[float, float, float]] = {
     "outer_lever": (0.05, 0.08, 0.1),
 }
 
+#: Repeatability from power-up to power-up by group, for each `GradeName`; the levers of a unit do not change.
+_REPEATABILITIES: dict[str, tuple[float, float, float]] = {
+    "gyro_bias": (0.002 * _DEGREE_PER_HOUR, 0.1 * _DEGREE_PER_HOUR, 1.0 * _DEGREE_PER_HOUR),
+    "gyro_scale": (1e-6, 1e-5, 5e-5),
+    "gyro_misalign": (1e-6, 5e-6, 2e-5),
+    "accel_bias": (2.0 * _MICRO_G, 8.0 * _MICRO_G, 30.0 * _MICRO_G),
+    "accel_scale": (1e-6, 5e-6, 2e-5),
+    "accel_misalign": (1e-6, 5e-6, 2e-5),
+}
+
 #: Other values of `Grade`, for each `GradeName`.
 _OUTPUTS: dict[str, tuple[float, float, float]] = {
     "gyro_lsb": (np.deg2rad(0.01 / 3600.0), 2e-7, 1e-6),
@@ -62,6 +76,7 @@ _OUTPUTS: dict[str, tuple[float, float, float]] = {
 GRADES: dict[GradeName, Grade] = {
     name: Grade(
         sigma={group: values[i] for group, values in _SIGMAS.items()},
+        repeatability={group: values[i] for group, values in _REPEATABILITIES.items()},
         **{field: values[i] for field, values in _OUTPUTS.items()},
     )
     for i, name in enumerate(get_args(GradeName))
@@ -106,3 +121,10 @@ def draw_imu(
         gyro_range=size.gyro_range,
         accel_range=size.accel_range,
     )
+
+
+def draw_power_ups(grade: GradeName, random: np.random.Generator, count: int) -> FloatArray:
+    """Draw the change of a unit's parameters over `count` power-ups, SI, shape (30,)."""
+    size = GRADES[grade].repeatability
+    sigma = np.array([size.get(p.group, 0.0) for p in PARAMETERS])
+    return np.asarray(sigma * random.standard_normal((count, COUNT)).sum(axis=0), dtype=np.float64)

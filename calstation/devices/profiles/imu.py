@@ -6,6 +6,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from calstation.devices.codecs import number
@@ -23,7 +24,7 @@ from calstation.devices.profiles.imu_sections import (
 )
 from calstation.devices.profiles.registers import RegisterEntry, check_registers
 from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.physics import GROUPS, NAMES, PARAMETERS
+from calstation.physics import GROUPS, NAMES, PARAMETERS, FloatArray
 from calstation.schema import EntryError, StrictModel, entry, load_once, near_miss
 
 #: The section that each protocol requires.
@@ -34,10 +35,25 @@ _SECTIONS = {"framed": "commands", "modbus": "modbus", "vectornav": "vectornav"}
 SHORTEST_WRAP = 0.1
 
 
+#: Default changes of a parameter over a power-up and over a year, in prior sigmas.
+_POWER_UP, _YEAR = 0.01, 0.1
+
+
 class PriorSigma(StrictModel):
     """`[prior.NAME]`: prior standard deviation of a parameter, or of each parameter of a group, SI."""
 
     sigma: float = Field(gt=0)
+
+
+class Stability(StrictModel):
+    """`[stability.NAME]`: standard deviation of the change of a parameter, or of each parameter of a group, SI.
+
+    power_up : change from one power-up to the next; by default a hundredth of the prior sigma
+    year : change within a year, whose variance is proportional to the time; by default a tenth of the prior sigma
+    """
+
+    power_up: float | None = Field(default=None, ge=0)
+    year: float | None = Field(default=None, ge=0)
 
 
 class ImuProfile(StrictModel):
@@ -48,6 +64,7 @@ class ImuProfile(StrictModel):
         stream, without commands
     without_register : parameters and groups for which the unit has no register
     flash_cycles_max : number of commits that its data sheet allows
+    stability : change of the parameters from power-up to power-up and over time
     corrected : how to switch from the stream before the registers are applied to the one after
     """
 
@@ -67,6 +84,7 @@ class ImuProfile(StrictModel):
     registers: list[RegisterEntry] = Field(default_factory=list)
     without_register: list[str] = Field(default_factory=list)
     prior: dict[str, PriorSigma] = Field(default_factory=dict)
+    stability: dict[str, Stability] = Field(default_factory=dict)
 
     @field_validator("frame")
     @classmethod
@@ -74,14 +92,14 @@ class ImuProfile(StrictModel):
         check_samples(frame)
         return frame
 
-    @field_validator("prior")
+    @field_validator("prior", "stability")
     @classmethod
-    def _priors(cls, prior: dict[str, PriorSigma]) -> dict[str, PriorSigma]:
-        for name in prior:
+    def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
+        for name in table:
             if name not in NAMES and name not in GROUPS:
                 remedy = near_miss(name, NAMES + GROUPS)
                 raise EntryError("entry.unknown_parameter", name, name=name, remedy=remedy)
-        return prior
+        return table
 
     @model_validator(mode="before")
     @classmethod
@@ -188,6 +206,18 @@ class ImuProfile(StrictModel):
         """Return the prior standard deviation, SI, of each parameter that has a prior, by name."""
         found = {p.name: self.prior.get(p.name, self.prior.get(p.group)) for p in PARAMETERS}
         return {name: prior.sigma for name, prior in found.items() if prior is not None}
+
+    def change_sigmas(self, years: float) -> FloatArray:
+        """Return the standard deviation, SI, shape (30,), of each parameter's change over a power-up and some years."""
+        priors = self.prior_sigmas()
+        changes = []
+        for parameter in PARAMETERS:
+            found = self.stability.get(parameter.name, self.stability.get(parameter.group, Stability()))
+            prior = priors.get(parameter.name, parameter.prior_sigma)
+            power_up = _POWER_UP * prior if found.power_up is None else found.power_up
+            year = _YEAR * prior if found.year is None else found.year
+            changes.append(np.hypot(power_up, year * np.sqrt(years)))
+        return np.array(changes)
 
 
 def check_status(status: StatusSection, frame: FrameSection, name: str) -> None:

@@ -85,6 +85,8 @@ def failed_check_text(check: Check, result: Result) -> str:
         names = ", ".join(parameter_text(name) for name in result.unobservable)
         return say("advice.undetermined", names=names)
     row, name = check_text(check), parameter_text(check.subject)
+    if check.kind == "change":
+        return say("advice.changed", name=parameter_text(check.where.parameter), value=row.value, limit=row.limit)
     if not of_parameter(check) or check.subject not in INDEX:
         return say("advice.violated", name=row.sentence, value=row.value, unit=row.unit, limit=row.limit)
     code = "advice.outside" if check.kind == "within" else "advice.uncertain"

@@ -1,0 +1,108 @@
+"""The calibration in force of a unit: the joint estimate of its last verified run, the prior of a partial run."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+import numpy as np
+
+from calstation.config import ResolvedConfiguration
+from calstation.devices.imu import RegisterMap
+from calstation.errors import InputError
+from calstation.estimation.common import Belief
+from calstation.physics import NAMES, FloatArray, composition, group_indices, parameter_vector
+from calstation.records import CalibrationSection, LogMeta, PriorSection, correlation_of, covariance_from
+from calstation.results.history import History
+from calstation.results.result import JointEstimate
+from calstation.sequencer import Message
+
+_YEAR = timedelta(days=365.25)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A joint estimate of a unit's parameters, SI, before its registers are applied, and the run that made it."""
+
+    section: CalibrationSection
+    belief: Belief
+    registers: Mapping[str, float]  #: The registers that the run wrote, SI by parameter.
+
+    def prior(self, setup: ResolvedConfiguration, meta: LogMeta) -> LogMeta:
+        """Return the configuration `meta` of a partial run of this unit with the calibration as its prior.
+
+        The estimate is aged by the stability in the IMU profile. If the registers are applied to the stream, the prior
+        is what they leave of the parameters. The outer lever belongs to the mounting and keeps the prior in `meta`.
+        """
+        run = meta.run
+        assert run is not None, "the log of a run has a run section"
+        elapsed = datetime.fromisoformat(run.started_utc) - datetime.fromisoformat(self.section.started_utc)
+        years = max(elapsed / _YEAR, 0.0)
+        mean, covariance = self.belief.mean, self.belief.covariance
+        covariance = covariance + np.diag(setup.imu.change_sigmas(years) ** 2)
+        if setup.after_registers:
+            offset, matrix = composition(meta.registers or self.registers)
+            inverse = np.linalg.inv(matrix)
+            mean, covariance = inverse @ (mean - offset), inverse @ covariance @ inverse.T
+        lever = group_indices("outer_lever")
+        covariance[lever, :] = covariance[:, lever] = 0.0
+        covariance[lever, lever] = 1.0
+        sigma = np.sqrt(np.diag(covariance))
+        values = {
+            name: PriorSection(value=float(mean[i]), sigma=float(sigma[i]))
+            for i, name in enumerate(NAMES)
+            if i not in lever
+        }
+        update = {"prior": {**meta.prior, **values}, "prior_correlation": correlation_of(covariance)}
+        return meta.model_copy(update={**update, "run": run.model_copy(update={"calibration": self.section})})
+
+
+def calibration_in_force(
+    history: History, setup: ResolvedConfiguration, held: Mapping[str, float] | None
+) -> tuple[Calibration | None, Message]:
+    """Find the latest passed run of the unit that wrote and verified the registers that the unit holds.
+
+    `held` contains the registers read from the unit by parameter, SI; they must agree as stored. With None, as in a
+    preview, the unit is assumed to hold those of its latest calibration. Return the calibration and the message that
+    reports it, which explains why there is None otherwise.
+    """
+    entries, serial = RegisterMap(tuple(setup.imu.registers)), setup.request.serial
+    none = Message("prior_no_calibration", {"serial": serial})
+    for record in history.passed(serial):
+        try:
+            result = history.result(record)
+        except InputError:
+            continue
+        registers, profile = result.registers, result.configuration.get("imu")
+        if registers is None or not registers.verified or not registers.new or registers.estimate is None:
+            continue
+        if profile is None or profile.name != setup.sources["imu"].section.name:
+            continue
+        if not result.started_utc or (held is not None and entries.differing(registers.new, held)):
+            none = Message("prior_other_registers", {"serial": serial})
+            continue
+        section = CalibrationSection(log=record.log.name, started_utc=result.started_utc)
+        found = Message("prior_calibration", {"log": record.log.name, "date": result.started_utc[:10]})
+        return Calibration(section, from_estimate(registers.estimate), registers.new), found
+    return None, none
+
+
+def estimate_of(belief: Belief, registers: Mapping[str, float]) -> JointEstimate:
+    """Return the joint estimate for the result; `registers` are those applied to the stream, SI, {} if there are none.
+
+    The estimate is that of the unit's parameters before registers are applied.
+    """
+    offset, matrix = composition(registers)
+    mean, covariance = offset + matrix @ belief.mean, matrix @ belief.covariance @ matrix.T
+    return JointEstimate(
+        mean=_by_name(mean), sigma=_by_name(np.sqrt(np.diag(covariance))), correlation=correlation_of(covariance)
+    )
+
+
+def from_estimate(estimate: JointEstimate) -> Belief:
+    """Return the mean and covariance of a joint estimate."""
+    covariance = covariance_from(parameter_vector(estimate.sigma), estimate.correlation)
+    return Belief(parameter_vector(estimate.mean), covariance)
+
+
+def _by_name(values: FloatArray) -> dict[str, float]:
+    return dict(zip(NAMES, values.tolist(), strict=True))

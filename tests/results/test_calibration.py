@@ -1,0 +1,214 @@
+"""The calibration in force: its joint estimate, its age, its registers, and the prior that it gives."""
+
+import json
+from dataclasses import replace
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+
+from calstation.config.resolved import ResolvedConfiguration, resolve_configuration
+from calstation.devices.profiles import load_imu_profile
+from calstation.errors import InputError
+from calstation.estimation import Solution
+from calstation.estimation.common import Belief, Consistency
+from calstation.physics import COUNT, INDEX, NAMES, compose, composition, group_indices, parameter_vector
+from calstation.records.limits import check_limits, unobservable
+from calstation.records.meta import (
+    CalibrationSection,
+    LogMeta,
+    correlation_of,
+    covariance_from,
+    load_meta,
+    prior_from_meta,
+)
+from calstation.results.calibration import Calibration, calibration_in_force, estimate_of, from_estimate
+from tests.helpers import complaint
+from tests.records.records_samples import META
+from tests.results.test_history import refreshed, write
+from tests.site_folder import SiteFolder, behind_registers
+
+YEAR = 365.25 * 86400.0
+
+
+def belief(seed: int = 1, scale: float = 1e-6) -> Belief:
+    """Correlated parameters with sigmas of about `scale`."""
+    random = np.random.default_rng(seed)
+    root = scale * random.standard_normal((COUNT, COUNT + 10)) / np.sqrt(COUNT)
+    return Belief(1e-3 * random.standard_normal(COUNT), root @ root.T)
+
+
+def setup(site_folder: SiteFolder, profile: str = "bench_nav") -> ResolvedConfiguration:
+    site_folder.write({"imu": profile})
+    return resolve_configuration(replace(site_folder.request("azimuth_flip"), serial="SN-000042"))
+
+
+def held(setup_: ResolvedConfiguration, found: Belief) -> dict[str, float]:
+    """Registers with the values of a belief."""
+    names = [name for entry in setup_.imu.registers for name in entry.parameters if name]
+    return {name: float(np.float32(found.mean[INDEX[name]])) for name in names}
+
+
+def result(folder: Path, name: str, day: int, found: Belief, registers: dict[str, float], **more: Any) -> None:
+    """The result of a run that wrote registers."""
+    section = {"old": {}, "new": registers, "verified": True, "estimate": estimate_of(found, {}).model_dump(), **more}
+    files = {"imu": {"name": "bench_nav", "sha256": "0"}}
+    outcome = "passed" if day != 9 else "failed"
+    write(folder, name, "SN-000042", outcome, day, registers=section, configuration=files)
+
+
+def test_an_estimate_is_read_back(tmp_path: Path) -> None:
+    found = belief()
+    again = from_estimate(type(estimate_of(found, {})).model_validate_json(estimate_of(found, {}).model_dump_json()))
+    np.testing.assert_array_equal(again.mean, found.mean)
+    np.testing.assert_allclose(again.covariance, found.covariance, rtol=1e-14, atol=1e-30)
+
+
+def test_an_estimate_from_corrected_output_is_that_of_the_raw_output() -> None:
+    found, registers = belief(), {name: 2e-3 * (-1) ** i for i, name in enumerate(NAMES[:24])}
+    estimate = from_estimate(estimate_of(found, registers))
+    remaining = dict(zip(NAMES, found.mean.tolist(), strict=True))
+    assert dict(zip(NAMES, estimate.mean.tolist(), strict=True)) == pytest.approx(compose(registers, remaining))
+    offset, matrix = composition(registers)
+    values = parameter_vector({"gyro_scale_y": 0.5, "accel_bias_z": -2.0})
+    whole = parameter_vector(compose(registers, {"gyro_scale_y": 0.5, "accel_bias_z": -2.0}))
+    np.testing.assert_allclose(offset + matrix @ values, whole, atol=1e-15)
+
+
+def test_the_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
+    configured, found = setup(site_folder), belief()
+    meta = configured.log_meta()
+    assert meta.run is not None
+    started = (datetime.fromisoformat(meta.run.started_utc) - timedelta(days=365)).isoformat()
+    section = {"log": "a.h5", "started_utc": started}
+    aged = Calibration(CalibrationSection(**section), found, {}).prior(configured, meta)
+    prior, lever = prior_from_meta(aged), group_indices("outer_lever")
+    others = np.delete(np.arange(COUNT), lever)
+    growth = np.zeros(COUNT)
+    for group, power_up, year in (("gyro_bias", 1e-8, 5e-8), ("accel_bias", 2e-5, 2.5e-4), ("accel_scale", 1e-6, 3e-5)):
+        growth[group_indices(group)] = power_up**2 + year**2 * (365 * 86400.0) / YEAR
+    np.testing.assert_array_equal(prior.mean[others], found.mean[others])
+    index = np.concatenate([group_indices(group) for group in ("gyro_bias", "accel_bias", "accel_scale")])
+    expected = np.diag(found.covariance)[index] + growth[index]
+    np.testing.assert_allclose(np.diag(prior.covariance)[index], expected, rtol=1e-9)
+    off = ~np.eye(COUNT, dtype=bool)
+    off[lever, :] = off[:, lever] = False
+    np.testing.assert_allclose(prior.covariance[off], found.covariance[off], rtol=1e-12)
+    np.testing.assert_allclose(prior.sigma[lever], prior_from_meta(meta).sigma[lever])
+    assert not prior.covariance[np.ix_(lever, others)].any()
+    assert aged.run is not None
+    assert aged.run.calibration is not None
+    assert aged.run.calibration.log == "a.h5"
+
+
+def test_a_prior_behind_registers_is_what_they_leave(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    configured, found = setup(site_folder), belief()
+    text = behind_registers(configured.sources["imu"].text)
+    path = site_folder.folder / "after.toml"
+    path.write_text(text, encoding="utf-8")
+    after = replace(configured, imu=load_imu_profile(path))
+    registers = held(after, found)
+    meta = after.log_meta(registers=registers)
+    assert meta.run is not None
+    section = CalibrationSection(log="a.h5", started_utc=meta.run.started_utc)
+    prior = prior_from_meta(Calibration(section, found, registers).prior(after, meta))
+    left = compose(registers, dict(zip(NAMES, prior.mean.tolist(), strict=True)))
+    inner = [i for i in range(COUNT) if i not in group_indices("outer_lever")]
+    np.testing.assert_allclose(parameter_vector(left)[inner], found.mean[inner], rtol=1e-12)
+    written = [INDEX[name] for name in registers]
+    assert np.abs(prior.mean[written]).max() < 1e-8
+
+
+def test_only_the_registers_of_a_verified_run_are_in_force(site_folder: SiteFolder, tmp_path: Path) -> None:
+    configured, runs = setup(site_folder), tmp_path / "history"
+    runs.mkdir()
+    first, second = belief(1), belief(2)
+    result(runs, "a", 1, first, held(configured, first))
+    result(runs, "b", 2, second, held(configured, second))
+    result(runs, "c", 3, first, held(configured, first), verified=False)
+    result(runs, "d", 9, second, held(configured, second))
+    history = refreshed(runs)
+    for found, log in ((first, "a.h5"), (second, "b.h5")):
+        calibration, message = calibration_in_force(history, configured, held(configured, found))
+        assert calibration is not None
+        assert (calibration.section.log, message.id) == (log, "prior_calibration")
+        np.testing.assert_array_equal(calibration.belief.mean, found.mean)
+    other = held(configured, first)
+    other["gyro_bias_x"] = float(np.nextafter(np.float32(other["gyro_bias_x"]), np.float32(1.0)))
+    none, message = calibration_in_force(history, configured, other)
+    assert (none, message.id) == (None, "prior_other_registers")
+    latest, _ = calibration_in_force(history, configured, None)
+    assert latest is not None
+    assert latest.section.log == "b.h5"
+    other_unit = replace(configured, request=replace(configured.request, serial="SN-000043"))
+    none, message = calibration_in_force(history, other_unit, other)
+    assert (none, message.id) == (None, "prior_no_calibration")
+
+
+def test_correlations_are_written_to_toml_and_back(tmp_path: Path) -> None:
+    covariance = belief().covariance
+    sigma = np.sqrt(np.diag(covariance))
+    prior = {name: {"value": 0.1, "sigma": float(sigma[INDEX[name]])} for name in NAMES}
+    correlation = correlation_of(covariance)
+    meta = LogMeta.model_validate({**META, "prior": prior, "prior_correlation": correlation})
+    path = tmp_path / "log.toml"
+    path.write_text(meta.to_toml(), encoding="utf-8")
+    again = load_meta(path)
+    assert again == meta
+    np.testing.assert_array_equal(prior_from_meta(again).covariance, prior_from_meta(meta).covariance)
+    np.testing.assert_allclose(prior_from_meta(again).covariance, covariance, rtol=1e-14)
+    np.testing.assert_array_equal(covariance_from(sigma, {}), np.diag(sigma**2))
+
+
+@pytest.mark.parametrize(
+    ("table", "message"),
+    [
+        ({"gyro_bias_x": {"gyro_bias_w": 0.1}}, "prior_correlation.gyro_bias_x.gyro_bias_w entry.unknown_parameter"),
+        ({"gyro_bias_x": {"gyro_bias_x": 0.1}}, "prior_correlation.gyro_bias_x.gyro_bias_x log.correlation_repeated"),
+        (
+            {"gyro_bias_x": {"gyro_bias_y": 0.1}, "gyro_bias_y": {"gyro_bias_x": 0.1}},
+            "prior_correlation.gyro_bias_x.gyro_bias_y log.correlation_repeated",
+        ),
+        ({"gyro_bias_x": {"gyro_bias_y": 1.1}}, "prior_correlation log.correlation_impossible"),
+    ],
+)
+def test_impossible_correlations_are_refused(tmp_path: Path, table: dict[str, Any], message: str) -> None:
+    path = tmp_path / "log.toml"
+    path.write_text(tomli_w.dumps({**META, "prior_correlation": table}), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        load_meta(path)
+    assert complaint(caught.value) == message
+
+
+def solution(prior: Belief, name: str, value: float, sigma: float) -> Solution:
+    """A stage that changes one parameter of its prior."""
+    mean, covariance = prior.mean.copy(), prior.covariance.copy()
+    mean[INDEX[name]], covariance[INDEX[name], INDEX[name]] = value, sigma**2
+    return Solution("rate", Belief(mean, covariance), (name,), Consistency(1.0, 0.5, 1.5, 100))
+
+
+@pytest.mark.parametrize(
+    ("change", "sigma", "passed"), [(3e-6, 0.5e-6, True), (6e-6, 0.5e-6, False), (0.0, 1e-6, None)]
+)
+def test_a_unit_that_left_its_calibration_fails(change: float, sigma: float, passed: bool | None) -> None:
+    prior = Belief(np.zeros(COUNT), np.eye(COUNT) * 1e-12)
+    found = solution(prior, "gyro_scale_x", change, sigma)
+    checks = {check.kind: check for check in check_limits({}, prior, (found,), calibrated=("gyro_scale_x",))}
+    assert checks["unobservable"].passed
+    if passed is None:
+        assert "change" not in checks
+    else:
+        expected = change / np.sqrt(1e-12 - sigma**2)
+        assert checks["change"].value == pytest.approx(expected)
+        assert (checks["change"].passed, checks["change"].where.parameter) == (passed, "gyro_scale_x")
+    assert unobservable(prior, (found,)) == ([] if sigma < 0.9e-6 else ["gyro_scale_x"])
+    assert json.loads(json.dumps(checks["unobservable"].to_json()))["value"] == 0.0
+
+
+def test_a_profile_without_stability_ages_by_its_prior(site_folder: SiteFolder) -> None:
+    imu = setup(site_folder).imu.model_copy(update={"stability": {}})
+    sigma = imu.change_sigmas(4.0)[INDEX["gyro_scale_x"]]
+    assert sigma == pytest.approx(np.hypot(0.01 * 0.002, 0.1 * 0.002 * 2.0))

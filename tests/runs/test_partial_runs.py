@@ -1,0 +1,148 @@
+"""Partial runs start from the calibration in force, and are as accurate as it allows."""
+
+import json
+import shutil
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.bench.config import BenchConfig
+from calstation.cli.app import run_app
+from calstation.config import library
+from calstation.physics import INDEX
+from calstation.records.convert import export_csv, import_csv
+from calstation.records.log import open_log
+from calstation.records.meta import prior_from_meta
+from calstation.results.resolving import resolve
+from calstation.sequencer.control import Command, Control
+from calstation.sequencer.events import Message, StepStarted
+from tests.helpers import sampled
+from tests.shared_runs import SharedRuns
+from tests.site_folder import SiteFolder, behind_registers
+
+GRADES = {"nav_a": "nav", "tactical_b": "tactical", "mems_c": "mems"}
+GROUPS = ("azimuth_flip", "rate,six_position", "excitation")
+
+
+def messages(site_folder: SiteFolder) -> list[str]:
+    """The messages about the prior."""
+    return [m.id for m in site_folder.events_of(Message) if m.id.startswith("prior_")]
+
+
+def test_a_partial_run_starts_from_the_calibration_in_force(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
+    first = shared_runs.passed(site_folder.folder)
+    verdict = site_folder.run("azimuth_flip")
+    result, log = verdict.result, open_log(Path(verdict.log))
+    assert (verdict.outcome, result["partial"], messages(site_folder)) == ("passed", True, ["prior_calibration"])
+    assert result["registers"]["old"] == first.result["registers"]["new"]
+    kept = {name: value for name, value in result["registers"]["new"].items() if "_bias_" not in name}
+    assert kept.items() <= first.result["registers"]["new"].items()
+    assert result["calibration"]["log"] == Path(first.log).name
+    assert log.meta.run is not None
+    assert log.meta.run.calibration is not None
+    prior, before = prior_from_meta(log.meta), first.result["registers"]["estimate"]
+    for name in ("gyro_scale_x", "accel_bias_z"):
+        assert prior.mean[INDEX[name]] == before["mean"][name]
+        assert before["sigma"][name] < prior.sigma[INDEX[name]] < 1.2 * before["sigma"][name] + 2e-5
+        assert result["registers"]["estimate"]["sigma"][name] <= prior.sigma[INDEX[name]] * (1 + 1e-9)
+    csv, back = site_folder.folder / "log.csv", site_folder.folder / "back.h5"
+    export_csv(log.path, csv)
+    import_csv(csv, back)
+    for path in (log.path, back):
+        assert resolve(path).result.to_json()["parameters"] == result["parameters"]
+
+
+def test_a_unit_with_other_registers_starts_from_its_profile(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
+    shared_runs.passed(site_folder.folder)
+    shutil.rmtree(site_folder.folder / "runs" / "bench")  # as if another unit had its serial number
+    verdict = site_folder.run("rate")
+    assert messages(site_folder) == ["prior_other_registers"]
+    assert "calibration" not in verdict.result
+    assert not open_log(Path(verdict.log)).meta.prior_correlation
+
+
+@pytest.mark.long
+def test_a_stopped_partial_run_is_resumed_with_its_prior(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
+    shared_runs.passed(site_folder.folder)
+    stages = ("rate", "azimuth_flip")
+
+    def watch(event: object) -> None:
+        if isinstance(event, StepStarted) and event.stage == "azimuth_flip":
+            site_folder.control.send(Command.STOP)
+
+    before = site_folder.run(*stages, on_event=watch)
+    assert before.outcome == "stopped"
+    site_folder.control = Control()
+    where = ("--station", site_folder.station, "--product", site_folder.product, "--resume", before.log)
+    into = site_folder.folder / "resumed.json"
+    assert run_app([str(word) for word in ("run", *where, "--json", into)]) == 0
+    done = json.loads(into.read_text(encoding="utf-8"))
+    assert done["calibration"]["log"] == before.result["calibration"]["log"]
+    old, new = (open_log(Path(log)).meta for log in (before.log, done["log"]["file"]))
+    assert (new.prior, new.prior_correlation) == (old.prior, old.prior_correlation)
+
+
+@pytest.mark.long
+def test_a_partial_run_behind_registers_starts_from_what_they_leave(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = site_folder.folder / "home"
+    (home / "imus").mkdir(parents=True)
+    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
+    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    first = site_folder.run()
+    site_folder.events.clear()
+    second = site_folder.run("azimuth_flip")
+    assert (first.outcome, second.outcome) == ("passed", "passed")
+    assert second.result["registers"]["old"] == first.result["registers"]["new"]
+    before, after = (run.result["registers"]["estimate"] for run in (first, second))
+    for name, value in after["mean"].items():
+        sigma = np.hypot(before["sigma"][name], after["sigma"][name]) + 2e-5
+        assert abs(value - before["mean"][name]) < 6.0 * sigma or name.startswith("outer_lever")
+    config = {"grade": "nav", "seed": zlib.crc32(b"5 SN-000042"), "behind_registers": True}
+    truth = BenchConfig.model_validate(config).truth(1).parameters
+    errors = [(after["mean"][n] - truth[INDEX[n]]) / after["sigma"][n] for n in second.result["parameters"]]
+    assert np.abs(errors).max() < 4.5
+
+
+def command(folder: Path, product: str, seed: int, stages: str | None = None) -> tuple[int, dict[str, Any]]:
+    """Run the command line for a unit; exit code and result."""
+    into = folder / "result.json"
+    chosen = ("--stages", stages) if stages else ()
+    words = ("run", "--product", product, "--serial", "S-1", "--seed", seed, "--out", folder / "runs", *chosen)
+    code = run_app([str(word) for word in (*words, "--json", into)])
+    return code, json.loads(into.read_text(encoding="utf-8"))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("product", "seed"), sampled(4, GRADES, (1, 2, 3, 4)))
+def test_each_group_passes_alone_on_a_calibrated_unit(tmp_path: Path, product: str, seed: int) -> None:
+    code, result = command(tmp_path, product, seed)
+    assert (code, result["partial"]) == (0, False)
+    bench = BenchConfig.model_validate({"grade": GRADES[product], "seed": zlib.crc32(f"{seed} S-1".encode())})
+    for number, stages in enumerate((*GROUPS, "azimuth_flip"), 1):
+        before = result["registers"]["new"]
+        code, result = command(tmp_path, product, seed, stages)
+        assert code == 0, [check for check in result["checks"] if not check["passed"]]
+        assert (result["outcome"], result["partial"]) == ("passed", True)
+        assert result["registers"]["old"] == before
+        truth = bench.truth(number).parameters
+        rows = result["parameters"].items()
+        errors = {name: (row["value"] - truth[INDEX[name]]) / row["sigma"] for name, row in rows}
+        assert np.abs(list(errors.values())).max() < 4.5, errors
+    assert resolve(Path(result["log"]["file"])).result.to_json()["parameters"] == result["parameters"]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("product", "stages"), sampled(2, GRADES, GROUPS[:2]))
+def test_a_group_alone_fails_on_an_uncalibrated_unit(
+    tmp_path: Path, product: str, stages: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    code, result = command(tmp_path, product, 1, stages)
+    assert (code, result["outcome"]) == (1, "failed")
+    assert {c["name"].split()[1] for c in result["checks"] if not c["passed"]} == {"sigma"}
+    assert "No verified calibration of S-1" in capfd.readouterr().err
