@@ -105,9 +105,9 @@ def test_a_primary_that_is_silent_or_off_is_reported_and_nothing_is_calibrated_a
 
 @pytest.mark.long
 def test_a_secondary_that_restarts_or_loses_its_link_is_aligned_again(calstation: Run, tmp_path: Path) -> None:
-    secondary = {"orders": [{"order": "reset_imu", "at": 25.0}, {"order": "hang_up_imu", "at": 60.0}]}
-    path = station(tmp_path, {"speed": 4.0}, secondary)
-    done = calstation("watch", "--station", path, "--seconds", 110, "--pairs", tmp_path, "--json", "-")
+    secondary = {"orders": [{"order": "reset_imu", "at": 25.0}, {"order": "hang_up_imu", "at": 100.0}]}
+    path = station(tmp_path, None, secondary, period_s=30.0)
+    done = calstation("watch", "--station", path, "--seconds", 200, "--pairs", tmp_path, "--json", "-")
     assert done.code == 0, done.err
     assert kinds(done).count("aligned") >= 3
     assert "primary_silent" not in kinds(done)
