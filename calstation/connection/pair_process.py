@@ -97,7 +97,8 @@ class _Reports:
         self._sent = 0.0
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
-        self._events += events
+        # the clocks are shown by themselves
+        self._events += [event for event in events if event.kind != "aligned"]
         if any(event.kind == "calibrated" for event in events):
             self._stored = stored_pairs(self._live.session.context, pair_folder())
         if not len(block) or (not events and time.monotonic() - self._sent < _INTERVAL):
