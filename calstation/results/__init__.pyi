@@ -1,4 +1,5 @@
 from .corrected import CorrectedOutput as CorrectedOutput
+from .corrected import CorrectedStream as CorrectedStream
 from .diagnostics import Diagnostics as Diagnostics
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose
