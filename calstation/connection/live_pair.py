@@ -46,7 +46,7 @@ class _Unit:
         self.last_data: float | None = None
 
     def read(self, now: float) -> SampleBatch | None:
-        """Return new samples, None without any; `now` is the host's time, s."""
+        """Return new samples, None without any; `now` is the station's time, s."""
         self.last_data = now if self.last_data is None else self.last_data
         if self._revival is not None and self._revival.is_alive():
             return None
@@ -123,7 +123,7 @@ class LivePair:
             self._clock.sleep(self._clock.tick)
             now, host = self._clock.now(), time.monotonic()
             for number, unit in enumerate(self._units):
-                batch = unit.read(host)
+                batch = unit.read(now)
                 if batch is not None:
                     heard = now
                     self._feed(number, unit, batch, now, host)

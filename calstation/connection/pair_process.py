@@ -19,7 +19,7 @@ from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import Alignment, PairWatch, WatchEvent, check_values
 from calstation.jobs import PipeReader, spawn_process
 from calstation.results import PairProgress
-from calstation.results.plots import StoredPairFile, stored_pairs
+from calstation.results.plots import CorrectedTrace, CorrectedTraceBuilder, StoredPairFile, stored_pairs
 
 #: Host time between two reports, s.
 _INTERVAL = 0.25
@@ -45,6 +45,7 @@ class PairStatus:
     stored: tuple[StoredPairFile, ...]
     primary_off: tuple[str, ...]
     primary_silent: bool
+    corrected: CorrectedTrace
 
 
 class PairProcess:
@@ -94,10 +95,13 @@ class _Reports:
         self._events: list[WatchEvent] = []
         self._begin: float | None = None
         self._stored = stored_pairs(live.session.context, pair_folder())
+        self._corrected = CorrectedTraceBuilder(live.session.meta)
         self._sent = 0.0
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
-        self._events += events
+        self._corrected.feed(block, watch, events)
+        # the clocks are shown by themselves
+        self._events += [event for event in events if event.kind != "aligned"]
         if any(event.kind == "calibrated" for event in events):
             self._stored = stored_pairs(self._live.session.context, pair_folder())
         if not len(block) or (not events and time.monotonic() - self._sent < _INTERVAL):
@@ -120,6 +124,7 @@ class _Reports:
                 self._stored,
                 watch.primary_off,
                 watch.primary_silent,
+                self._corrected.trace(),
             )
         )
 

@@ -1,6 +1,7 @@
 from .calibration import calibration_in_force as calibration_in_force
 from .calibration import estimate_of as estimate_of
 from .corrected import CorrectedOutput as CorrectedOutput
+from .corrected import CorrectedStream as CorrectedStream
 from .diagnostics import Diagnostics as Diagnostics
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose

@@ -24,65 +24,35 @@ PRIMARY = "primary"
 _RATE_PLACES, _FORCE_PLACES = 10, 8
 
 
-class CorrectedOutput:
-    """A `PairConsumer` that passes every line on to all `sinks`.
+class CorrectedStream:
+    """Corrects the samples of a watch, block by block."""
 
-    A calibration or a state of the primary that a block of the watch brings about applies to that whole block.
-    """
-
-    def __init__(self, meta: LogMeta, sinks: Sequence[Callable[[str], object]]) -> None:
+    def __init__(self, meta: LogMeta) -> None:
         context = context_from_meta(meta)
-        self._sinks, self._imu = sinks, context.imu
-        self._own = compensation(prior_from_meta(meta).mean)
+        self._imu, self._own = context.imu, compensation(prior_from_meta(meta).mean)
         self._secondaries = {s.number: SecondaryCorrection(s, self._own) for s in context.secondaries}
-        self._rows = max(1, round(FRAME * context.imu.sample_rate))
-        self._source: str | None = None
-        self._switch_overs = -1  # the first source is no switch-over
-        self._calibrations: dict[int, int] = {}
-        self._head = {
-            "type": "start",
-            "schema": SCHEMA,
-            "sample_rate_hz": context.imu.sample_rate,
-            PRIMARY: {"serial": context.imu.serial},
-            **{f"imu{s.number}": {"serial": s.imu.serial} for s in context.secondaries},
-        }
-        self.greeting = _line({**self._head, **self._state()})  #: First line for a reader, with the present state.
-        self._write(self.greeting)
+        self.source: str | None = None  #: Name of the IMU whose output is valid, None without one.
+        self.switch_overs = 0
+        self.calibrations: dict[int, int] = {}  #: Number of the calibration in use, from 0, by IMU.
 
-    def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
-        """Write the events, then the samples with the state after them."""
-        time = float(block.time[-1]) if len(block) else None
-        for event in events:
-            self._tell(event.kind, event.time, event.number, values_to_json(event.values))
+    def update(self, watch: PairWatch) -> list[tuple[str, int, dict[str, Any]]]:
+        """Take over the state of the watch; return what has changed as kind, number of the IMU or 0, and values."""
+        changes: list[tuple[str, int, dict[str, Any]]] = []
+        begun = bool(self.calibrations)
         for number, secondary in self._secondaries.items():
             stored = watch.stored[number]
-            if number not in self._calibrations or secondary.stored is not stored:
+            if number not in self.calibrations or secondary.stored is not stored:
                 secondary.use(stored)
-                self._calibrations[number] = self._calibrations.get(number, -1) + 1
-                values = {"calibration": self._calibrations[number], "values": dict(stored.values)}
-                self._tell("calibration", time, number, values)
-        source, reason = self._valid(watch)
-        if source != self._source or self._switch_overs < 0:
-            before, self._source = self._source, source
-            self._switch_overs += 1
-            values = {"from": before, "to": source, "reason": reason, "count": self._switch_overs}
-            self._tell("switch_over" if self._switch_overs else "source", time, 0, values)
-        self.greeting = _line({**self._head, **self._state()})
-        for start in range(0, len(block), self._rows):
-            self._write_frame(block.part(start, min(start + self._rows, len(block))))
-        if not len(block):
-            self._write(_line({"type": "end"}))
-
-    def _state(self) -> dict[str, Any]:
-        return {"source": self._source, "switch_overs": max(self._switch_overs, 0)}
-
-    def _write(self, line: str) -> None:
-        for sink in self._sinks:
-            sink(line)
-
-    def _tell(self, kind: str, time: float | None, number: int, values: Mapping[str, Any]) -> None:
-        imu = {"imu": f"imu{number}"} if number else {}
-        self._write(_line({"type": "event", "kind": kind, "time_s": time, **imu, **values}))
+                self.calibrations[number] = self.calibrations.get(number, -1) + 1
+                values = {"calibration": self.calibrations[number], "values": dict(stored.values)}
+                changes.append(("calibration", number, values))
+        before, (source, reason) = self.source, self._valid(watch)
+        if source != before or not begun:
+            self.source = source
+            self.switch_overs += begun
+            values = {"from": before, "to": source, "reason": reason, "count": self.switch_overs}
+            changes.append(("switch_over" if begun else "source", 0, values))
+        return changes
 
     def _valid(self, watch: PairWatch) -> tuple[str | None, str]:
         """Return the IMU whose corrected output is valid, None without one, and why."""
@@ -97,20 +67,74 @@ class CorrectedOutput:
                 return f"imu{number}", reason
         return None, reason
 
-    def _write_frame(self, block: SampleBlock) -> None:
+    def corrected(self, block: SampleBlock) -> dict[str, tuple[FloatArray, FloatArray]]:
+        """Return rate, rad/s, and specific force, m/s², of every IMU by name, shape (n, 3), NaN where missing."""
         raw = np.where(block.valid[:, None], block.counts, np.nan) * self._imu.count_size
-        frame = {
+        found = {PRIMARY: compensate(self._own, raw[:, :3], raw[:, 3:])}
+        for place, (number, secondary) in enumerate(self._secondaries.items()):
+            found[f"imu{number}"] = secondary.corrected(block.others[:, place])
+        return found
+
+    def clock_offset(self, number: int) -> float:
+        """Return the time to be added to the times of a secondary's samples, s."""
+        return self._secondaries[number].clock_offset
+
+
+class CorrectedOutput:
+    """A `PairConsumer` that passes every line on to all `sinks`.
+
+    A calibration or a state of the primary that a block of the watch brings about applies to that whole block.
+    """
+
+    def __init__(self, meta: LogMeta, sinks: Sequence[Callable[[str], object]]) -> None:
+        self._stream, self._sinks = CorrectedStream(meta), sinks
+        self._rows = max(1, round(FRAME * meta.imu.sample_rate_hz))
+        self._head = {
+            "type": "start",
+            "schema": SCHEMA,
+            "sample_rate_hz": meta.imu.sample_rate_hz,
+            PRIMARY: {"serial": meta.imu.serial},
+            **{f"imu{number}": {"serial": section.serial} for number, section in meta.secondaries.items()},
+        }
+        self.greeting = _line({**self._head, **self._state()})  #: First line for a reader, with the present state.
+        self._write(self.greeting)
+
+    def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
+        """Write the events, then the samples with the state after them."""
+        time = float(block.time[-1]) if len(block) else None
+        for event in events:
+            self._tell(event.kind, event.time, event.number, values_to_json(event.values))
+        for kind, number, values in self._stream.update(watch):
+            self._tell(kind, time, number, values)
+        self.greeting = _line({**self._head, **self._state()})
+        for start in range(0, len(block), self._rows):
+            self._write_frame(block.part(start, min(start + self._rows, len(block))))
+        if not len(block):
+            self._write(_line({"type": "end"}))
+
+    def _state(self) -> dict[str, Any]:
+        return {"source": self._stream.source, "switch_overs": self._stream.switch_overs}
+
+    def _write(self, line: str) -> None:
+        for sink in self._sinks:
+            sink(line)
+
+    def _tell(self, kind: str, time: float | None, number: int, values: Mapping[str, Any]) -> None:
+        imu = {"imu": f"imu{number}"} if number else {}
+        self._write(_line({"type": "event", "kind": kind, "time_s": time, **imu, **values}))
+
+    def _write_frame(self, block: SampleBlock) -> None:
+        frame: dict[str, Any] = {
             "type": "data",
             "seq": int(block.seq[0]),
             "count": len(block),
             "time_s": block.time.tolist(),
             **self._state(),
-            PRIMARY: _rows(*compensate(self._own, raw[:, :3], raw[:, 3:])),
+            **{name: _rows(*samples) for name, samples in self._stream.corrected(block).items()},
         }
-        for place, (number, secondary) in enumerate(self._secondaries.items()):
-            rows = _rows(*secondary.corrected(block.others[:, place]))
-            used = {"calibration": self._calibrations[number], "clock_offset_s": secondary.clock_offset}
-            frame[f"imu{number}"] = {**used, **rows}
+        for number, calibration in self._stream.calibrations.items():
+            used = {"calibration": calibration, "clock_offset_s": self._stream.clock_offset(number)}
+            frame[f"imu{number}"] = {**used, **frame[f"imu{number}"]}
         self._write(_line(frame))
 
 

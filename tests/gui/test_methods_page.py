@@ -425,3 +425,35 @@ def test_calibrations_by_triggers_are_shown_on_the_timeline(
     assert "Checked at start-up" in view.schedule_label.text()
     assert view.bars.bars[0].verdict.startswith("calibrated: now")
     assert "nothing is stored" in panel.findChild(QLabel, "pair_stored_label").text()
+
+
+@pytest.mark.long
+def test_the_pair_of_a_station_is_watched_live_and_checked_by_a_button(
+    chosen: Callable[[str], MethodPanel], window: MainWindow, qtbot: QtBot, tmp_path: Path
+) -> None:
+    live = chosen("cross_calibration").answers.live
+    assert live is not None
+    assert not live.start_button.isEnabled()
+    assert "virtual_pair" in live.start_button.toolTip()
+    shipped = library.find("stations", "virtual_pair").read_text()
+    path = tmp_path / "pair.toml"
+    path.write_text(shipped.replace("speed = 1.0", "speed = 0.0").replace('"period"', '"command"'))
+    window.app.set_station(path)
+    qtbot.waitUntil(live.start_button.isEnabled)
+    tabs = window.offline_page.panel.answers.tabs  # type: ignore[union-attr]
+    tabs.setCurrentIndex(tabs.count() - 1)
+    qtbot.mouseClick(live.start_button, Qt.MouseButton.LeftButton)
+    assert live.watching
+    qtbot.waitUntil(lambda: live.status is not None, timeout=WAIT)
+    assert {bar.verdict for bar in live.bars.bars} == {"no rest to check at"}
+    qtbot.mouseClick(live.check_button, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: bool(live.status and live.status.static), timeout=WAIT)
+    qtbot.waitUntil(lambda: live.bars.bars[0].verdict.startswith("calibrated"), timeout=WAIT)
+    assert "drift" in window.findChild(QLabel, "watch_clocks_label").text()
+    files = list(pair_folder().glob("*.toml"))
+    assert len(files) == 1
+    qtbot.mouseClick(live.start_button, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(lambda: not live.watching, timeout=WAIT)
+    assert window.findChild(QLabel, "watch_failure_label").text() == ""
+    language.use("zh_CN")
+    qtbot.waitUntil(lambda: CHINESE.search(live.badge.accessibleName() or live.start_button.text()) is not None)

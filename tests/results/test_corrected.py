@@ -13,6 +13,7 @@ from calstation.estimation.common.samples import SampleBlock
 from calstation.records.log import Log, open_log
 from calstation.results.corrected import CorrectedOutput
 from calstation.results.pairs import PairSession
+from calstation.results.plots.corrected import CorrectedTraceBuilder
 from calstation.simulation.bench_recordings import make_recording
 
 Lines = list[dict[str, Any]]
@@ -142,13 +143,23 @@ def test_a_silent_primary_is_replaced_by_the_secondary_and_told(
         ("primary", "imu2", "primary_silent"),
         ("imu2", "primary", "primary_valid"),
     ]
-    assert 20.5 < overs[0]["time_s"] < 20.8
+    assert 21.0 < overs[0]["time_s"] < 21.3
     assert 30.0 <= overs[1]["time_s"] < 30.2
     within = [line for line in data(lines) if overs[0]["time_s"] < line["time_s"][0] < 29.9]
     assert {(line["source"], line["switch_overs"]) for line in within} == {("imu2", 1)}
     assert all(row is None for line in within for row in line["primary"]["gyro"])
     assert np.isfinite(column(within, "imu2", "gyro")).all()
     assert data(lines)[-1]["switch_overs"] == 2
+
+
+def test_the_last_minute_is_kept_for_the_plots(first_watch: tuple[Lines, Path], recording: Log) -> None:
+    session = PairSession(recording.meta, first_watch[1], "log")
+    builder = CorrectedTraceBuilder(recording.meta)
+    session.run(recording.blocks(), [builder])
+    trace = builder.trace()
+    assert (trace.source, trace.switch_overs) == ("primary", 0)
+    assert (len(trace.time), trace.time[-1]) == (len(trace.rate["imu2"]), 0.0)
+    assert set(trace.force) == {"primary", "imu2"}
 
 
 @pytest.mark.long

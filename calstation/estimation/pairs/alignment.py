@@ -48,7 +48,7 @@ _KEPT = 6.0
 #: Window over which the smallest delay is taken, s.
 _DELAY_WINDOW = 10.0
 #: Increase of the delay that shows that a unit's clock has jumped, s, if it lasts; a busy computer also delays samples.
-_JUMP, _JUMP_LASTS = 0.1, 0.5
+_JUMP, _JUMP_LASTS = 0.5, 3.0
 #: Decrease of the delay that shows that a unit's clock has jumped, s; the first samples may have waited for a while.
 _JUMP_AHEAD = 2.0
 #: Delay after which a row is complete, whether or not all samples have arrived, s.

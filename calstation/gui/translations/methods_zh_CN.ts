@@ -423,12 +423,40 @@
         <translation>静止检查</translation>
     </message>
     <message>
+        <source>Corrected data</source>
+        <translation>修正后的数据</translation>
+    </message>
+    <message>
         <source>Stop</source>
         <translation>停止</translation>
     </message>
     <message>
         <source>Start a watch first</source>
         <translation>请先开始监测</translation>
+    </message>
+    <message>
+        <source>primary</source>
+        <translation>主 IMU</translation>
+    </message>
+    <message>
+        <source>none</source>
+        <translation>无</translation>
+    </message>
+    <message>
+        <source>valid: {0}; switch-overs: {1}</source>
+        <translation>有效：{0}；切换次数：{1}</translation>
+    </message>
+    <message>
+        <source>| f | − g, µg</source>
+        <translation>| f | − g，µg</translation>
+    </message>
+    <message>
+        <source>Rate, °/h</source>
+        <translation>角速度，°/h</translation>
+    </message>
+    <message>
+        <source>s before now</source>
+        <translation>距现在的秒数</translation>
     </message>
     <message>
         <source>This station has one IMU. Choose a station with [imu2], such as virtual_pair</source>

@@ -2,6 +2,8 @@ from .compensation import Applied as Applied
 from .compensation import applied as applied
 from .compensation import apply_to_recording as apply_to_recording
 from .compensation import before_and_found as before_and_found
+from .corrected import CorrectedTrace as CorrectedTrace
+from .corrected import CorrectedTraceBuilder as CorrectedTraceBuilder
 from .index import LogIndex as LogIndex
 from .index import StageSpan as StageSpan
 from .index import log_index as log_index

@@ -8,9 +8,12 @@ from calstation.connection import PairProcess, PairStatus
 from calstation.errors import CalstationError
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.pair_view import PairBars, schedule_text
+from calstation.gui.logs.methods.plots import MethodPlot
 from calstation.gui.shell import AppContext
 from calstation.gui.text import on_language_change, say, show, term
 from calstation.gui.widgets import StateBadge, button, column, enable, label, panel, row, show_text, theme
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G
+from calstation.results.plots import CorrectedTrace
 
 
 class PairLiveView(PairBars):
@@ -35,6 +38,10 @@ class PairLiveView(PairBars):
             ),
         )
         self.badge, self.bars, self.timeline = StateBadge(), CheckBars(), Timeline()
+        self.force_plot, self.rate_plot = MethodPlot(), MethodPlot(log=True)
+        for plot in (self.force_plot, self.rate_plot):
+            plot.setMinimumHeight(28 * theme.GRID)
+        self.source_label = label(name="watch_source_label")
         self.schedule_label = label(wrap=True)
         self._clocks, self._stored = label(name="watch_clocks_label", wrap=True), label(wrap=True)
         self._failure = label(name="watch_failure_label", kind="caution", wrap=True)
@@ -53,6 +60,10 @@ class PairLiveView(PairBars):
             self.schedule_label,
             panel(label(lambda: self.tr("Check at rest"), "section"), self.bars),
             panel(self.timeline),
+            panel(
+                row(label(lambda: self.tr("Corrected data"), "section"), None, self.source_label),
+                row((self.force_plot, 1), (self.rate_plot, 1)),
+            ),
             clocks,
             stored,
             on=self._shown,
@@ -117,8 +128,28 @@ class PairLiveView(PairBars):
         self.schedule_label.setText(schedule_text(status.schedule))
         self.bars.show_bars(self._bars(status))
         self.timeline.show_progress(status.progress)
+        self._show_corrected(status.corrected)
         self._clocks.setText("\n".join(self._clock_text(status, number) for number in status.alignments))
         self._stored.setText("\n".join(map(self._stored_text, status.stored)))
+
+    def _show_corrected(self, trace: CorrectedTrace) -> None:
+        """Draw the corrected output of all IMUs; the valid one is bold."""
+        names = {
+            name: self.tr("primary") if name == "primary" else name.upper().replace("U", "U ") for name in trace.force
+        }
+        valid = names.get(trace.source or "", self.tr("none"))
+        self.source_label.setText(self.tr("valid: {0}; switch-overs: {1}").format(valid, trace.switch_overs))
+        c = theme.colours()
+        colours = dict(zip(names, (c.accent, c.caution, c.muted), strict=False))
+        for plot, caption, values, size in (
+            (self.force_plot, self.tr("| f | − g, µg"), trace.force, MICRO_G),
+            (self.rate_plot, self.tr("Rate, °/h"), trace.rate, DEGREE_PER_HOUR),
+        ):
+            plot.empty()
+            for name, colour in colours.items():
+                plot.line(trace.time, values[name] / size, colour, bold=name == trace.source)
+            legend = [(names[name], colour) for name, colour in colours.items()]
+            plot.finish([(caption, c.text), *legend, (self.tr("s before now"), c.muted)])
 
     def _why_not(self) -> str:
         if self._app.engine_link.running:

@@ -40,6 +40,8 @@ class CheckBars(QWidget):
 
     def show_bars(self, bars: Sequence[CheckBar]) -> None:
         """Show these rows."""
+        if bars == self.bars:
+            return
         self.bars = bars
         self.setAccessibleName("; ".join(f"{b.name}: {b.value} ({b.limit}), {b.verdict}" for b in bars))
         clear(self._grid)
@@ -84,7 +86,6 @@ _LANES = 2
 #: Symbol of each kind of event (`badge.KINDS`), in ascending order of importance.
 _STATES = {
     "triggered": "waiting",
-    "aligned": "none",
     "checked": "none",
     "calibrating": "active",
     "primary_valid": "good",
@@ -97,7 +98,7 @@ _STATES = {
 
 
 class Timeline(QWidget):
-    """A timeline with a symbol and a text at every event; symbols that would overlap are merged."""
+    """A timeline with a symbol and a text at every event; symbols that would overlap are merged, texts omitted."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -134,16 +135,17 @@ class Timeline(QWidget):
         for x, kind, text in _joined(events):
             width = painter.fontMetrics().horizontalAdvance(text) + theme.GRID
             begin = min(max(x - _MARK / 2, 0.0), self.width() - width)
-            lane = next((k for k, end in enumerate(ends) if begin >= end), _LANES - 1)
-            ends[lane] = begin + width
+            lane = next((k for k, end in enumerate(ends) if begin >= end), None)
             box = QRectF(x - _MARK / 2, line - _MARK / 2, _MARK, _MARK)
             painter.setPen(Qt.PenStyle.NoPen)
             painter.setBrush(QColor(c.panel))
             painter.drawEllipse(box.adjusted(-2, -2, 2, 2))
             painter.setBrush(Qt.BrushStyle.NoBrush)
             draw_state(painter, _STATES[kind], box)
-            painter.setPen(QColor(c.text))
-            painter.drawText(QRectF(begin, _TOP + _MARK + lane * _LANE + 2, width, _LANE), middle, text)
+            if lane is not None:
+                ends[lane] = begin + width
+                painter.setPen(QColor(c.text))
+                painter.drawText(QRectF(begin, _TOP + _MARK + lane * _LANE + 2, width, _LANE), middle, text)
 
 
 def _state_text(progress: PairProgress) -> str:

@@ -1,0 +1,144 @@
+"""IMUs on one body are watched live through their serial lines."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.config import library
+from calstation.records.meta import load_pair
+from tests.cli.conftest import Done
+
+Run = Callable[..., Done]
+
+#: Clocks of the two units, and the time of the secondary's power-on, s, as in the shipped station.
+DRIFTS, POWER_ON = (20e-6, -35e-6), 0.3713
+#: A unit counts its samples from the end of its start, s.
+BOOT = 0.1
+
+
+def station(
+    folder: Path, primary: dict[str, Any] | None = None, secondary: dict[str, Any] | None = None, **more
+) -> Path:
+    """The shipped station at full speed over sockets, with other settings of the two units and of the schedule."""
+    values = tomllib.loads(library.find("stations", "virtual_pair").read_text())
+    values["cross_calibration"] |= more
+    bench = values["bench"]
+    bench |= {"speed": 0.0, "imu_transport": "socket", **(primary or {})}
+    bench["secondaries"][0] |= secondary or {}
+    path = folder / "pair.toml"
+    path.write_text(tomli_w.dumps(values))
+    return path
+
+
+def kinds(done: Done) -> list[str]:
+    return [event["kind"] for event in done.json["events"]]
+
+
+def test_a_station_without_a_second_imu_or_with_a_gap_in_their_numbers_is_refused(
+    calstation: Run, tmp_path: Path
+) -> None:
+    done = calstation("watch", "--station", "virtual_bench", "--seconds", 1)
+    assert done.code == 2
+    assert "Add a table [imu2]" in done.err
+    path = station(tmp_path)
+    path.write_text(path.read_text().replace("[imu2]", "[imu3]"))
+    done = calstation("watch", "--station", path, "--seconds", 1)
+    assert done.code == 2
+    assert "no imu2" in done.err
+    assert calstation("watch").code == 2
+
+
+def test_the_primary_has_a_fixed_threshold_only(calstation: Run, tmp_path: Path) -> None:
+    path = station(tmp_path, primary_gyro={"fixed": 1e-4, "ratio": 2.0})
+    done = calstation("watch", "--station", path, "--seconds", 1)
+    assert done.code == 2
+    assert "only a fixed threshold" in done.err
+
+
+@pytest.mark.long
+def test_a_secondary_out_of_tolerance_is_calibrated_live_and_aligned(calstation: Run, tmp_path: Path) -> None:
+    pairs = tmp_path / "pairs"
+    path = station(tmp_path, period_s=30.0)
+    done = calstation("watch", "--station", path, "--seconds", 130, "--pairs", pairs, "--json", "-")
+    assert done.code == 0, done.err
+    assert "waiting for motion: " in done.err
+    assert kinds(done)[:4] == ["triggered", "checked", "calibrating", "aligned"]
+    assert "calibrated" in kinds(done)
+    row = done.json["secondaries"][0]
+    assert row["verdicts"] == {"gyro": "within", "accel": "within"}
+    assert abs(row["stored"]["values"]["clock_offset"]) < 1e-4  # what alignment leaves
+    assert len(load_pair(pairs, "SN-000001", "SN-000001-2").values) == 28
+    clock = row["alignment"]
+    drift = 1.0 - (1.0 + DRIFTS[1]) / (1.0 + DRIFTS[0])
+    assert clock["drift"] == pytest.approx(drift, abs=2e-7)
+    # 130 s of the primary's time and the first rows; the offset changes by 55 µs/s
+    expected = POWER_ON * (1.0 + DRIFTS[1]) + (130.2 + BOOT) * drift
+    assert clock["offset"] == pytest.approx(expected, abs=3e-5)
+
+
+@pytest.mark.long
+def test_a_primary_that_is_silent_or_off_is_reported_and_nothing_is_calibrated_against_it(
+    calstation: Run, tmp_path: Path
+) -> None:
+    primary = {"orders": [{"order": "silence_imu", "value": 5.0, "at": 20.0}], "gyro_steps": [[30.0, 0.05]]}
+    path = station(tmp_path, primary, period_s=20.0)
+    done = calstation("watch", "--station", path, "--seconds", 100, "--pairs", tmp_path, "--json", "-")
+    assert done.code == 1
+    assert {"primary_silent", "primary_resumed", "primary_off"} <= set(kinds(done))
+    off = next(event for event in done.json["events"] if event["kind"] == "primary_off")
+    assert off["sensors"] == ["gyro"]
+    later = [event for event in done.json["events"] if event["time"] > off["time"] and event["kind"] == "calibrated"]
+    assert all("gyro" not in event["sensors"] for event in later)
+    check = done.json["secondaries"][0]["check"]
+    assert not check["primary"]["gyro"]["within"]
+
+
+@pytest.mark.long
+def test_a_secondary_that_restarts_or_loses_its_link_is_aligned_again(calstation: Run, tmp_path: Path) -> None:
+    secondary = {"orders": [{"order": "reset_imu", "at": 25.0}, {"order": "hang_up_imu", "at": 100.0}]}
+    path = station(tmp_path, None, secondary, period_s=30.0)
+    done = calstation("watch", "--station", path, "--seconds", 200, "--pairs", tmp_path, "--json", "-")
+    assert done.code == 0, done.err
+    assert kinds(done).count("aligned") >= 3
+    assert "primary_silent" not in kinds(done)
+    clock = done.json["secondaries"][0]["alignment"]
+    assert clock["measured"]
+    assert clock["sigma"] < 1e-3
+
+
+@pytest.mark.long
+@pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals and signals")
+def test_checks_by_command_while_running_and_ends_cleanly_with_ctrl_c(tmp_path: Path) -> None:
+    path = station(tmp_path, {"speed": 1.0, "imu_transport": "pty"}, trigger="command")
+    command = [sys.executable, "-m", "calstation", "watch", "--station", str(path), "--pairs", str(tmp_path)]
+    environment = {**os.environ, "CALSTATION_HOME": str(tmp_path)}
+    with subprocess.Popen(
+        [*command, "--json", "-"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+    ) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        time.sleep(8.0)
+        process.stdin.write("c\n")
+        process.stdin.flush()
+        line = process.stderr.readline()
+        assert "A check is due" in line
+        time.sleep(3.0)
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=60.0)
+    assert process.returncode == 4
+    assert json.loads(out)["events"][0]["kind"] in ("triggered", "aligned")
