@@ -79,14 +79,14 @@ def resolve(
 
 
 def _check_range(log: Log, first: int | None, last: int | None) -> None:
-    """Raise InputError if the log does not hold a sequence number at which the range is to begin or to end."""
+    """Raise InputError if the range begins before the log or ends beyond it."""
     if first is None and last is None:
         return
     facts = log.facts()
-    for wanted in (first, last):
-        if facts.samples and wanted is not None and not facts.first_seq <= wanted <= facts.last_seq:
-            values = {"wanted": wanted, "first": facts.first_seq, "last": facts.last_seq}
-            raise InputError("solution.range_beyond", file=log.path, **values)
+    before, beyond = first is not None and first < facts.first_seq, last is not None and last > facts.last_seq
+    if facts.samples and (before or beyond):
+        held = {"first": facts.first_seq, "last": facts.last_seq}
+        raise InputError("solution.range_beyond", file=log.path, wanted=first if before else last, **held)
 
 
 def stored_result(log: Log) -> Result | None:

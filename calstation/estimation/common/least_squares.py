@@ -14,6 +14,9 @@ from calstation.physics import COUNT, BoolArray, FloatArray
 MOST_ITERATIONS = 20
 #: The iteration has converged when its step is below this, in sigmas.
 CONVERGED = 1e-3
+#: Largest variance that unknowns may explain in a tested direction, in units of that of the noise. Near 1, products of
+#: unknowns, which no covariance contains, may be as large as the noise.
+MOST_EXPLAINED = 0.1
 
 
 @dataclass(frozen=True)
@@ -111,21 +114,21 @@ def gauss_newton(
         if moved < CONVERGED:
             break
     not_settled = ("not_settled", {"stage": stage, "passes": MOST_ITERATIONS})
+    belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
+    predicted = model(posterior[:COUNT], posterior[COUNT:])
+    H, residual = _jacobian(model, posterior, scale, predicted), observed - predicted
     measured = np.zeros(len(mean), dtype=bool)
     measured[COUNT:][noisy] = True
-    unknown, E = np.where(measured, 0.0, 1.0), H[:, measured]
-    N = R + E @ P[np.ix_(measured, measured)] @ E.T
-    found = redundant((H * unknown) @ P @ (H * unknown).T, N, innovation)
-    belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
-    residual = observed - model(posterior[:COUNT], posterior[COUNT:])
+    unknown, error = np.where(measured, 0.0, H), np.where(measured, H, 0.0)
+    found = redundant(unknown @ P @ unknown.T, R + error @ P @ error.T, residual - H @ (mean - posterior))
     return MapResult(belief, posterior[COUNT:], residual, found, () if moved < CONVERGED else (not_settled,))
 
 
 def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
-    """Return the part of `innovation`, shape (m,), in the directions in which noise exceeds what the unknowns explain.
+    """Return the part of `innovation`, shape (m,), in the directions that the unknowns do not explain.
 
     `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` that of the measurement, shape
-    (m, m). Along the other directions the unknowns take up any innovation, so that a wide prior would count as a test
+    (m, m). Along the other directions (`MOST_EXPLAINED`) the unknowns take up any innovation, so that a wide prior would count as a test
     that is always passed: six free tilts and six parameters leave nothing of 18 observations to test. The directions
     are independent, and their squares are χ² distributed. They are the classical parity space (J. E. Potter, M. C.
     Suman, *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph 224, 1977), in which an
@@ -135,7 +138,7 @@ def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) 
     white = solve_triangular(root, innovation, lower=True)
     half = solve_triangular(root, explained, lower=True)
     size, directions = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
-    tested = size < 1.0
+    tested = size < MOST_EXPLAINED
     chosen = directions[:, tested]
     return Redundancy(int(tested.sum()), chosen @ (chosen.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))))
 
