@@ -65,6 +65,17 @@ def test_a_unit_with_other_registers_starts_from_its_profile(site_folder: SiteFo
 
 
 @pytest.mark.long
+def test_a_unit_that_has_changed_fails(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
+    first = shared_runs.passed(site_folder.folder)
+    changed = first.result["parameters"]["gyro_bias_x"]["value"] + 5e-6
+    site_folder.write(parameters={"gyro_bias_x": changed})
+    verdict = site_folder.run("azimuth_flip")
+    (failed,) = (check for check in verdict.result["checks"] if not check["passed"])
+    assert (verdict.outcome, failed["name"], failed["where"]) == ("failed", "change since calibration", "gyro_bias_x")
+    assert failed["value"] > 6.0
+
+
+@pytest.mark.long
 def test_a_stopped_partial_run_is_resumed_with_its_prior(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
     shared_runs.passed(site_folder.folder)
     stages = ("rate", "azimuth_flip")
