@@ -29,12 +29,14 @@ from calstation.estimation.gimbal import (
     sign_of,
 )
 from calstation.estimation.positions import require_changing
-from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, Step, TableGeometry
+from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, GimbalTurn, GimbalZero, Step, TableGeometry
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
 #: Ratio of last to first drift above which the rates were not corrected, if the turns should have halved the drift.
 STUCK = 0.7
+#: Time that the joints are locked to take the gyro bias, in addition to a rest, s.
+BIAS_TIME = 2.0
 #: Largest difference between the iteration and least squares in sigmas of the iteration. Both use the same samples, so
 #: the variance of their difference is below that of the iteration.
 AGREEMENT = 4.0
@@ -76,8 +78,31 @@ class Schedule(BaseModel):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Raise ConfigurationError, because a table does not stabilise on the rates of the unit."""
-    raise ConfigurationError("plan.needs_gimbal")
+    """Plan the turns of each axis and the return to zero after them; a complete axis needs no further turn.
+
+    Raises ConfigurationError on a table, which does not stabilise on the rates of the unit, and for a schedule that the
+    gimbal cannot make.
+    """
+    gimbal = geometry.gimbal
+    if gimbal is None:
+        raise ConfigurationError("plan.needs_gimbal")
+    if schedule.order != gimbal.order:
+        raise ConfigurationError("plan.gimbal_order_differs", order=schedule.order, profile=gimbal.order)
+    angle, rate = float(np.deg2rad(schedule.angle_deg)), float(np.deg2rad(schedule.rate_dps))
+    for name, (low, high) in zip(AXES, gimbal.travel, strict=True):
+        if angle > min(-low, high):
+            values = {"angle_deg": schedule.angle_deg, "most_deg": float(np.rad2deg(min(-low, high)))}
+            raise ConfigurationError("plan.gimbal_turn_exceeds_travel", axis=name, **values)
+    if rate > gimbal.rate:
+        most = float(np.rad2deg(gimbal.rate))
+        raise ConfigurationError("plan.gimbal_rate_exceeds_limit", rate_dps=schedule.rate_dps, most_dps=most)
+    threshold = float(np.deg2rad(schedule.threshold_arcsec / 3600.0))
+    settings = (angle, rate, schedule.dwell_s, schedule.gain, threshold, schedule.alternate)
+    yield GimbalZero(schedule.dwell_s + BIAS_TIME, 0)
+    for axis in range(3):
+        for index in range(schedule.iterations):
+            yield GimbalTurn(axis, index + 1, schedule.iterations, *settings)
+        yield GimbalZero(schedule.dwell_s + BIAS_TIME, axis + 1)
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
@@ -301,4 +326,4 @@ def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str
     return tuple(messages)
 
 
-METHOD = batch_method("gimbal", Schedule, plan, solve, ESTIMATED, needs_no_table=True)
+METHOD = batch_method("gimbal", Schedule, plan, solve, ESTIMATED, needs_no_table=True, on_gimbal=True)

@@ -7,8 +7,8 @@ import numpy as np
 from calstation.bench.config import BenchConfig, Order
 from calstation.bench.imu import SAMPLES as VECTORNAV
 from calstation.bench.imu import DspUnit, ImuUnit, StreamFaults, VectorNavUnit
-from calstation.bench.table import Clocks, Fault, TableMachine, TableRegisters
-from calstation.bench.truth import HandStream, SensorStream, TableDrive
+from calstation.bench.table import Clocks, Fault, GimbalDrive, TableMachine, TableRegisters
+from calstation.bench.truth import GimbalStream, HandStream, SensorStream, TableDrive
 
 TABLE_MODEL = "bench-table"
 
@@ -42,11 +42,13 @@ class LiveBench:
         else:
             outer, inner = np.deg2rad(config.start_deg)
         start = (float(outer), float(inner))
-        self._stream: SensorStream | HandStream = (
-            HandStream(self.truth.imu, config.rig(), stream_seed)
-            if config.table_protocol == "hand"
-            else SensorStream(self.truth.imu, self.truth.table, stream_seed)
-        )
+        self._stream: SensorStream | HandStream | GimbalStream
+        if config.table_protocol == "hand":
+            self._stream = HandStream(self.truth.imu, config.rig(), stream_seed)
+        elif config.table_protocol == "gimbal":
+            self._stream = config.gimbal(self.truth.imu, stream_seed)
+        else:
+            self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed)
         self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
         self._latency, self._jitter = config.latency_s, config.jitter_s
         self._orders = sorted(config.orders, key=lambda order: order.at)
@@ -56,7 +58,9 @@ class LiveBench:
         self.on_link: Callable[[Order], None] = lambda order: None
         self.clocks = Clocks(lambda: self.device_time, host_time, self._reading_time)
         self.machine = TableMachine(
-            TableDrive(self.truth.encoder, start, encoder_seed),
+            GimbalDrive(self._stream)
+            if isinstance(self._stream, GimbalStream)
+            else TableDrive(self.truth.encoder, start, encoder_seed),
             config.limits(),
             interlock_closed=config.interlock_closed,
             watchdog=config.watchdog_ms / 1000.0,
@@ -69,6 +73,12 @@ class LiveBench:
             self.unit.axes = self.registers
         if isinstance(self.unit, VectorNavUnit):
             self.faults.frame_size = VECTORNAV.itemsize
+
+    @property
+    def gimbal(self) -> GimbalStream:
+        """The gimbal, which must be configured."""
+        assert isinstance(self._stream, GimbalStream)
+        return self._stream
 
     @property
     def device_time(self) -> float:
@@ -150,6 +160,8 @@ class LiveBench:
             return b""
         if isinstance(self._stream, HandStream):
             output = self._stream.produce(count)
+        elif isinstance(self._stream, GimbalStream):
+            output = self._stream.produce(count, self.unit.correction().gyro)
         else:
             output = self._stream.produce(count, *self.machine.drive.profiles)
         self.machine.advance(self.device_time)

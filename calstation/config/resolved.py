@@ -26,11 +26,12 @@ from calstation.config.station import (
     schedule_values,
     unknown_targets,
 )
+from calstation.devices.imu import RegisterMap
 from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
-from calstation.physics import INDEX, PARAMETERS, Step, group_indices
+from calstation.physics import INDEX, NAMES, PARAMETERS, GimbalTurn, Step, group_indices
 from calstation.records import (
     FileSection,
     ImuSection,
@@ -216,6 +217,7 @@ class ResolvedConfiguration:
             "inner_axis": table.inner_axis,
             "low_deg": [table.outer.low_deg, table.inner.low_deg],
             "high_deg": [table.outer.high_deg, table.inner.high_deg],
+            **_bench_gimbal(table),
             **{name: value for name, value in self.station.bench.items() if name != "faults"},
         }
         if self.request.seed is not None:
@@ -237,6 +239,7 @@ class ResolvedConfiguration:
             latency=self.table.accuracy.poll_latency_s,
             settle=self.table.settle_s,
             load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
+            gimbal_turn=self._gimbal_turn(),
         )
 
     def unit_task(self, meta: LogMeta | None = None) -> UnitTask:
@@ -265,8 +268,24 @@ class ResolvedConfiguration:
             corrected=self.corrected,
         )
 
+    def _gimbal_turn(self) -> GimbalTurn | None:
+        """Return the settings of a gimbal's turns; None on a table."""
+        if self.table.gimbal is None:
+            return None
+        steps = (step for stage in self.stages for step in self._plan(stage))
+        return next((step for step in steps if isinstance(step, GimbalTurn)), None)
+
     def _plan(self, stage: str) -> Iterator[Step]:
         return method(stage).plan(self.table.geometry(), self.schedules[stage])
+
+
+def _bench_gimbal(table: TableProfile) -> dict[str, Any]:
+    """Return the bench's settings of a gimbal; {} for a table."""
+    gimbal = table.geometry().gimbal
+    if gimbal is None:
+        return {}
+    travel = float(np.rad2deg(max(abs(end) for ends in gimbal.travel for end in ends)))
+    return {"joint_order": gimbal.order, "joint_travel_deg": travel}
 
 
 def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
@@ -352,6 +371,7 @@ def check_station(resolved: ResolvedConfiguration) -> None:
     Raises ConfigurationError; ManualRigError if the table is the reason.
     """
     check_manual_rig(resolved)
+    check_gimbal(resolved)
     meta, site = resolved.log_meta(), resolved.station.site
     with in_file(resolved.sources["station"].path):
         check_site(meta)
@@ -370,6 +390,21 @@ def check_manual_rig(resolved: ResolvedConfiguration) -> None:
             raise ManualRigError("product.needs_manual_motion", stage=stage, **names)
         if manual and not resolved.by_hand:
             raise ManualRigError("product.needs_manual_table", stage=stage, **names)
+
+
+def check_gimbal(resolved: ResolvedConfiguration) -> None:
+    """Check that a gimbal has only stages that are made for it, and a unit that stores the correction.
+
+    Raises ConfigurationError.
+    """
+    if resolved.table.gimbal is None:
+        return
+    for stage in resolved.stages:
+        if not method(stage).on_gimbal:
+            raise ConfigurationError("product.needs_table", stage=stage, table=resolved.table.name)
+    misalignments = {NAMES[i] for i in group_indices("gyro_misalign")}
+    if resolved.after_registers or not misalignments <= set(RegisterMap(tuple(resolved.imu.registers)).parameters):
+        raise ConfigurationError("product.gimbal_needs_registers", imu=resolved.imu.name)
 
 
 def _product_errors(resolved: ResolvedConfiguration) -> Iterator[EntryError]:

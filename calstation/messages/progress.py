@@ -15,6 +15,7 @@ _STEP_VALUES = {
     "unwind": ("axis",),
     "face_up": ("axis",),
     "flip": ("angle",),
+    "gimbal_turn": ("axis", "index", "count"),
 }
 
 

@@ -111,9 +111,11 @@ def _joint_line(data: StageData, rest: tuple[int, int], end: bool) -> tuple[Floa
         for seconds in (RATE_FIT, ANGLE_FIT)
     )
     polled = long[0] + np.flatnonzero(~np.isnan(data.joints[slice(*long)]).any(axis=1))
-    near = polled[(polled >= short[0]) & (polled < short[1])]
-    if len(polled) < 3 or not len(near):
+    if len(polled) < 3:
         return None
+    near = polled[(polled >= short[0]) & (polled < short[1])]
+    if not len(near):  # the joints are polled less often
+        near = polled[-1:] if end else polled[:1]
     slope = np.polyfit(polled * data.dt, data.joints[polled], 1)[0]
     edge = b if end else a
     value = data.joints[near].mean(axis=0) + slope * (edge - 0.5 - float(near.mean())) * data.dt
