@@ -55,7 +55,7 @@ _DEFAULT_SEED = 1
 
 
 class ManualRigError(ConfigurationError):
-    """The table is turned manually but a stage needs a driven one, or vice versa."""
+    """A stage needs a driven table, a manual rig or a gimbal, and the station has another one."""
 
 
 @dataclass(frozen=True)
@@ -380,9 +380,14 @@ def check_station(resolved: ResolvedConfiguration) -> None:
 
 
 def check_manual_rig(resolved: ResolvedConfiguration) -> None:
-    """Check that a manual table has only stages with manual motion, and a driven one none. Raises ManualRigError."""
+    """Check that every stage is made for the station's table, manual rig or gimbal. Raises ManualRigError."""
     names = {"product": resolved.product.name, "table": resolved.table.name, "station": resolved.station.name}
     for stage, schedule in resolved.schedules.items():
+        on_gimbal = method(stage).on_gimbal
+        if on_gimbal and resolved.table.gimbal is None:
+            raise ManualRigError("plan.needs_gimbal")
+        if not on_gimbal and resolved.table.gimbal is not None:
+            raise ManualRigError("product.needs_table", stage=stage, table=resolved.table.name)
         manual = getattr(schedule, "manual", None)
         if resolved.by_hand and manual is None:
             raise ManualRigError("product.needs_driven_table", stage=stage, **names)
@@ -393,15 +398,9 @@ def check_manual_rig(resolved: ResolvedConfiguration) -> None:
 
 
 def check_gimbal(resolved: ResolvedConfiguration) -> None:
-    """Check that a gimbal has only stages that are made for it, and a unit that stores the correction.
-
-    Raises ConfigurationError.
-    """
+    """Check that the unit on a gimbal stores the correction. Raises ConfigurationError."""
     if resolved.table.gimbal is None:
         return
-    for stage in resolved.stages:
-        if not method(stage).on_gimbal:
-            raise ConfigurationError("product.needs_table", stage=stage, table=resolved.table.name)
     misalignments = {NAMES[i] for i in group_indices("gyro_misalign")}
     if resolved.after_registers or not misalignments <= set(RegisterMap(tuple(resolved.imu.registers)).parameters):
         raise ConfigurationError("product.gimbal_needs_registers", imu=resolved.imu.name)

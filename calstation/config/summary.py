@@ -41,6 +41,7 @@ class RunSummary:
     attempts_allowed: int | None  #: Consecutive failures after which a unit is set aside; None for any number.
     load_angle: tuple[float, float]  #: Angles of the table while units are changed, degrees.
     by_hand: bool = False
+    joint_order: str = ""  #: Letters of a gimbal's joints from base to body; "" for a table.
     #: Unit vector of the direction of gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
 
@@ -73,6 +74,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),
         by_hand=setup.by_hand,
+        joint_order=setup.table.joint_order,
         positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry))
         if setup.by_hand
         else (),

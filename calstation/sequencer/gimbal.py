@@ -83,6 +83,7 @@ class GimbalLoop:
         assert command is not None, "the plan ends with the last axis"
         if not self._ready or (command.home and not self._zeroed):
             self._zero(step.rest + 2.0)
+        self._ready = False  # an interruption locks the joints, and the turn is repeated from zero
         self._begin_step("gimbal_turn", (AXES[step.axis], float(step.index), float(step.count)))
         self._write(command.correction)
         motion = self._turned(step.axis, command.angle, step)
@@ -151,7 +152,7 @@ class GimbalLoop:
             loop.rest(step.rest)
             start = self._joint(axis)
             self._check_turn(axis, start + angle)
-            self._ready = self._zeroed = False
+            self._zeroed = False
             begin = int(blocks[-1].seq[-1])
             self._gimbal.turn(axis, angle, step.rate)
             loop.tick()

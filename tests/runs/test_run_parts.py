@@ -39,7 +39,7 @@ def test_the_sites_own_profile_wins(home: Path) -> None:
 
 
 def test_an_unknown_profile_names_those_that_exist(home: Path) -> None:
-    shipped = "acutronic_acl, aerosmith_atl, bench, cia402_drives, hand_rails, indexing_unit, mn_ascii"
+    shipped = "acutronic_acl, aerosmith_atl, bench, cia402_drives, gimbal, hand_rails, indexing_unit, mn_ascii"
     with pytest.raises(ConfigurationError, match=f"Choose from: {shipped}"):
         library.find("tables", "none")
 

@@ -97,6 +97,8 @@ class GimbalController(TextController):
             raise NotPermitted
 
     def _turn(self, axis: int, angle: float, rate: float) -> None:
+        if not self._stream.is_stabilised:
+            raise NotPermitted
         target = self._stream.joints[axis] + angle
         if abs(target) > self._travel or not 0.0 < rate <= self._machine.limits.rate:
             raise OutOfRange

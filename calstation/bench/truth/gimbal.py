@@ -40,7 +40,8 @@ class GimbalBench:
     """The gimbal with its unit, whose accelerometers are at the centre; time continues from call to call.
 
     `order` lists the joints from base to body. `up_force` is the specific force in the base frame, m/s², `earth` the
-    earth rate in it, rad/s. `encoder_sigma` is the repeatability, drawn for each motion, rad; reading noise is a tenth of it.
+    earth rate in it, rad/s. `encoder_sigma` is the repeatability, drawn for each motion, rad; reading noise is a tenth
+    of it.
     """
 
     def __init__(
@@ -172,7 +173,8 @@ class GimbalStream(GimbalBench):
 
     def __init__(self, imu: ImuTruth, seed: int | np.random.SeedSequence, **settings: Any) -> None:
         super().__init__(imu, seed, **settings)
-        self._is_stabilised = False
+        #: Whether the joints stabilise the body; otherwise they are locked.
+        self.is_stabilised = False
         self._zeroing: list[FloatArray] | None = None
         #: Joint angles at the ends of the following samples if locked, or demanded rates, shape (n, 3).
         self._program = np.empty((0, 3))
@@ -194,13 +196,13 @@ class GimbalStream(GimbalBench):
 
     def zero(self) -> None:
         """Lock the joints where they are, and average the gyro output from now on as the bias."""
-        self._is_stabilised, self._program, self._zeroing = False, np.empty((0, 3)), []
+        self.is_stabilised, self._program, self._zeroing = False, np.empty((0, 3)), []
 
     def stabilise(self) -> None:
         """Stabilise at rest, with the bias averaged since `zero`."""
         if self._zeroing:
             self.bias = np.concatenate(self._zeroing).mean(axis=0)
-        self._is_stabilised, self._program, self._zeroing = True, np.empty((0, 3)), None
+        self.is_stabilised, self._program, self._zeroing = True, np.empty((0, 3)), None
 
     def command_turn(self, axis: int, angle: float, rate: float) -> None:
         """Turn about a body axis by `angle`, rad, at mean `rate`, rad/s, with the others stabilised."""
@@ -211,15 +213,15 @@ class GimbalStream(GimbalBench):
         """Move all joints to zero and lock them there."""
         course = self.course_home(rate)
         self._begin()
-        self._is_stabilised, self._program, self._zeroing = False, course, None
+        self.is_stabilised, self._program, self._zeroing = False, course, None
 
     def stop(self) -> None:
         """Decelerate to rest and lock the joints."""
-        if self._is_stabilised:
+        if self.is_stabilised:
             self._program = self.course_stop()
         elif len(self._program):
             self._program = self._program[:1]
-        self._is_stabilised, self._zeroing = False, None
+        self.is_stabilised, self._zeroing = False, None
 
     def produce(self, count: int, gyro_matrix: FloatArray) -> StreamOutput:
         """Return the next `count` samples; stabilisation uses rates corrected by `gyro_matrix`, shape (3, 3)."""
@@ -227,7 +229,7 @@ class GimbalStream(GimbalBench):
         while count > 0:
             n = min(count, len(self._program)) or count
             now, self._program = self._program[:n], self._program[n:]
-            if self._is_stabilised:
+            if self.is_stabilised:
                 following = np.vstack([now, self._program[:1], np.zeros((n + 1, 3))])[: n + 1]
                 output, _ = self._run(n, gyro_matrix, following, None)
             else:
