@@ -5,13 +5,14 @@ from PySide6.QtWidgets import QComboBox
 
 from calstation.config import library
 from calstation.config.request import RunRequest
+from calstation.gui.shell.engine_link import EngineLink
 from calstation.physics.units import ARCSECOND
 from calstation.sequencer.events import GimbalTurned, JointsMoved, StageStarted, StateChanged, StepStarted
 from tests.gui.conftest import SERIAL, Operator
 
 
 @pytest.fixture
-def gimbal_run(operator: Operator) -> Operator:
+def gimbal_run(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> Operator:
     """An operator at the station with a gimbal, in the first stage."""
     app = operator.window.app
     app.set_station(library.find("stations", "virtual_gimbal"))
@@ -21,6 +22,7 @@ def gimbal_run(operator: Operator) -> Operator:
     assert "cannot run" not in operator.says()
     link = app.engine_link
     link.request = RunRequest(SERIAL, app.station_path, app.product_path)
+    monkeypatch.setattr(EngineLink, "running", True)
     link.running_changed.emit(True)
     link.event.emit(StateChanged("running", "preparing"))
     link.event.emit(StageStarted("gimbal", 0, 1, 345.0))

@@ -16,8 +16,10 @@ from calstation.config.schedules import schedule_options
 from calstation.config.summary import run_summary
 from calstation.connection.devices import Devices
 from calstation.errors import ConfigurationError
+from calstation.messages import Text
 from calstation.physics.parameters import NAMES, group_indices
 from calstation.records.log import open_log
+from calstation.results.preview import compute_preview
 from calstation.results.resolving import resolve
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command
@@ -153,3 +155,14 @@ def test_the_shipped_gimbal_is_complete() -> None:
     station, product = library.find("stations", "virtual_gimbal"), library.find("products", "mems_gimbal")
     summary = run_summary(RunRequest("SN-1", station, product))
     assert [stage.name for stage in summary.stages] == ["gimbal"]
+
+
+def test_the_preview_knows_the_longest_duration_but_no_sigmas(site: GimbalSite) -> None:
+    previewed = compute_preview(no_progress, site.request())
+    assert previewed.stages[0].end == pytest.approx(run_summary(site.request()).stages[0].duration)
+    assert previewed.stages[0].error == Text("preview.gimbal_motion")
+    assert previewed.violations == ()
+
+
+def no_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Ignore the progress of the preview."""
