@@ -1,8 +1,9 @@
 """Gimbal: gyro misalignment from the joints of a gimbal that stabilises on the corrected rates, after each turn.
 
-A recording is replayed: its joints give the same corrections as online. A least-squares fit is made for comparison.
+A recording is replayed: its joints give the same corrections as online. A least-squares fit must agree with them.
 """
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +15,9 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import Solution, batch_method
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise, nis_consistency, restricted
 from calstation.estimation.gimbal import (
+    TURNED,
     AxisTurns,
+    GimbalFit,
     GimbalIteration,
     Motion,
     contraction,
@@ -26,12 +29,19 @@ from calstation.estimation.gimbal import (
     sign_of,
 )
 from calstation.estimation.positions import require_changing
-from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, Step, TableGeometry
+from calstation.physics import AXES, CHANNELS, INDEX, NAMES, FloatArray, GimbalTurn, GimbalZero, Step, TableGeometry
 from calstation.schema import EntryError
 
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
 #: Ratio of last to first drift above which the rates were not corrected, if the turns should have halved the drift.
 STUCK = 0.7
+#: Time that the joints are locked to take the gyro bias, in addition to a rest, s.
+BIAS_TIME = 2.0
+#: Largest difference between the iteration and least squares in sigmas of the iteration. Both use the same samples, so
+#: the variance of their difference is below that of the iteration.
+AGREEMENT = 4.0
+#: Rotation about the other axes, relative to the rms of it in certain turns, up to which a motion to zero is a turn.
+SAME_ROTATION = 3.0
 
 
 class Schedule(BaseModel):
@@ -68,8 +78,31 @@ class Schedule(BaseModel):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Raise ConfigurationError, because a table does not stabilise on the rates of the unit."""
-    raise ConfigurationError("plan.needs_gimbal")
+    """Plan the turns of each axis and the return to zero after them; a complete axis needs no further turn.
+
+    Raises ConfigurationError on a table, which does not stabilise on the rates of the unit, and for a schedule that the
+    gimbal cannot make.
+    """
+    gimbal = geometry.gimbal
+    if gimbal is None:
+        raise ConfigurationError("plan.needs_gimbal")
+    if schedule.order != gimbal.order:
+        raise ConfigurationError("plan.gimbal_order_differs", order=schedule.order, profile=gimbal.order)
+    angle, rate = float(np.deg2rad(schedule.angle_deg)), float(np.deg2rad(schedule.rate_dps))
+    for name, (low, high) in zip(AXES, gimbal.travel, strict=True):
+        if angle > min(-low, high):
+            values = {"angle_deg": schedule.angle_deg, "most_deg": float(np.rad2deg(min(-low, high)))}
+            raise ConfigurationError("plan.gimbal_turn_exceeds_travel", axis=name, **values)
+    if rate > gimbal.rate:
+        most = float(np.rad2deg(gimbal.rate))
+        raise ConfigurationError("plan.gimbal_rate_exceeds_limit", rate_dps=schedule.rate_dps, most_dps=most)
+    threshold = float(np.deg2rad(schedule.threshold_arcsec / 3600.0))
+    settings = (angle, rate, schedule.dwell_s, schedule.gain, threshold, schedule.alternate)
+    yield GimbalZero(schedule.dwell_s + BIAS_TIME, 0)
+    for axis in range(3):
+        for index in range(schedule.iterations):
+            yield GimbalTurn(axis, index + 1, schedule.iterations, *settings)
+        yield GimbalZero(schedule.dwell_s + BIAS_TIME, axis + 1)
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
@@ -77,12 +110,14 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
     _require_channels(data)
     motions = find_motions(data, context.imu)
     _require_joints(data, motions)
-    iteration, turns = _replayed(motions, schedule)
-    solved = []
-    for course, turned in zip(iteration.courses, turns, strict=True):
-        solved.append(_axis_solution(course, turned, context, prior, schedule))
-        _require_corrected(course, solved[-1])
+    _require_all_turns(data, motions)
+    iteration, turns = _replayed(motions, schedule, context.table.encoder_sigma)
     fit = fit_gimbal(data, motions, schedule.order, context, prior, context.table.encoder_sigma)
+    solved = []
+    for course in iteration.courses:
+        solved.append(_axis_solution(course, turns[course.axis], context, prior, schedule, fit))
+        _require_corrected(course, solved[-1])
+        _require_agreement(solved[-1], fit)
     mask = np.array([name in ESTIMATED for name in NAMES])
     return Solution(
         stage="gimbal",
@@ -105,20 +140,40 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
     )
 
 
-def _replayed(motions: list[Motion], schedule: Schedule) -> tuple[GimbalIteration, list[list[Motion]]]:
-    """Reproduce the online iteration, with the axes in the order of the recording."""
+def _replayed(
+    motions: list[Motion], schedule: Schedule, encoder_sigma: float
+) -> tuple[GimbalIteration, dict[int, list[Motion]]]:
+    """Reproduce the online iteration; return it and the turns of each axis.
+
+    A motion to zero is a turn if the corrected rates show no rotation about the other axes, as in turns that cannot be
+    anything else, or a return if it brings the other joints to zero: whichever is closer in sigmas.
+    """
     iteration = schedule.iteration()
-    iteration.courses = []
-    turns: list[list[Motion]] = []
+    turns: dict[int, list[Motion]] = {}
+    stabilised: list[float] = []
     for m in motions:
         if m.axis is None:
             continue
-        if not iteration.courses or iteration.courses[-1].axis != m.axis:
-            iteration.courses.append(AxisTurns(m.axis))
-            turns.append([])
-        iteration.add_drift(m.angle, m.joint_drift(schedule.order))
-        turns[-1].append(m)
+        cross = m.cross_rotation(iteration.correction)
+        if m.to_zero:
+            expected = float(np.sqrt(np.mean(np.square(stabilised)))) if stabilised else 0.0
+            zero = np.linalg.norm(m.after[others(m.axis)]) * expected < cross * encoder_sigma
+            if zero and cross > SAME_ROTATION * expected:
+                continue
+        else:
+            stabilised.append(cross)
+        iteration.add_drift(m.axis, m.angle, m.joint_drift(schedule.order))
+        turns.setdefault(m.axis, []).append(m)
     return iteration, turns
+
+
+def _require_all_turns(data: StageData, motions: list[Motion]) -> None:
+    """Check that no turn is missing between two motions, as it is if the rest after it is too short."""
+    for m, following in itertools.pairwise(motions):
+        jump = float(np.abs(following.before - m.after).max())
+        if jump > TURNED and np.abs(following.before).max() > TURNED:
+            span = {"first": int(data.seq[m.stop - 1]), "last": int(data.seq[following.start])}
+            raise InputError("recording.joint_turn_lost", angle_deg=float(np.rad2deg(jump)), **span)
 
 
 def _require_channels(data: StageData) -> None:
@@ -154,37 +209,48 @@ class _AxisSolution:
 
     values: dict[str, float]  #: Misalignments by name, rad.
     covariance: FloatArray  #: Covariance of `values`, rad², shape (2, 2).
+    sigma: FloatArray  #: Sigma of `values` with respect to the joint axes, without the mounting, rad, shape (2,).
     remaining: float  #: Fraction of the initial error that remains after all turns.
     drift_sigma: float  #: Sigma of the last drift due to noise alone, rad.
 
 
 def _axis_solution(
-    course: AxisTurns, motions: list[Motion], context: SolveContext, prior: Belief, schedule: Schedule
+    course: AxisTurns, motions: list[Motion], context: SolveContext, prior: Belief, schedule: Schedule, fit: GimbalFit
 ) -> _AxisSolution:
     """Propagate the noise of every drift through the recursion.
 
     A commanded pure rotation makes the column of N parallel to the axis, so off the diagonal K = M / (1 + scale). The
-    part of the initial error that remains after the last turn is added to the uncertainty.
+    part of the initial error, which least squares gives, that remains after the last turn is added to the uncertainty.
     """
     noise, name = filter_noise(context), AXES[course.axis]
-    P, left, drift = np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
+    encoder = context.table.encoder_sigma**2
+    # covariance of the error of K and of the joint errors at the last rest, which two successive turns share
+    P, shared, left, drift = np.zeros((2, 2)), np.zeros((2, 2)), np.eye(2), np.zeros((2, 2))
+    before = None
     for m in motions:
+        if before != m.between[0]:
+            shared = np.zeros((2, 2))
+        before = m.between[1]
         J = drift_matrix(schedule.order, course.axis, m.angle)
-        random = noise.rate * (m.duration + 1.2 * m.duration**2 / m.rest) + 2.0 * context.table.encoder_sigma**2
-        drift = J @ P @ J.T + random * np.eye(2)
-        step = np.eye(2) + sign_of(m.angle) * schedule.gain * J
-        P = step @ P @ step.T + schedule.gain**2 * random * np.eye(2)
+        convert = J @ np.linalg.inv(drift_matrix(schedule.order, course.axis, m.angle, m.before))
+        random = noise.rate * (m.duration + 1.2 * m.duration**2 / m.rest) * np.eye(2)
+        random += 2.0 * encoder * convert @ convert.T
+        drift = J @ P @ J.T + random
+        correct = sign_of(m.angle) * schedule.gain
+        step = np.eye(2) + correct * J
+        mixed = correct * step @ shared @ convert.T
+        P = step @ P @ step.T - mixed - mixed.T + correct**2 * random
+        shared = encoder * correct * convert
         left = step @ left
-    last = course.corrections[-1]
     mount = np.deg2rad(schedule.mount_sigma_deg)
     scale = float(prior.mean[INDEX[f"gyro_scale_{name}"]])
-    values = {
-        f"gyro_misalign_{AXES[row]}{name}": float(k) * (1.0 + scale)
-        for row, k in zip(others(course.axis), last, strict=True)
-    }
+    names = [f"gyro_misalign_{AXES[row]}{name}" for row in others(course.axis)]
+    initial = fit.belief.mean[[INDEX[name] for name in names]]
+    covariance = P + np.diag((left @ initial) ** 2)
     return _AxisSolution(
-        values,
-        P + np.diag((left @ last) ** 2) + mount**2 * np.eye(2),
+        {name: float(k) * (1.0 + scale) for name, k in zip(names, course.corrections[-1], strict=True)},
+        covariance + mount**2 * np.eye(2),
+        np.sqrt(np.diag(covariance)),
         float(np.linalg.norm(left, 2)),
         float(np.sqrt(np.linalg.eigvalsh(drift)[-1])),
     )
@@ -201,6 +267,16 @@ def _require_corrected(course: AxisTurns, solved: _AxisSolution) -> None:
             last_arcsec=float(np.rad2deg(last) * 3600),
             turns=len(course.drifts),
         )
+
+
+def _require_agreement(solved: _AxisSolution, fit: GimbalFit) -> None:
+    """Check that the misalignments from the iteration and from least squares agree within their sigmas."""
+    for (name, value), sigma in zip(solved.values.items(), solved.sigma, strict=True):
+        at_once = float(fit.belief.mean[INDEX[name]])
+        if abs(value - at_once) > AGREEMENT * sigma:
+            found = {"iteration": value, "sigma": sigma, "least_squares": at_once}
+            in_arcsec = {f"{key}_arcsec": float(np.rad2deg(v) * 3600) for key, v in found.items()}
+            raise InputError("recording.gimbal_disagrees", name=name, **in_arcsec)
 
 
 def _measured(prior: Belief, solved: list[_AxisSolution]) -> Belief:
@@ -250,4 +326,4 @@ def _messages(iteration: GimbalIteration, schedule: Schedule) -> tuple[tuple[str
     return tuple(messages)
 
 
-METHOD = batch_method("gimbal", Schedule, plan, solve, ESTIMATED, needs_no_table=True)
+METHOD = batch_method("gimbal", Schedule, plan, solve, ESTIMATED, needs_no_table=True, on_gimbal=True)

@@ -8,6 +8,7 @@ BENCH = """
 from calstation.bench.config import BenchConfig
 from calstation.bench.process import warm_up
 warm_up(BenchConfig())
+warm_up(BenchConfig(table_protocol="gimbal"))
 """
 
 

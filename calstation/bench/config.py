@@ -8,7 +8,19 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 
 from calstation.bench.table import TableLimits
-from calstation.bench.truth import BenchTruth, EncoderTruth, GradeName, ManualRig, TableTruth, draw_imu, draw_power_ups
+from calstation.bench.truth import (
+    BenchTruth,
+    EncoderTruth,
+    GimbalStream,
+    GradeName,
+    ImuTruth,
+    ManualRig,
+    TableTruth,
+    draw_imu,
+    draw_power_ups,
+    earth_rate_n,
+    normal_gravity,
+)
 from calstation.physics import INDEX, group_indices
 from calstation.schema import EntryError, near_miss
 
@@ -97,6 +109,8 @@ class BenchConfig(BaseModel):
     encoder_noise_deg: NonNegative = 0.0005
     velocity_sigma: NonNegative = 1e-3
     start_deg: Pair | None = None
+    joint_order: str = "zxy"
+    joint_travel_deg: Positive = 85.0
     low_deg: Pair = (-1080.0, -1080.0)
     high_deg: Pair = (1080.0, 1080.0)
     rate_deg_s: Positive = 120.0
@@ -105,7 +119,7 @@ class BenchConfig(BaseModel):
     interlock_closed: bool = True
     watchdog_ms: Annotated[int, Field(ge=0, le=65535)] = 2000
 
-    table_protocol: Literal["modbus", "drives", "imu_link", "atl", "acl", "mn", "hand"] = "modbus"
+    table_protocol: Literal["modbus", "drives", "imu_link", "atl", "acl", "mn", "hand", "gimbal"] = "modbus"
     table_transport: Literal["tcp", "rtu"] = "tcp"
     imu_protocol: Literal["framed", "modbus", "vectornav"] = "framed"
     imu_transport: Literal["socket", "pty"] = "socket"
@@ -188,6 +202,19 @@ class BenchConfig(BaseModel):
             outer_axis=self.outer_axis,
             inner_axis=self.inner_axis,
             velocity_sigma=self.velocity_sigma,
+        )
+
+    def gimbal(self, imu: ImuTruth, seed: np.random.SeedSequence) -> GimbalStream:
+        """Return the gimbal at this site with its unit."""
+        gravity = normal_gravity(radians(self.latitude_deg), self.height_m)
+        east, north, up = earth_rate_n(radians(self.latitude_deg)).tolist()
+        return GimbalStream(
+            imu,
+            seed,
+            order=self.joint_order,
+            up_force=(0.0, 0.0, gravity if self.gravity_mps2 is None else self.gravity_mps2),
+            earth=(east, north, up),
+            encoder_sigma=radians(self.encoder_sigma_deg),
         )
 
     def limits(self) -> TableLimits:

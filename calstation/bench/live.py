@@ -7,11 +7,12 @@ import numpy as np
 from calstation.bench.config import BenchConfig, Order
 from calstation.bench.imu import SAMPLES as VECTORNAV
 from calstation.bench.imu import DspUnit, ImuUnit, StreamFaults, VectorNavUnit, burnt_cycles
-from calstation.bench.table import Clocks, Fault, TableMachine, TableRegisters
+from calstation.bench.table import Clocks, Fault, GimbalDrive, TableMachine, TableRegisters
 from calstation.bench.truth import (
     BodyMotion,
     BodyStream,
     Field,
+    GimbalStream,
     HandStream,
     Mounting,
     SensorStream,
@@ -54,7 +55,7 @@ class LiveBench:
         start = (float(outer), float(inner))
         self._gain = 1.0 + 1e-6 * config.clock_drift_ppm
         self._power_on = config.power_on_s
-        self._stream: SensorStream | HandStream | BodyStream
+        self._stream: SensorStream | HandStream | BodyStream | GimbalStream
         if config.body is not None:
             body, table = config.body, self.truth.table
             self._stream = BodyStream(
@@ -69,6 +70,8 @@ class LiveBench:
             )
         elif config.table_protocol == "hand":
             self._stream = HandStream(self.truth.imu, config.rig(), stream_seed)
+        elif config.table_protocol == "gimbal":
+            self._stream = config.gimbal(self.truth.imu, stream_seed)
         else:
             self._stream = SensorStream(self.truth.imu, self.truth.table, stream_seed)
         self._latency, self._jitter = config.latency_s, config.jitter_s
@@ -79,7 +82,9 @@ class LiveBench:
         self.on_link: Callable[[Order], None] = lambda order: None
         self.clocks = Clocks(lambda: self.device_time, host_time, self._reading_time)
         self.machine = TableMachine(
-            TableDrive(self.truth.encoder, start, encoder_seed),
+            GimbalDrive(self._stream)
+            if isinstance(self._stream, GimbalStream)
+            else TableDrive(self.truth.encoder, start, encoder_seed),
             config.limits(),
             interlock_closed=config.interlock_closed,
             watchdog=config.watchdog_ms / 1000.0,
@@ -94,6 +99,12 @@ class LiveBench:
             self.unit.axes = self.registers
         if isinstance(self.unit, VectorNavUnit):
             self.faults.frame_size = VECTORNAV.itemsize
+
+    @property
+    def gimbal(self) -> GimbalStream:
+        """The gimbal, which must be configured."""
+        assert isinstance(self._stream, GimbalStream)
+        return self._stream
 
     @property
     def device_time(self) -> float:
@@ -175,6 +186,8 @@ class LiveBench:
             return b""
         if isinstance(self._stream, HandStream | BodyStream):
             output = self._stream.produce(count)
+        elif isinstance(self._stream, GimbalStream):
+            output = self._stream.produce(count, self.unit.correction().gyro)
         else:
             output = self._stream.produce(count, *self.machine.drive.profiles)
         self.machine.advance(self.device_time)

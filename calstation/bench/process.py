@@ -7,13 +7,16 @@ import threading
 import time
 from contextlib import suppress
 from functools import partial
+from math import radians
 from typing import Any
+
+import numpy as np
 
 from calstation.bench.config import BenchConfig, BenchReport, Order
 from calstation.bench.links import UNIT, Line, SocketLine, TableLink, TerminalLine
 from calstation.bench.live import LiveBench
 from calstation.bench.service import ClockService
-from calstation.bench.table import LANGUAGES, Axes, Power, TextController, drives
+from calstation.bench.table import LANGUAGES, Axes, GimbalController, Power, TextController, drives
 from calstation.bench.truth import Simulator
 from calstation.physics import Dwell, Move, Step
 
@@ -55,9 +58,8 @@ class BenchProcess:
             self._modbus = TableLink({UNIT: bench.registers})
         elif config.table_protocol == "drives":
             self._modbus = TableLink(drives(bench.machine, bench.clocks, config.table_serial))
-        elif config.table_protocol in LANGUAGES:
-            axes = Axes(bench.machine, bench.clocks)
-            self._text = controller = LANGUAGES[config.table_protocol](axes, config.table_serial)
+        elif config.table_protocol in LANGUAGES or config.table_protocol == "gimbal":
+            self._text = controller = _controller(config, bench)
             line_kind = TerminalLine if config.table_transport == "rtu" else SocketLine
             self._text_line = line_kind(lambda: controller.feed)
         self._clock = ClockService(bench, self._advance, self._report, self.stop)
@@ -188,10 +190,20 @@ class BenchProcess:
             self._config.report_file.write_text(report.model_dump_json(), encoding="utf-8")
 
 
+def _controller(config: BenchConfig, bench: LiveBench) -> TextController:
+    if config.table_protocol == "gimbal":
+        travel = radians(config.joint_travel_deg)
+        return GimbalController(bench.machine, bench.gimbal, bench.clocks, config.table_serial, travel)
+    return LANGUAGES[config.table_protocol](Axes(bench.machine, bench.clocks), config.table_serial)
+
+
 def warm_up(config: BenchConfig) -> None:
     """Compile the code that would otherwise delay the first samples, or load it from the cache."""
     steps: list[Step] = [Move(0.01, 0.01, 1.0, 1.0), Dwell(0.1)]
-    Simulator(config.truth(), 0).run(steps, "")
+    truth = config.truth()
+    Simulator(truth, 0).run(steps, "")
+    if config.table_protocol == "gimbal":
+        config.gimbal(truth.imu, np.random.SeedSequence(0)).produce(1, np.eye(3))
 
 
 async def _main(config: BenchConfig) -> None:

@@ -27,12 +27,13 @@ from calstation.config.station import (
     schedule_values,
     unknown_targets,
 )
+from calstation.devices.imu import RegisterMap
 from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
 from calstation.estimation import RepeatedSchedule
 from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
-from calstation.physics import INDEX, PARAMETERS, Step, group_indices
+from calstation.physics import INDEX, NAMES, PARAMETERS, GimbalTurn, Step, group_indices
 from calstation.records import (
     FileSection,
     ImuSection,
@@ -59,7 +60,7 @@ _DEFAULT_SEED = 1
 
 
 class ManualRigError(ConfigurationError):
-    """The table is turned manually but a stage needs a driven one, or vice versa."""
+    """A stage needs a driven table, a manual rig or a gimbal, and the station has another one."""
 
 
 @dataclass(frozen=True)
@@ -221,6 +222,7 @@ class ResolvedConfiguration:
             "inner_axis": table.inner_axis,
             "low_deg": [table.outer.low_deg, table.inner.low_deg],
             "high_deg": [table.outer.high_deg, table.inner.high_deg],
+            **_bench_gimbal(table),
             **{name: value for name, value in self.station.bench.items() if name != "faults"},
         }
         if self.request.seed is not None:
@@ -243,6 +245,7 @@ class ResolvedConfiguration:
             latency=self.table.accuracy.poll_latency_s,
             settle=self.table.settle_s,
             load_angle=(float(np.deg2rad(load.outer_deg)), float(np.deg2rad(load.inner_deg))),
+            gimbal_turn=self._gimbal_turn(),
         )
 
     def unit_task(self, meta: LogMeta | None = None) -> UnitTask:
@@ -271,8 +274,24 @@ class ResolvedConfiguration:
             corrected=self.corrected,
         )
 
+    def _gimbal_turn(self) -> GimbalTurn | None:
+        """Return the settings of a gimbal's turns; None on a table."""
+        if self.table.gimbal is None:
+            return None
+        steps = (step for stage in self.stages for step in self._plan(stage))
+        return next((step for step in steps if isinstance(step, GimbalTurn)), None)
+
     def _plan(self, stage: str) -> Iterator[Step]:
         return method(stage).plan(self.table.geometry(), self.schedules[stage])
+
+
+def _bench_gimbal(table: TableProfile) -> dict[str, Any]:
+    """Return the bench's settings of a gimbal; {} for a table."""
+    gimbal = table.geometry().gimbal
+    if gimbal is None:
+        return {}
+    travel = float(np.rad2deg(max(abs(end) for ends in gimbal.travel for end in ends)))
+    return {"joint_order": gimbal.order, "joint_travel_deg": travel}
 
 
 def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
@@ -361,6 +380,7 @@ def check_station(resolved: ResolvedConfiguration) -> None:
     Raises ConfigurationError; ManualRigError if the table is the reason.
     """
     check_manual_rig(resolved)
+    check_gimbal(resolved)
     meta, site = resolved.log_meta(), resolved.station.site
     with in_file(resolved.sources["station"].path):
         check_site(meta)
@@ -369,9 +389,14 @@ def check_station(resolved: ResolvedConfiguration) -> None:
 
 
 def check_manual_rig(resolved: ResolvedConfiguration) -> None:
-    """Check that a manual table has only stages with manual motion, and a driven one none. Raises ManualRigError."""
+    """Check that every stage is made for the station's table, manual rig or gimbal. Raises ManualRigError."""
     names = {"product": resolved.product.name, "table": resolved.table.name, "station": resolved.station.name}
     for stage, schedule in resolved.schedules.items():
+        on_gimbal = method(stage).on_gimbal
+        if on_gimbal and resolved.table.gimbal is None:
+            raise ManualRigError("plan.needs_gimbal")
+        if not on_gimbal and resolved.table.gimbal is not None:
+            raise ManualRigError("product.needs_table", stage=stage, table=resolved.table.name)
         manual = getattr(schedule, "manual", None)
         if resolved.by_hand and manual is None:
             raise ManualRigError("product.needs_driven_table", stage=stage, **names)
@@ -379,6 +404,15 @@ def check_manual_rig(resolved: ResolvedConfiguration) -> None:
             raise ManualRigError("product.needs_manual_motion", stage=stage, **names)
         if manual and not resolved.by_hand:
             raise ManualRigError("product.needs_manual_table", stage=stage, **names)
+
+
+def check_gimbal(resolved: ResolvedConfiguration) -> None:
+    """Check that the unit on a gimbal stores the correction. Raises ConfigurationError."""
+    if resolved.table.gimbal is None:
+        return
+    misalignments = {NAMES[i] for i in group_indices("gyro_misalign")}
+    if resolved.after_registers or not misalignments <= set(RegisterMap(tuple(resolved.imu.registers)).parameters):
+        raise ConfigurationError("product.gimbal_needs_registers", imu=resolved.imu.name)
 
 
 def _product_errors(resolved: ResolvedConfiguration) -> Iterator[EntryError]:

@@ -90,7 +90,10 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
     """Read the options for a product on a station; None for the defaults. Raises ConfigurationError."""
     setup = resolve_configuration(RunRequest("offer", station, product))
     known = tuple(dict.fromkeys((*setup.product.stages, *DEFAULT_STAGES)))
-    offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
+    if setup.table.gimbal is not None:
+        offered = tuple(s for s in known if method(s).on_gimbal)
+    else:
+        offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
     whole = resolve_configuration(RunRequest("offer", station, product, offered))
     limits = setup.table.geometry().limits
     context = setup.solve_context()

@@ -42,6 +42,7 @@ class RunSummary:
     load_angle: tuple[float, float]  #: Angles of the table while units are changed, degrees.
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
     by_hand: bool = False
+    joint_order: str = ""  #: Letters of a gimbal's joints from base to body; "" for a table.
     #: Unit vector of the direction of gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
 
@@ -75,6 +76,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         load_angle=(load.outer_deg, load.inner_deg),
         operator_ends_stages=setup.product.operator_ends_stages,
         by_hand=setup.by_hand,
+        joint_order=setup.table.joint_order,
         positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry))
         if setup.by_hand
         else (),

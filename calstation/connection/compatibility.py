@@ -41,7 +41,12 @@ def incompatibilities(setup: ResolvedConfiguration) -> Iterator[Finding]:
     try:
         check_manual_rig(setup)
     except ManualRigError as error:
-        id_ = "needs_hands" if error.code == "product.needs_manual_table" else "needs_drive"
+        if error.code == "product.needs_manual_table":
+            id_ = "needs_hands"
+        elif error.code == "plan.needs_gimbal":
+            id_ = "needs_gimbal"
+        else:
+            id_ = "needs_drive_not_gimbal" if error.code == "product.needs_table" else "needs_drive"
         yield Finding(id_, "look", {"rig": setup.table.name, "product": product.name})
     blind = needs_surveyed_gravity(setup.log_meta())
     contradiction = gravity_contradiction(site)

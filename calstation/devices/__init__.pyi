@@ -1,5 +1,6 @@
 from .interfaces import LOCAL_CONTROL as LOCAL_CONTROL
 from .interfaces import UNKNOWN_FAULT as UNKNOWN_FAULT
+from .interfaces import Gimbal as Gimbal
 from .interfaces import Imu as Imu
 from .interfaces import ImuIdentity as ImuIdentity
 from .interfaces import LinkStats as LinkStats

@@ -46,6 +46,7 @@ class TableStatus:
     interlock_closed : whether the safety interlock is closed, so that the axes may be powered
     watchdog : timeout of the table's own watchdog, host seconds; 0 if it is off, infinite if there is none
     limits : travel as set in the table, with the rate and acceleration limits of the profile
+    joints, joint_rates : angles and rates of a gimbal's joints x, y, z, rad and rad/s, shape (3,); None for a table
     """
 
     angles: FloatArray
@@ -58,6 +59,8 @@ class TableStatus:
     interlock_closed: bool
     watchdog: float
     limits: JointLimits
+    joints: FloatArray | None = None
+    joint_rates: FloatArray | None = None
 
 
 class Table(Protocol):
@@ -97,6 +100,19 @@ class Table(Protocol):
 
     def close(self) -> None:
         """Close the link."""
+
+
+class Gimbal(Table, Protocol):
+    """A three-joint gimbal that stabilises the unit on its corrected rates; `home` returns to zero and locks."""
+
+    def lock(self) -> None:
+        """Lock the joints; the gyro output from now on is averaged as the gyro bias."""
+
+    def stabilise(self) -> None:
+        """Hold the unit at rest in space."""
+
+    def turn(self, axis: int, angle: float, rate: float) -> None:
+        """Start a turn about a body axis, rad and rad/s, with the others stabilised; does not wait."""
 
 
 @dataclass(frozen=True)

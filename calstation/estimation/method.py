@@ -119,6 +119,7 @@ class Method:
     #: Whether the solver finds the steps in the data, so that a recording whose column 'stage' does not name the
     #: method can be solved as a whole.
     needs_no_table: bool = False
+    on_gimbal: bool = False  #: Whether the plan is for a gimbal instead of a table.
 
 
 class BatchStage:
@@ -154,10 +155,11 @@ def batch_method(
     solve: Callable[[StageData, SolveContext, Belief, Any], Solution],
     estimated: tuple[str, ...],
     needs_no_table: bool = False,
+    on_gimbal: bool = False,
 ) -> Method:
     """Return a method that solves a stage in one batch; `solve` is called with data, context, prior and schedule."""
 
     def solver(context: SolveContext, prior: Belief, chosen: Any) -> BatchStage:
         return BatchStage(context, prior, lambda data, context, prior: solve(data, context, prior, chosen))
 
-    return Method(name, schedule, plan, solver, lambda context: estimated, needs_no_table)
+    return Method(name, schedule, plan, solver, lambda context: estimated, needs_no_table, on_gimbal)

@@ -15,6 +15,7 @@ _STEP_VALUES = {
     "face_up": ("axis",),
     "oblique": ("axes",),
     "flip": ("angle",),
+    "gimbal_turn": ("axis", "index", "count"),
 }
 
 

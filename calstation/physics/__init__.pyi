@@ -13,6 +13,8 @@ from .imu_model import parameter_vector as parameter_vector
 from .motion import Carry as Carry
 from .motion import Dwell as Dwell
 from .motion import Finish as Finish
+from .motion import GimbalTurn as GimbalTurn
+from .motion import GimbalZero as GimbalZero
 from .motion import Move as Move
 from .motion import Prepare as Prepare
 from .motion import RoundEnd as RoundEnd
@@ -47,6 +49,7 @@ from .table import INNER as INNER
 from .table import JOINTS as JOINTS
 from .table import OUTER as OUTER
 from .table import UP as UP
+from .table import GimbalJoints as GimbalJoints
 from .table import JointLimits as JointLimits
 from .table import TableGeometry as TableGeometry
 from .units import ARCSECOND as ARCSECOND

@@ -47,8 +47,31 @@ class Carry:
 
 
 @dataclass(frozen=True)
+class GimbalZero:
+    """Return all joints of a gimbal to zero, lock them for `rest` s, which gives the gyro bias, and stabilise."""
+
+    rest: float  #: s
+    index: int  #: Number of complete axes, 0 at the start.
+
+
+@dataclass(frozen=True)
+class GimbalTurn:
+    """The next turn of the iteration about a body axis, if the axis is not complete: rest, turn, rest, correct K."""
+
+    axis: int  #: Index of the body axis.
+    index: int  #: Number of this turn about the axis, from 1.
+    count: int  #: Largest number of turns per axis.
+    angle: float  #: Angle of every turn, rad.
+    rate: float  #: Rate of every turn, rad/s.
+    rest: float  #: Stabilised rest before and after the turn, s.
+    gain: float  #: Gain α of the correction, rad/rad.
+    threshold: float  #: Drift below which the axis is complete, rad.
+    alternate: bool  #: Whether every second turn is in the opposite direction.
+
+
+@dataclass(frozen=True)
 class Finish:
     """Move to the load position and switch the axes off."""
 
 
-Step: TypeAlias = Prepare | Move | Dwell | RoundEnd | Carry | Finish
+Step: TypeAlias = Prepare | Move | Dwell | RoundEnd | Carry | GimbalZero | GimbalTurn | Finish

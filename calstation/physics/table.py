@@ -49,12 +49,27 @@ class BodyTurn:
 
 
 @dataclass(frozen=True)
+class GimbalJoints:
+    """Joints of a gimbal: order from base to body, travel (low, high) of x, y, z, rad, and largest rate, rad/s."""
+
+    order: str
+    travel: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+    rate: float
+
+    def outside(self, joints: FloatArray) -> int | None:
+        """Return the index of a joint that is beyond its travel, rad, shape (3,); None if there is none."""
+        beyond = [not low <= q <= high for q, (low, high) in zip(joints, self.travel, strict=True)]
+        return beyond.index(True) if any(beyond) else None
+
+
+@dataclass(frozen=True)
 class TableGeometry:
-    """Axes of a two-axis table, expressed in b at home (both joints 0), and its limits."""
+    """Axes of a two-axis table, expressed in b at home (both joints 0), and its limits; `gimbal` for a gimbal only."""
 
     outer_axis: tuple[float, float, float] = (1.0, 0.0, 0.0)
     inner_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     limits: JointLimits = field(default_factory=JointLimits)
+    gimbal: GimbalJoints | None = None
 
     def body_to_home(self, outer: float, inner: float) -> FloatArray:
         """Return the rotation from b to b at home at joint angles in rad, shape (3, 3)."""

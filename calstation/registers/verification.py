@@ -21,9 +21,11 @@ from calstation.config import ResolvedConfiguration
 from calstation.devices import Imu
 from calstation.devices.imu import Closing, Entry, RegisterMap, Step, Transferred, restore
 from calstation.errors import DeviceFaultError
-from calstation.estimation.common import Belief, ImuModel, SolveContext
+from calstation.estimation.common import Belief, ImuModel, SolveContext, filter_noise
 from calstation.physics import (
+    AXES,
     COUNT,
+    INDEX,
     NAMES,
     OUTER,
     PARAMETERS,
@@ -39,10 +41,13 @@ from calstation.physics import (
 )
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.registers.preconditions import register_map
-from calstation.sequencer import RunInBackground, Turned, VerificationData
+from calstation.sequencer import RunInBackground, TurnDrift, Turned, VerificationData
 
 #: Maximum deviation in standard deviations; noise exceeds it with a probability of about 1e-8.
 SIGMAS = 6.0
+
+#: Maximum drift of a gimbal in standard deviations: exceeded by noise with a probability of 3e-4 per axis.
+DRIFT_SIGMAS = 4.0
 
 #: Allowed drift of a bias since its estimation, in bias instabilities.
 DRIFT = 3.0
@@ -134,7 +139,7 @@ def close_checked(
 def verification_step(data: VerificationData) -> Step:
     if not data.corrected:
         return Step.READ_BACK
-    return Step.TURNED if data.turns or len(data.carried) else Step.AT_REST
+    return Step.TURNED if data.turns or data.drifts or len(data.carried) else Step.AT_REST
 
 
 def verified_on(data: VerificationData) -> str:
@@ -171,6 +176,8 @@ def verify_output(
     covariance : covariance of the parameters in the registers, SI, shape (30, 30)
     repeatability : repeatability of the table's positions, rad, one sigma
     """
+    if data.drifts:
+        return tuple(_drift(drift, covariance, context) for drift in data.drifts)
     checks: list[VerificationCheck] = []
     if data.reference is not None:
         checks += compare(data, data.reference, registers, context, repeatability)
@@ -197,6 +204,17 @@ def verify_output(
         turning, _ = compensate(correction, data.carried[:, :3], data.carried[:, 3:])
         checks.append(_carried_turn(turning * data.period, force, covariance, context))
     return tuple(checks)
+
+
+def _drift(turned: TurnDrift, covariance: FloatArray, context: SolveContext) -> VerificationCheck:
+    """Compare the drift of a gimbal's other joints in a turn with what the sigmas of registers and noise allow."""
+    noise, J, axis = filter_noise(context), turned.matrix, AXES[turned.axis]
+    rows = [INDEX[f"gyro_misalign_{a}{axis}"] for a in AXES if a != axis]
+    random = noise.rate * (turned.seconds + 1.2 * turned.seconds**2 / turned.rest)
+    random += 2.0 * context.table.encoder_sigma**2
+    scatter = J @ covariance[np.ix_(rows, rows)] @ J.T + random * np.eye(2)
+    tolerance = DRIFT_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(scatter)[-1]))
+    return VerificationCheck(f"gimbal_drift_{axis}", float(np.linalg.norm(turned.drift)), 0.0, tolerance, "rad")
 
 
 def compare(

@@ -14,7 +14,7 @@ from calstation.errors import ConfigurationError, InputError, InsufficientDataEr
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
-from calstation.physics import JOINTS, NAMES, Carry, Finish, FloatArray, Move, RoundEnd, Step
+from calstation.physics import JOINTS, NAMES, Carry, Finish, FloatArray, GimbalTurn, Move, RoundEnd, Step
 from calstation.records import LogMeta, context_from_meta
 from calstation.results.calibration import calibration_in_force
 from calstation.results.history import History
@@ -186,7 +186,8 @@ class _Previewer:
     def _drive(self, plan: StagePlan, solve: bool, expected: float) -> StagePreview:
         """Simulate a stage; `expected` is the approximate duration of the run, s."""
         begin = self._clock
-        moves, rounds, reason, by_hand = 0, 0, "plan", False
+        moves, rounds, reason = 0, 0, "plan"
+        error: Text | None = None
         if solve:
             self._chain.start(plan.name)
         try:
@@ -200,7 +201,10 @@ class _Previewer:
                 elif isinstance(step, Finish):
                     break
                 else:
-                    by_hand = by_hand or isinstance(step, Carry)
+                    if isinstance(step, Carry):
+                        error = Text("preview.manual_motion")
+                    elif isinstance(step, GimbalTurn):
+                        error = Text("preview.gimbal_motion")
                     moves += isinstance(step, Move)
                     self._step(step, plan.name if solve else "")
                     self._report(_FEEDING * self._clock / expected if expected else 0.0, note=plan.name)
@@ -210,12 +214,12 @@ class _Previewer:
         stage = StagePreview(plan.name, begin, self._clock, reason, rounds, moves, estimated)
         if not solve:
             return stage
-        if by_hand:
-            return replace(stage, error=Text("preview.manual_motion"))
+        if error is not None:
+            return replace(stage, error=error)
         try:
             solution = self._chain.finish()
-        except (InsufficientDataError, InputError) as error:
-            return replace(stage, error=error.as_text)
+        except (InsufficientDataError, InputError) as unusable:
+            return replace(stage, error=unusable.as_text)
         return replace(stage, sigma=solution.belief.sigma, observability=solution.observability)
 
     def _reason(self, plan: StagePlan, rounds: int, elapsed: float, solve: bool) -> str | None:

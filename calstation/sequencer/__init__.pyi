@@ -27,6 +27,8 @@ from .driving import RunInBackground as RunInBackground
 from .events import LOSSY as LOSSY
 from .events import Event as Event
 from .events import Fault as Fault
+from .events import GimbalTurned as GimbalTurned
+from .events import JointsMoved as JointsMoved
 from .events import Message as Message
 from .events import PositionGuided as PositionGuided
 from .events import Settled as Settled
@@ -43,6 +45,7 @@ from .events import Verdict as Verdict
 from .events import from_json as from_json
 from .events import solution_events as solution_events
 from .events import to_json as to_json
+from .gimbal import TurnDrift as TurnDrift
 from .guard import check_limits as check_limits
 from .guard import check_power as check_power
 from .plan import StagePlan as StagePlan

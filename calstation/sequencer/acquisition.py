@@ -54,6 +54,7 @@ class Acquisition:
     The IMU time of a table poll is the midpoint between the station times of request and reply, minus the latency and
     the smallest delay observed between IMU clock and station clock. The angle, extrapolated with the polled rate, is
     assigned to the nearest sample; other samples have NaN. `latency` is the age of a polled angle at the midpoint, s.
+    If `gimbal`, the polled angles are those of three joints.
 
     If exactly one wrap of the counter is lost, the counter shows no gap. The station clock reveals the loss: the
     samples after it are later than all before it by the duration of a wrap.
@@ -72,9 +73,10 @@ class Acquisition:
         *,
         latency: float = 0.0,
         after: LastSample | None = None,
+        gimbal: bool = False,
     ) -> None:
         self._imu, self._unit, self._clock, self._sink = imu, unit, clock, sink
-        self._latency = latency
+        self._latency, self._gimbal = latency, gimbal
         self.scale = unit.model.count_size
         self._latest: SampleBatch | None = None
         self._period = 1.0 / unit.model.sample_rate
@@ -107,7 +109,10 @@ class Acquisition:
         if answered - asked > SLOWEST_POLL:
             return
         middle = 0.5 * (asked + answered) - self._latency
-        self._polls.append((middle, np.array(status.angles), np.array(status.rates)))
+        if self._gimbal:
+            self._polls.append((middle, np.array(status.joints), np.array(status.joint_rates)))
+        else:
+            self._polls.append((middle, np.array(status.angles), np.array(status.rates)))
 
     def drain(self) -> Flow:
         """Read all samples received so far, stamp them and pass them on.
@@ -142,15 +147,17 @@ class Acquisition:
         saturated = (batch.status & self._unit.masks.saturated != 0) | ends.any(axis=1)
         # Samples after an invalid one belong to a step that is about to be repeated.
         sound = np.logical_and.accumulate(finite & ~saturated)
+        polled = self._angles(batch)
         block = SampleBlock(
             stage=self.stage,
             seq=batch.seq,
             time=batch.time,
             counts=batch.counts,
-            angles=self._angles(batch),
+            angles=np.full((count, 2), np.nan) if self._gimbal else polled,
             step=np.full(count, self.step, np.int64),
             valid=self.valid & sound,
             temperature=batch.temperature,
+            joints=polled if self._gimbal else np.empty((count, 0)),
         )
         for tap in self._taps:
             tap.append(block)
@@ -232,7 +239,7 @@ class Acquisition:
             self._was_ready = bool(ready[-1])
 
     def _angles(self, batch: SampleBatch) -> FloatArray:
-        angles = np.full((len(batch.seq), 2), np.nan)
+        angles = np.full((len(batch.seq), 3 if self._gimbal else 2), np.nan)
         delay, half = min(self._delays), 0.5 * self._period
         waiting = []
         for poll in self._polls:

@@ -8,6 +8,7 @@ from calstation.errors import DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.physics import OUTER, Carry, FloatArray, Move, TableGeometry
 from calstation.sequencer.control import Interruption
+from calstation.sequencer.gimbal import TurnDrift
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.verification_moves import Leg, Turn, VerificationPath
 
@@ -46,8 +47,8 @@ class VerificationData:
 
     `rests` are means at rest over `seconds`, gyro rad/s and accel m/s², each of shape (6,). On a table there are
     `turns`; on a manual rig there is `carried`, the samples between two rests, shape (n, 6), at intervals of `period`,
-    s. `reference` is the same data before the transfer or without the registers applied, or None if there is no
-    comparison.
+    s; on a gimbal there are `drifts` only. `reference` is the same data before the transfer or without the registers
+    applied, or None if there is no comparison.
     """
 
     rests: tuple[FloatArray, ...]
@@ -57,6 +58,7 @@ class VerificationData:
     period: float = 0.0
     corrected: bool = False
     reference: "VerificationData | None" = None
+    drifts: tuple[TurnDrift, ...] = ()
 
 
 class Restarted(Interruption):

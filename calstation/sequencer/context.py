@@ -12,7 +12,7 @@ from calstation.devices.profiles import Span
 from calstation.errors import CalstationError
 from calstation.estimation import Ranking, Solution
 from calstation.estimation.common import ImuModel, SampleBlock
-from calstation.physics import FloatArray, TableGeometry
+from calstation.physics import FloatArray, GimbalTurn, TableGeometry
 from calstation.sequencer.control import Control, State
 from calstation.sequencer.events import LOSSY, Event, to_json
 from calstation.sequencer.plan import SETTLE, StagePlan
@@ -95,7 +95,8 @@ class UnitTask:
 class Task:
     """The motion of the table in a run and its limits; times in s, angles in rad.
 
-    Units are loaded at `load_angle`, which is reached with the travel rate and acceleration.
+    Units are loaded at `load_angle`, which is reached with the travel rate and acceleration. `gimbal_turn` contains the
+    settings of the turns of a gimbal.
     """
 
     stages: tuple[StagePlan, ...]
@@ -106,6 +107,12 @@ class Task:
     load_angle: tuple[float, float] = (0.0, 0.0)
     travel_rate: float = np.deg2rad(20.0)
     travel_acceleration: float = np.deg2rad(20.0)
+    gimbal_turn: GimbalTurn | None = None
+
+    @property
+    def gimbal(self) -> bool:
+        """Whether the unit is on a gimbal instead of a table."""
+        return self.geometry.gimbal is not None
 
 
 @dataclass(frozen=True)

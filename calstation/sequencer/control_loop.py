@@ -13,8 +13,8 @@ from calstation.errors import CalstationError, DeviceFaultError
 from calstation.sequencer.acquisition import Acquisition, Flow
 from calstation.sequencer.context import RunContext
 from calstation.sequencer.control import PauseRequested, StepInvalid
-from calstation.sequencer.events import TableMoved, Trace
-from calstation.sequencer.guard import latched
+from calstation.sequencer.events import JointsMoved, TableMoved, Trace
+from calstation.sequencer.guard import check_joints, latched
 
 #: Station time without a sample after which the unit counts as silent, s.
 NO_DATA = 1.0
@@ -143,6 +143,9 @@ class ControlLoop:
             raise DeviceFaultError("motion.switched_to_local")
         if self.status.fault is not None:
             raise latched(self.status.fault)
+        gimbal, joints = self.context.task.geometry.gimbal, self.status.joints
+        if self.powered and self.status.homed and gimbal is not None and joints is not None:
+            check_joints(gimbal, joints)
         if self.powered and not self.status.interlock_closed:
             raise DeviceFaultError("motion.interlock_opened")
         if self.powered and not self.status.enabled:
@@ -165,6 +168,9 @@ class ControlLoop:
             (outer, inner), (outer_rate, inner_rate) = self.status.angles, self.status.rates
             if np.isfinite(self.status.angles).all():
                 emit(TableMoved(float(outer), float(inner), float(outer_rate), float(inner_rate), self.status.moving))
+            joints, joint_rates = self.status.joints, self.status.joint_rates
+            if joints is not None and joint_rates is not None:
+                emit(JointsMoved(tuple(joints.tolist()), tuple(joint_rates.tolist()), self.status.moving))
             if self._traced:
                 times, outputs = zip(*self._traced, strict=True)
                 emit(Trace(times, tuple(chain.from_iterable(outputs))))

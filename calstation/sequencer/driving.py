@@ -17,6 +17,7 @@ from calstation.sequencer.context import Output, RunContext
 from calstation.sequencer.control import State, StopReason, StopRequested, transition
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Fault, Message, StateChanged
+from calstation.sequencer.gimbal import GimbalLoop
 from calstation.sequencer.guard import check_limits, check_travel, reason_of, safe_stop
 from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.steps import StepRunner
@@ -58,9 +59,16 @@ class Driving:
         self._path: VerificationPath | None = None
         self._reference: VerificationData | None = None
         self._abandoned = threading.Event()
+        self._begun = False
         slot = context.slot
         self.acquisition = Acquisition(
-            slot.imu, slot.unit, context.clock, slot.take, latency=context.task.latency, after=slot.after
+            slot.imu,
+            slot.unit,
+            context.clock,
+            slot.take,
+            latency=context.task.latency,
+            after=slot.after,
+            gimbal=context.task.gimbal,
         )
 
     def run(self, work: Callable[[], State]) -> CalstationError | None:
@@ -103,7 +111,9 @@ class Driving:
         """Poll the table for the first time; nothing moves. Raises DeviceFaultError if it does not respond."""
         self.control_loop = ControlLoop(self._context, self.acquisition, self._on_show)
         self.stream = UnitStream(self.control_loop, self.run_in_background, self._check_abandoned)
-        self.runner = StepRunner(self.control_loop, self.stream, self.go)
+        gimbal = GimbalLoop(self.control_loop, self.run_in_background)
+        self.runner = StepRunner(self.control_loop, self.stream, gimbal, self.go)
+        self._begun = True
 
     def preflight(self) -> None:
         """Run all preflight checks, switch the axes on and move home. Raises DeviceFaultError or ConfigurationError."""
@@ -113,17 +123,20 @@ class Driving:
 
     def check_turns(self) -> None:
         """Check the verification path from the current position against the limits. Raises ConfigurationError."""
+        if self._context.task.gimbal:  # its own turns are checked before each of them
+            return
         own = self.control_loop.status.limits
         for leg in self._path_from_here().legs:
             check_limits(self._context.task.geometry.limits, leg.move)
             check_travel(own, leg.move)
 
     def reference(self) -> None:
-        """Capture the unit's current output as the reference for `verification_data`; do nothing on a manual rig.
+        """Capture the unit's current output as the reference for `verification_data`; only on a table.
 
         Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
-        if self._context.task.by_hand or self._context.slot.unit.corrected is Output.NEVER:
+        task = self._context.task
+        if task.by_hand or task.gimbal or self._context.slot.unit.corrected is Output.NEVER:
             return
         self._path = None
         with self.acquisition.unlogged_samples():
@@ -136,7 +149,8 @@ class Driving:
         Raises DeviceFaultError, ConfigurationError, StopRequested.
         """
         corrected = self._context.slot.unit.corrected
-        asked = corrected is Output.ASKED
+        gimbal = self._context.task.gimbal  # which applies the registers itself
+        asked = corrected is Output.ASKED and not gimbal
         if restarted:
             self.acquisition.unlogged = True  # its counter has restarted: log nothing until the run ends
         with self.acquisition.unlogged_samples():
@@ -146,13 +160,15 @@ class Driving:
                 self.stream.restore()
             if self._context.task.by_hand:
                 data = carried_data(self.runner)
+            elif gimbal:
+                data = VerificationData((), 0.0, drifts=self.runner.gimbal.verification_turns())
             else:
                 data = self._capture("stream.restarts_after_write")
             if asked:
                 self.stream.start(corrected=False)
         # The next capture starts from the table's position at that time.
         reference, self._reference, self._path = self._reference, None, None
-        return replace(data, corrected=corrected is not Output.NEVER, reference=reference)
+        return replace(data, corrected=gimbal or corrected is not Output.NEVER, reference=reference)
 
     def _path_from_here(self) -> VerificationPath:
         span = self._context.slot.unit.span
@@ -210,7 +226,9 @@ class Driving:
         """Move to the load position and switch the axes off."""
         self._context.emit(Message("finishing"))
         task = self._context.task
-        if not self.runner.arrived(task.load_angle):
+        if task.gimbal:
+            self.runner.gimbal.home()
+        elif not self.runner.arrived(task.load_angle):
             speeds = task.geometry.limits.limited(task.travel_rate, task.travel_acceleration)
             self.runner.drive(Move(*task.load_angle, *speeds, ("load",)))
         self.control_loop.powered = False
@@ -219,6 +237,11 @@ class Driving:
     def _stop_safely(self) -> None:
         self.acquisition.stage, self.acquisition.valid = "", False
         failures = safe_stop(self._context.table, self._context.clock)
+        if self._begun:
+            try:
+                self.runner.gimbal.restore()
+            except CalstationError as error:  # the former values return when the unit is restarted
+                failures.append(reason_of(error))
         try:
             self.acquisition.drain()
         except CalstationError as error:  # of the unit, or of the log, which this flushes

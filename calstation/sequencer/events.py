@@ -92,6 +92,31 @@ class TableMoved(Event):
 
 
 @dataclass(frozen=True)
+class JointsMoved(Event):
+    """Angles, rad, and rates, rad/s, of a gimbal's joints x, y, z."""
+
+    joints: tuple[float, ...]
+    rates: tuple[float, ...]
+    moving: bool
+
+
+@dataclass(frozen=True)
+class GimbalTurned(Event):
+    """Turn number `index` (from 1) about body axis `axis` by `angle`, rad, is complete.
+
+    `drift` of the other joints and the `threshold` are in rad, `gain` is α; `complete` is whether the axis is.
+    """
+
+    axis: int
+    index: int
+    angle: float
+    drift: tuple[float, ...]
+    threshold: float
+    gain: float
+    complete: bool
+
+
+@dataclass(frozen=True)
 class Trace(Event):
     """Live output since the last trace: for each tick the IMU `time`, s, and the mean gyro x y z, accel x y z, SI."""
 
@@ -186,7 +211,7 @@ class Fault(Event):
 _KINDS: dict[str, Callable[..., Event]] = {kind.__name__: kind for kind in Event.__subclasses__()}
 
 #: Events that only refresh a display: a slow listener may miss some, and they are not logged.
-LOSSY = (StageProgress, StageRanked, TableMoved, Trace, PositionGuided)
+LOSSY = (StageProgress, StageRanked, TableMoved, JointsMoved, Trace, PositionGuided)
 
 
 def to_json(event: Event) -> dict[str, Any]:
@@ -201,7 +226,7 @@ def from_json(data: Mapping[str, Any]) -> Event:
     """Return the event converted by `to_json`. Raises KeyError for an unknown kind."""
     values = dict(data)
     kind = _KINDS[values.pop("event")]
-    for name in ("label", "time", "output", "up", "done"):
+    for name in ("label", "time", "output", "up", "done", "joints", "rates", "drift"):
         if name in values:
             values[name] = tuple(values[name])
     if "values" in values:

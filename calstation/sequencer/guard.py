@@ -8,7 +8,7 @@ from collections.abc import Callable
 from calstation.devices import LOCAL_CONTROL, UNKNOWN_FAULT, Table, TableStatus
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError
 from calstation.messages import Text, os_reason
-from calstation.physics import JOINTS, JointLimits, Move
+from calstation.physics import AXES, JOINTS, FloatArray, GimbalJoints, JointLimits, Move
 from calstation.sequencer.context import Clock
 
 #: Maximum station and host time for stopping, s.
@@ -92,6 +92,16 @@ def check_travel(limits: JointLimits, move: Move) -> None:
                 low_deg=math.degrees(limits.low[joint]),
                 high_deg=math.degrees(limits.high[joint]),
             )
+
+
+def check_joints(gimbal: GimbalJoints, joints: FloatArray) -> None:
+    """Check that no joint is beyond its travel; angles x, y, z in rad, shape (3,). Raises DeviceFaultError."""
+    joint = gimbal.outside(joints)
+    if joint is not None:
+        low, high = gimbal.travel[joint]
+        values = {"angle_deg": float(joints[joint]), "low_deg": low, "high_deg": high}
+        degrees = {name: math.degrees(value) for name, value in values.items()}
+        raise DeviceFaultError("motion.joint_outside", axis=AXES[joint], **degrees)
 
 
 def safe_stop(table: Table, clock: Clock) -> list[Text]:

@@ -6,7 +6,20 @@ from itertools import islice
 
 import numpy as np
 
-from calstation.physics import GROUPS, INDEX, Carry, Dwell, Finish, FloatArray, Move, RoundEnd, Step, group_indices
+from calstation.physics import (
+    GROUPS,
+    INDEX,
+    Carry,
+    Dwell,
+    Finish,
+    FloatArray,
+    GimbalTurn,
+    GimbalZero,
+    Move,
+    RoundEnd,
+    Step,
+    group_indices,
+)
 from calstation.sequencer.events import StageProgress
 
 _MAX_STEPS = 10_000
@@ -106,6 +119,10 @@ def step_time(step: Step, start: tuple[float, float], settle: float = SETTLE) ->
         return move_time(start, step) + settle
     if isinstance(step, Carry):
         return step.travel_time + step.rest
+    if isinstance(step, GimbalTurn):
+        return 2.0 * step.rest + step.angle / step.rate + settle
+    if isinstance(step, GimbalZero):
+        return step.rest + settle
     return step.duration if isinstance(step, Dwell) else 0.0
 
 

@@ -48,6 +48,11 @@ class Preflight:
         )
         self._control_loop.powered = True
         self._home()
+        if self._context.task.gimbal:
+            self._runner.gimbal.home()
+            self._warm_up()
+            self._check_gravity()
+            return
         if not self._runner.arrived((0.0, 0.0)):
             self._runner.drive(self._turn_to(0.0, 0.0))
         self._warm_up()
@@ -121,7 +126,7 @@ class Preflight:
 
     def _check_gravity(self) -> FloatArray:
         """Check gravity and data flow; return the mean gyro output at rest, rad/s, shape (3,)."""
-        by_hand = self._context.task.by_hand
+        by_hand = self._context.task.by_hand or self._context.task.gimbal
         self._context.emit(Message("checking_gravity" if by_hand else "checking_mounting"))
         limits = self._limits
         mean = self._check_flow().mean(axis=0) * self._scale

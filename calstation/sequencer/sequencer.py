@@ -124,6 +124,7 @@ class Sequencer:
             reason, rounds = self._execute(stage, duration)
         finally:
             drive.acquisition.stage = ""
+        drive.runner.gimbal.restore()
         self._track = None
         emit(StageEnded(stage.name, reason, rounds))
         with _worker("solver") as worker:

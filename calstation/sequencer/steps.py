@@ -2,14 +2,16 @@
 
 import logging
 from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
 
 from calstation.errors import DeviceFaultError
-from calstation.physics import Carry, Dwell, Move
+from calstation.physics import Carry, Dwell, GimbalTurn, GimbalZero, Move
 from calstation.sequencer.control import PauseRequested, State, StepInvalid
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import Message, StepStarted
+from calstation.sequencer.gimbal import GimbalLoop
 from calstation.sequencer.guard import check_motion, check_move
 from calstation.sequencer.guiding import Guiding, carry_label
 from calstation.sequencer.plan import move_time
@@ -28,26 +30,31 @@ _RETURN_RATE, _RETURN_ACCELERATION = np.deg2rad(10.0), np.deg2rad(10.0)
 
 logger = logging.getLogger(__name__)
 
+DrivenStep: TypeAlias = Move | Dwell | Carry | GimbalZero | GimbalTurn
+
 
 class StepRunner:
-    """Drives the table through moves and dwells, and guides the operator of a manual rig.
+    """Drives the table or gimbal through the steps, and guides the operator of a manual rig.
 
     Every move and every repetition increments the step number. Samples between the interruption of a step and its
     repetition are marked invalid.
     """
 
-    def __init__(self, control_loop: ControlLoop, stream: UnitStream, on_state: Callable[[State], None]) -> None:
+    def __init__(
+        self, control_loop: ControlLoop, stream: UnitStream, gimbal: GimbalLoop, on_state: Callable[[State], None]
+    ) -> None:
         self.control_loop = control_loop
         self.acquisition = control_loop.acquisition
         self.stream = stream
         self.guiding = Guiding(control_loop)
+        self.gimbal = gimbal
         self._context = control_loop.context
         self._limits = self._context.task.geometry.limits
         self._on_state = on_state
         self._target: tuple[float, float] | None = None
         self._last_move: tuple[tuple[float, float], Move] | None = None
 
-    def run(self, step: Move | Dwell | Carry) -> None:
+    def run(self, step: DrivenStep) -> None:
         """Execute a step to its end; repeat it if it is interrupted.
 
         A dwell is repeated together with the move before it, because every turn must end in a rest.
@@ -60,10 +67,10 @@ class StepRunner:
         else:
             self._run(step)
 
-    def _run(self, step: Move | Dwell | Carry) -> None:
+    def _run(self, step: DrivenStep) -> None:
         start = self._target or self.position()
         moved = isinstance(step, Move)
-        todo: list[Move | Dwell | Carry] = [step]
+        todo: list[DrivenStep] = [step]
         again = todo
         if isinstance(step, Dwell) and self._last_move is not None:
             start, move = self._last_move
@@ -95,6 +102,7 @@ class StepRunner:
         """Begin a stage; moves of the previous stage are not repeated in it."""
         self._last_move = None
         self.guiding.begin()
+        self.gimbal.begin()
 
     def drive(self, move: Move) -> None:
         """Move both joints and wait until they have arrived and settled.
@@ -136,12 +144,16 @@ class StepRunner:
         outer, inner = self.control_loop.status.angles
         return float(outer), float(inner)
 
-    def _execute(self, step: Move | Dwell | Carry) -> None:
+    def _execute(self, step: DrivenStep) -> None:
         if isinstance(step, Move):
             self.drive(step)
         elif isinstance(step, Dwell):
             self._started("dwell")
             self.control_loop.rest(step.duration)
+        elif isinstance(step, GimbalZero):
+            self.gimbal.zero(step)
+        elif isinstance(step, GimbalTurn):
+            self.gimbal.turn(step)
         else:
             self.acquisition.step += 1
             self._started("carry", carry_label(step))

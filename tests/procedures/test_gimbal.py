@@ -16,7 +16,9 @@ from calstation.estimation.gimbal.iteration import (
     gimbal_joints,
     largest_gain,
 )
+from calstation.estimation.gimbal.motions import Motion
 from calstation.physics.parameters import INDEX
+from calstation.physics.rotation import rotation_matrix
 from calstation.physics.table import TableGeometry
 from procedures import method
 from procedures.gimbal import ESTIMATED
@@ -116,20 +118,89 @@ def test_unstable_gain_is_reported(loop):
 
 def test_the_axes_are_done_one_after_another_until_the_count_or_the_threshold():
     iteration = GimbalIteration(1.0, 0.5, 3, 1e-4)
-    demand = iteration.next_turn()
-    assert (demand.axis, demand.angle) == (0, 0.5)
-    iteration.add_drift(0.5, np.array([-2e-3, 1e-3]))
+    command = iteration.next_turn()
+    assert (command.axis, command.angle, command.home) == (0, 0.5, False)
+    iteration.add_drift(0, 0.5, np.array([-2e-3, 1e-3]))
     assert iteration.correction[1:, 0] == pytest.approx([2e-3, -1e-3])
-    assert iteration.next_turn().angle == -0.5
-    iteration.add_drift(-0.5, np.array([-5e-4, 0.0]))
+    command = iteration.next_turn()
+    assert (command.angle, command.home) == (-0.5, False)  # back, without a return to zero
+    iteration.add_drift(0, -0.5, np.array([-5e-4, 0.0]))
     assert iteration.correction[1:, 0] == pytest.approx([1.5e-3, -1e-3])
-    iteration.add_drift(0.5, np.array([5e-3, 0.0]))
-    assert iteration.next_turn().axis == 1  # the count is reached
-    iteration.add_drift(0.5, np.array([5e-5, -5e-5]))
+    iteration.add_drift(0, 0.5, np.array([5e-3, 0.0]))
+    command = iteration.next_turn()
+    assert (command.axis, command.home) == (1, True)  # the count is reached
+    iteration.at_zero()
+    iteration.add_drift(1, 0.5, np.array([5e-5, -5e-5]))
     assert iteration.next_turn().axis == 2  # below the threshold
-    iteration.add_drift(0.5, np.array([0.0, 0.0]))
+    iteration.add_drift(2, 0.5, np.array([0.0, 0.0]))
     assert iteration.next_turn() is None
     assert iteration.done
+
+
+def test_one_way_turns_return_to_zero_before_the_end_of_the_travel():
+    iteration = GimbalIteration(1.0, np.deg2rad(30.0), 5, 0.0, alternate=False)
+    homes = []
+    for _ in range(5):
+        command = iteration.next_turn()
+        homes.append(command.home)
+        if command.home:
+            iteration.at_zero()
+        iteration.add_drift(0, command.angle, np.zeros(2))
+    assert homes == [False, False, True, False, True]
+
+
+@pytest.mark.parametrize("order", ["zxy", "xyz"])
+def test_the_drift_does_not_depend_on_the_angles_at_which_a_turn_starts(order):
+    tilt, bias, angle, seconds = np.array([2e-4, -1e-4, 3e-4]), np.array([1e-5, -2e-5, 1e-5]), -0.5, 1.0
+    for axis in range(3):
+        for begin in (-0.6, 0.0, 0.9):
+            start = np.array([3e-3, -2e-3, 4e-3])
+            start[axis] = begin
+            turn = rotation_matrix(angle * (np.eye(3)[axis] + tilt) + bias * seconds)
+            after = gimbal_joints(order, gimbal_attitude(order, start) @ turn)
+            later = gimbal_joints(order, gimbal_attitude(order, start) @ rotation_matrix(1e-3 * bias))
+            motion = Motion(0, 1, start, after, (later - start) / 1e-3, 3.0, seconds, (0, 1), np.zeros(3))
+            expected = drift_matrix(order, axis, angle) @ np.delete(tilt, axis)
+            assert motion.joint_drift(order) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("grade", [pytest.param("nav", marks=pytest.mark.long), "mems"])
+@pytest.mark.parametrize(
+    ("sequence", "turns"),
+    [
+        ({"iterations": 6}, 6),
+        ({"iterations": 5}, 5),  # the last return starts away from zero
+        ({"iterations": 5, "alternate": False}, 5),
+    ],
+)
+def test_every_turn_of_a_series_counts(sequence, turns, grade):
+    imu = unit(21, grade)
+    settings = {"threshold_arcsec": 0.0, **sequence}
+    iteration, block = recorded(imu, 21, **settings)
+    found = solved(block, imu, grade, **settings)
+    assert [axis["turns"] for axis in found.details["axes"]] == [turns] * 3
+    for axis, course in zip(found.details["axes"], iteration.courses, strict=True):
+        assert axis["corrections"] == [k.tolist() for k in course.corrections]
+    error = (found.belief.mean - imu.parameters)[PLACES] / found.belief.sigma[PLACES]
+    assert np.abs(error).max() < 4.0
+
+
+def test_a_replay_with_another_gain_is_refused():
+    imu = unit(22)
+    imu.parameters[PLACES] = 2e-3
+    _, block = recorded(imu, 22, iterations=4, threshold_arcsec=0.0)
+    with raises_code(InputError, "recording.gimbal_disagrees"):
+        solved(block, imu, gain=1.0, iterations=4, threshold_arcsec=0.0)
+
+
+def test_a_turn_without_rests_is_missed_and_reported():
+    imu = unit(23)
+    _, block = recorded(imu, 23, iterations=3, threshold_arcsec=0.0, alternate=False, angle_deg=25.0)
+    cut = np.flatnonzero(np.diff(block.step) == 1)[1] + 1  # the second turn begins
+    spoilt = block.valid.copy()
+    spoilt[cut - 10 : cut + 10] = False
+    with raises_code(InputError, "recording.joint_turn_lost"):
+        solved(altered(block, valid=spoilt), imu, iterations=3, threshold_arcsec=0.0, alternate=False, angle_deg=25.0)
 
 
 def test_joints_and_attitudes_are_each_others_inverse():

@@ -39,7 +39,7 @@ def test_the_sites_own_profile_wins(home: Path) -> None:
 
 
 def test_an_unknown_profile_names_those_that_exist(home: Path) -> None:
-    shipped = "acutronic_acl, aerosmith_atl, bench, cia402_drives, hand_rails, indexing_unit, mn_ascii"
+    shipped = "acutronic_acl, aerosmith_atl, bench, cia402_drives, gimbal, hand_rails, indexing_unit, mn_ascii"
     with pytest.raises(ConfigurationError, match=f"Choose from: {shipped}"):
         library.find("tables", "none")
 
@@ -73,6 +73,8 @@ def test_products_for_manual_rigs_and_tables_are_distinguished(home: Path) -> No
     (home / "products" / "broken.toml").write_text("name = 1", encoding="utf-8")
     fit_a_table = ["mems_c", "mems_positions", "nav_a", "tactical_b"]
     assert [name for name, _ in compatible_products(None, positions)] == fit_a_table
+    gimbal = library.find("stations", "virtual_gimbal")
+    assert [name for name, _ in compatible_products(gimbal, positions)] == ["mems_gimbal"]
 
 
 def test_composed_registers_correct_in_one_step_as_two_do_in_turn() -> None:

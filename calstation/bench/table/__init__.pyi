@@ -1,6 +1,8 @@
 from .axes import Axes as Axes
 from .cia402_drives import Drive as Drive
 from .cia402_drives import drives as drives
+from .gimbal import GimbalController as GimbalController
+from .gimbal import GimbalDrive as GimbalDrive
 from .machine import Clocks as Clocks
 from .machine import Fault as Fault
 from .machine import OutOfRange as OutOfRange

@@ -10,6 +10,7 @@ from .free_unit import pair_truth as pair_truth
 from .free_unit import record_pair as record_pair
 from .gimbal import GimbalBench as GimbalBench
 from .gimbal import GimbalSamples as GimbalSamples
+from .gimbal import GimbalStream as GimbalStream
 from .grades import GRADES as GRADES
 from .grades import GradeName as GradeName
 from .grades import draw_imu as draw_imu
@@ -27,4 +28,6 @@ from .simulate import BenchTruth as BenchTruth
 from .simulate import Simulator as Simulator
 from .stream import SensorStream as SensorStream
 from .table import TableTruth as TableTruth
+from .table import earth_rate_n as earth_rate_n
+from .table import normal_gravity as normal_gravity
 from .table import rotation as rotation

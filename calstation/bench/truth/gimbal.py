@@ -7,10 +7,11 @@ error of K or b̂ therefore appears not in c but as a drift of the joints. Locke
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from calstation.bench.truth.imu import Digitiser, ImuTruth
+from calstation.bench.truth.imu import Digitiser, ImuTruth, StreamOutput
 from calstation.bench.truth.kinematics import compiled
 from calstation.bench.truth.noise import INSTABILITY_TIMES, draw_instability, instability_steps
 from calstation.physics import FloatArray, IntArray
@@ -18,8 +19,10 @@ from calstation.physics import FloatArray, IntArray
 AXES = "xyz"
 #: Fraction of the rate error that the loop removes per sample.
 LOOP_GAIN = 0.25
-#: Earth rate in the base frame, rad/s.
+#: Default earth rate in the base frame, rad/s.
 _EARTH = (0.0, 6.03e-5, 4.1e-5)
+#: Duration of a stop, s.
+_STOPPING = 0.2
 
 
 @dataclass(frozen=True)
@@ -36,8 +39,9 @@ class GimbalSamples:
 class GimbalBench:
     """The gimbal with its unit, whose accelerometers are at the centre; time continues from call to call.
 
-    `order` lists the joints from base to body. `up_force` is the specific force in the base frame, m/s².
-    `encoder_sigma` is the repeatability, drawn for each motion, rad; reading noise is a tenth of it.
+    `order` lists the joints from base to body. `up_force` is the specific force in the base frame, m/s², `earth` the
+    earth rate in it, rad/s. `encoder_sigma` is the repeatability, drawn for each motion, rad; reading noise is a tenth
+    of it.
     """
 
     def __init__(
@@ -47,11 +51,12 @@ class GimbalBench:
         *,
         order: str = "zxy",
         up_force: tuple[float, float, float] = (0.0, 0.0, 9.8),
+        earth: tuple[float, float, float] = _EARTH,
         encoder_sigma: float = np.deg2rad(0.002),
     ) -> None:
         self._imu, self._model = imu, imu.error_model()
         self._order = np.array([AXES.index(a) for a in order])
-        self._up, self._earth = np.array(up_force), np.array(_EARTH)
+        self._up, self._earth = np.array(up_force), np.array(earth)
         self._encoder_sigma = encoder_sigma
         self._random = np.random.default_rng(seed)
         self.interval = 1.0 / imu.sample_rate
@@ -69,7 +74,7 @@ class GimbalBench:
 
     def lock(self, seconds: float) -> GimbalSamples:
         """Hold the joints at their angles; the gyros then measure their bias and earth rate."""
-        return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, self.joints)
+        return self._locked(np.tile(self.joints, (round(seconds / self.interval), 1)))
 
     def zero_bias(self, samples: GimbalSamples) -> None:
         """Set b̂ to the mean gyro output of locked samples."""
@@ -78,52 +83,164 @@ class GimbalBench:
 
     def hold(self, seconds: float, correction: FloatArray) -> GimbalSamples:
         """Stabilise at rest with the correction K, shape (3, 3)."""
-        demanded = np.zeros((round(seconds / self.interval), 3))
-        return self._run(len(demanded), correction, demanded, self.joints)
+        return self._stabilised(np.zeros((round(seconds / self.interval), 3)), correction)
 
     def turn(self, axis: int, angle: float, rate: float, correction: FloatArray) -> GimbalSamples:
         """Turn smoothly by `angle`, rad, at mean `rate`, rad/s, about one body axis, with the others at rest."""
-        count = max(round(abs(angle) / rate / self.interval), 2)
-        demanded = np.zeros((count, 3))
-        demanded[:, axis] = angle * np.diff(_smooth(count)) / self.interval
+        demanded = self.turn_rates(axis, angle, rate)
         self._begin()
-        return self._run(count, correction, demanded, self.joints)
+        return self._stabilised(demanded, correction)
 
     def home(self, rate: float) -> GimbalSamples:
         """Move all joints to zero without stabilisation."""
-        seconds = max(float(np.abs(self.joints).max()) / rate, 0.5)
+        course = self.course_home(rate)
         self._begin()
-        return self._run(round(seconds / self.interval), np.zeros((3, 3)), None, np.zeros(3))
+        return self._locked(course)
+
+    def turn_rates(self, axis: int, angle: float, rate: float) -> FloatArray:
+        """Return the body rates demanded in each sample of a turn, rad/s, shape (n, 3)."""
+        count = max(round(abs(angle) / rate / self.interval), 2)
+        demanded = np.zeros((count, 3))
+        demanded[:, axis] = angle * np.diff(_smooth(count)) / self.interval
+        return demanded
+
+    def course_home(self, rate: float) -> FloatArray:
+        """Return the joint angles at the end of each sample of a return to zero, rad, shape (n, 3)."""
+        seconds = max(float(np.abs(self.joints).max()) / rate, 0.5)
+        return np.asarray(self.joints * (1.0 - _smooth(round(seconds / self.interval))[1:, None]))
+
+    def course_stop(self) -> FloatArray:
+        """Return the joint angles at the end of each sample of a stop from the present rate, rad, shape (n, 3)."""
+        s = np.linspace(0.0, 1.0, round(_STOPPING / self.interval) + 1)[1:, None]
+        rates = joint_rates(self._order, self.joints, self._rate)
+        return np.asarray(self.joints + rates * _STOPPING * (s - 0.5 * s**2))
 
     def _begin(self) -> None:
         self._step += 1
         self._offset = self._encoder_sigma * self._random.standard_normal(3)
 
+    def read(self, joints: FloatArray) -> FloatArray:
+        """Return encoder angles at true angles of joints x, y, z, rad, shape (..., 3)."""
+        noise = 0.1 * self._encoder_sigma * self._random.standard_normal(joints.shape)
+        return np.asarray(joints + self._offset + noise)
+
+    def _locked(self, course: FloatArray) -> GimbalSamples:
+        return self._sampled(self._run(len(course), np.eye(3), None, course))
+
+    def _stabilised(self, demanded: FloatArray, correction: FloatArray) -> GimbalSamples:
+        # (I + K)⁻¹ with K without its diagonal
+        inverse = np.asarray(np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction))), np.float64)
+        return self._sampled(self._run(len(demanded), inverse, np.vstack([demanded, np.zeros(3)]), None))
+
+    def _sampled(self, output: tuple[StreamOutput, FloatArray]) -> GimbalSamples:
+        stream, joints = output
+        count = len(joints)
+        seq = np.arange(self._produced - count, self._produced)
+        ends = np.asarray((seq + 1) * self.interval, dtype=np.float64)
+        return GimbalSamples(seq, ends, stream.counts, self.read(joints), np.full(count, self._step, np.int64))
+
     def _run(
-        self, count: int, correction: FloatArray, demanded: FloatArray | None, target: FloatArray
-    ) -> GimbalSamples:
+        self, count: int, gyro_matrix: FloatArray, demanded: FloatArray | None, course: FloatArray | None
+    ) -> tuple[StreamOutput, FloatArray]:
+        """Produce samples and the true joint angles at their ends, rad, shape (count, 3).
+
+        Either the body rates are `demanded` (rad/s, shape (count + 1, 3), the last row that of the following sample)
+        with the rates corrected by `gyro_matrix`, shape (3, 3), or the joints follow `course`, rad, shape (count, 3).
+        """
         locked = demanded is None
-        course = self.joints + (target - self.joints) * _smooth(count)[:, None] if locked else np.zeros((1, 3))
-        stabilised = np.zeros((count, 3)) if demanded is None else demanded
-        noise = self._random.standard_normal((count, 3)) * (self._imu.gyro_arw * np.sqrt(self.interval))
-        driven = self._random.standard_normal((count, 6 * len(INSTABILITY_TIMES)))
+        path = np.zeros((1, 3)) if course is None else np.vstack([self.joints, course])
+        stabilised = np.zeros((1, 3)) if demanded is None else demanded
+        width = 6 * len(INSTABILITY_TIMES)
+        random = self._random.standard_normal((count, 9 + width))  # the output does not depend on the parts of a run
+        noise = random[:, :3] * (self._imu.gyro_arw * np.sqrt(self.interval))
         drift = np.zeros((count, 6))
         increments, joints = np.empty((count, 6)), np.empty((count, 3))
-        _drift(self._bank, self._decay, self._driven, driven, drift)
-        # (I + K)⁻¹ with K without its diagonal
-        inverse = np.asarray(np.linalg.inv(np.eye(3) + correction - np.diag(np.diag(correction))), dtype=np.float64)
+        _drift(self._bank, self._decay, self._driven, np.ascontiguousarray(random[:, 9:]), drift)
         gimbal = (self._model, self._order, self._up, self._earth, self.interval, locked)
-        motion = (course, stabilised, inverse, self.bias, noise + drift[:, :3] * self.interval)
+        motion = (path, stabilised, np.asarray(gyro_matrix), self.bias, noise + drift[:, :3] * self.interval)
         _simulate(*gimbal, *motion, self.joints, self._rate, increments, joints)
-        normals = self._random.standard_normal((count, 6))
-        normals[:, :3] = 0.0  # the gyros' noise is already included
+        normals = np.hstack([np.zeros((count, 3)), random[:, 3:6]])  # the gyros' noise is already included
         increments[:, 3:] += drift[:, 3:] * self.interval
-        counts = self._digitiser.digitise(increments, normals).counts
-        seq = np.arange(self._produced, self._produced + count)
         self._produced += count
-        read = joints + self._offset + 0.1 * self._encoder_sigma * self._random.standard_normal(joints.shape)
-        ends = np.asarray((seq + 1) * self.interval, dtype=np.float64)
-        return GimbalSamples(seq, ends, counts, read, np.full(count, self._step, np.int64))
+        return self._digitiser.digitise(increments, normals), joints
+
+
+class GimbalStream(GimbalBench):
+    """The gimbal over time, commanded while it runs.
+
+    `lock` and `hold` of the recording bench become states. While `zeroing`, the mean gyro output becomes the bias.
+    """
+
+    def __init__(self, imu: ImuTruth, seed: int | np.random.SeedSequence, **settings: Any) -> None:
+        super().__init__(imu, seed, **settings)
+        #: Whether the joints stabilise the body; otherwise they are locked.
+        self.is_stabilised = False
+        self._zeroing: list[FloatArray] | None = None
+        #: Joint angles at the ends of the following samples if locked, or demanded rates, shape (n, 3).
+        self._program = np.empty((0, 3))
+
+    @property
+    def produced(self) -> int:
+        """Number of samples produced so far."""
+        return self._produced
+
+    @property
+    def end(self) -> float:
+        """Time at which the commanded motion ends, s."""
+        return (self._produced + len(self._program)) * self.interval if len(self._program) else 0.0
+
+    @property
+    def readings(self) -> tuple[FloatArray, FloatArray]:
+        """Encoder angles, rad, and rates, rad/s, of joints x, y, z, each of shape (3,)."""
+        return self.read(self.joints), joint_rates(self._order, self.joints, self._rate)
+
+    def zero(self) -> None:
+        """Lock the joints where they are, and average the gyro output from now on as the bias."""
+        self.is_stabilised, self._program, self._zeroing = False, np.empty((0, 3)), []
+
+    def stabilise(self) -> None:
+        """Stabilise at rest, with the bias averaged since `zero`."""
+        if self._zeroing:
+            self.bias = np.concatenate(self._zeroing).mean(axis=0)
+        self.is_stabilised, self._program, self._zeroing = True, np.empty((0, 3)), None
+
+    def command_turn(self, axis: int, angle: float, rate: float) -> None:
+        """Turn about a body axis by `angle`, rad, at mean `rate`, rad/s, with the others stabilised."""
+        self._begin()
+        self._program = self.turn_rates(axis, angle, rate)
+
+    def command_home(self, rate: float) -> None:
+        """Move all joints to zero and lock them there."""
+        course = self.course_home(rate)
+        self._begin()
+        self.is_stabilised, self._program, self._zeroing = False, course, None
+
+    def stop(self) -> None:
+        """Decelerate to rest and lock the joints."""
+        if self.is_stabilised:
+            self._program = self.course_stop()
+        elif len(self._program):
+            self._program = self._program[:1]
+        self.is_stabilised, self._zeroing = False, None
+
+    def produce(self, count: int, gyro_matrix: FloatArray) -> StreamOutput:
+        """Return the next `count` samples; stabilisation uses rates corrected by `gyro_matrix`, shape (3, 3)."""
+        parts = []
+        while count > 0:
+            n = min(count, len(self._program)) or count
+            now, self._program = self._program[:n], self._program[n:]
+            if self.is_stabilised:
+                following = np.vstack([now, self._program[:1], np.zeros((n + 1, 3))])[: n + 1]
+                output, _ = self._run(n, gyro_matrix, following, None)
+            else:
+                output, _ = self._run(n, gyro_matrix, None, now if len(now) else np.tile(self.joints, (n, 1)))
+            if self._zeroing is not None:
+                per_count = 1.0 / self.interval if self._imu.output == "increment" else 1.0
+                self._zeroing.append(output.counts[:, :3] * self._imu.gyro_lsb * per_count)
+            parts.append(output)
+            count -= n
+        counts = np.concatenate([p.counts for p in parts])
+        return StreamOutput(counts, np.concatenate([p.saturated for p in parts]))
 
 
 def _smooth(count: int) -> FloatArray:
@@ -225,6 +342,5 @@ def _simulate(
         increments[n, 3:] = (model[3:6] @ force + model[7] + model[8] * force * force) * interval
         if not locked:
             corrected = inverse @ (measured - bias)
-            follow = demanded[n + 1] if n + 1 < demanded.shape[0] else np.zeros(3)
-            rate += LOOP_GAIN * (demanded[n] - corrected) + (follow - demanded[n])
+            rate += LOOP_GAIN * (demanded[n] - corrected) + (demanded[n + 1] - demanded[n])
         read[n] = joints

@@ -8,11 +8,12 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from calstation.devices.profiles.entries import ModelName
+from calstation.devices.profiles.gimbal import GimbalSection
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.devices.profiles.table_registers import JOINTS, Bit, JointSection, ModbusRegister, TableMap, Writes
 from calstation.devices.profiles.text import TextSection
 from calstation.errors import ConfigurationError
-from calstation.physics import JointLimits, TableGeometry
+from calstation.physics import AXES, GimbalJoints, JointLimits, TableGeometry
 from calstation.schema import EntryError, StrictModel, load_once
 
 #: Largest rounding of an angle in a text line, in standard deviations of the encoder.
@@ -79,7 +80,8 @@ class TableProfile(StrictModel):
     model : text that the table's own model name must contain
     protocol : "modbus", with sections `[modbus]`, `[status_bits]`, `[commands]`, `[registers]`; "imu_link", the same
         registers over the link of the IMU that the axes belong to, with `[imu_link]`; a text protocol with `[text]`:
-        "atl" with a prompt, "acl" with plain, "mn" with checked lines; or "hand", a manual rig (no section)
+        "atl" with a prompt, "acl" with plain, "mn" with checked lines; "hand", a manual rig (no section); or "gimbal",
+        three joints that stabilise the unit on its corrected rates, with `[middle]`, `middle_axis` and `[gimbal]`
     status_bits : bit numbers in the statusword, or other sources of the flags
     commands : value of the command register, or all register values that each command writes
     faults : meanings of the fault codes; settle_s : time from the end of a motion profile until the table has settled
@@ -89,13 +91,15 @@ class TableProfile(StrictModel):
 
     name: str
     model: ModelName
-    protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "hand"]
+    protocol: Literal["modbus", "imu_link", "atl", "acl", "mn", "hand", "gimbal"]
     outer_axis: list[float] = Field(min_length=3, max_length=3)
     inner_axis: list[float] = Field(min_length=3, max_length=3)
     outer_lever: Literal["estimated", "fixed"]
     settle_s: float = Field(default=1.5, ge=0, le=60)
     outer: JointSection
     inner: JointSection
+    middle_axis: list[float] | None = Field(default=None, min_length=3, max_length=3)
+    middle: JointSection | None = None
     accuracy: AccuracySection
     link_loss_stop_s: float | None = Field(default=None, gt=0, le=60)
     faults: dict[str, str]
@@ -105,6 +109,7 @@ class TableProfile(StrictModel):
     commands: dict[str, Writes] = Field(default_factory=dict)
     registers: dict[str, ModbusRegister] = Field(default_factory=dict)
     text: TextSection | None = None
+    gimbal: GimbalSection | None = None
 
     @field_validator("outer_axis", "inner_axis")
     @classmethod
@@ -124,23 +129,46 @@ class TableProfile(StrictModel):
     def _whole(self) -> "TableProfile":
         if abs(float(np.dot(self.outer_axis, self.inner_axis))) > 0.5:
             raise EntryError("profile.axes_too_close")
-        needed = self.protocol if self.protocol in ("modbus", "imu_link", "hand") else "text"
+        needed = self.protocol if self.protocol in ("modbus", "imu_link", "hand", "gimbal") else "text"
         if not self.by_hand and getattr(self, needed) is None:
             raise EntryError("profile.needed_by", needed, owner=self._own_protocol)
-        for section in ("modbus", "imu_link", "text"):
+        for section in ("modbus", "imu_link", "text", "gimbal"):
             if section != needed and getattr(self, section) is not None:
                 self._refuse(section)
-        if self.text is None and not self.by_hand:
+        self._check_middle()
+        if self.lines is None and not self.by_hand:
             self.map.check((self.outer, self.inner), self.accuracy.encoder_sigma_deg, self.faults)
             return self
         for section in ("status_bits", "commands", "registers"):
             if getattr(self, section):
                 self._refuse(section)
-        if self.text is not None:
-            self._check_text(self.text)
+        if self.lines is not None:
+            self._check_text(self.lines)
         elif self.link_loss_stop_s is not None:
             self._refuse("link_loss_stop_s")
         return self
+
+    def _check_middle(self) -> None:
+        for name in ("middle", "middle_axis"):
+            if self.gimbal is None and getattr(self, name) is not None:
+                self._refuse(name)
+            if self.gimbal is not None and getattr(self, name) is None:
+                raise EntryError("profile.needed_by", name, owner=self._own_protocol)
+        if self.gimbal is not None and sorted(self.joint_order) != sorted(AXES):
+            raise EntryError("profile.gimbal_axes", "middle_axis")
+
+    @property
+    def joint_order(self) -> str:
+        """Letters of a gimbal's joints from base to body; "" for a table."""
+        if self.gimbal is None or self.middle_axis is None:
+            return ""
+        vectors = (self.outer_axis, self.middle_axis, self.inner_axis)
+        return "".join(AXES[int(np.argmax(v))] for v in vectors if max(v) > 1.0 - 1e-3)
+
+    @property
+    def lines(self) -> TextSection | None:
+        """The section with the lines of text; None for other protocols."""
+        return self.text or self.gimbal
 
     @property
     def _own_protocol(self) -> str:
@@ -181,14 +209,14 @@ class TableProfile(StrictModel):
     @property
     def serial(self) -> SerialSettings:
         """Serial port settings, unless the station has its own."""
-        if self.text is not None:
-            return self.text.serial
+        if self.lines is not None:
+            return self.lines.serial
         return self.modbus.serial if self.modbus is not None else SerialSettings()
 
     @property
     def timeout_s(self) -> float:
         """Reply timeout, host time in s."""
-        section = self.text or self.modbus
+        section = self.lines or self.modbus
         return section.timeout_s if section is not None else 1.0
 
     @property
@@ -200,9 +228,10 @@ class TableProfile(StrictModel):
         """Return the profile with a station's own reply timeout and unit number; None keeps the profile's. Raises
         ConfigurationError if the unit number is that of the inner axis's drive.
         """
-        if self.text is not None:
+        if self.lines is not None:
             changed = {"timeout_s": timeout_s} if timeout_s is not None else {}
-            return self.model_copy(update={"text": self.text.model_copy(update=changed)})
+            name = "text" if self.gimbal is None else "gimbal"
+            return self.model_copy(update={name: self.lines.model_copy(update=changed)})
         if self.modbus is None:
             return self
         if unit is not None and unit == self.modbus.inner_unit:
@@ -232,7 +261,13 @@ class TableProfile(StrictModel):
 
     def geometry(self) -> TableGeometry:
         """Return the axes as unit vectors and the limits of outer and inner joint, rad, rad/s, rad/s²."""
-        outer, inner = self.outer, self.inner
+        outer, inner, middle = self.outer, self.inner, self.middle
+        gimbal = None
+        if middle is not None:
+            sections = dict(zip(self.joint_order, (outer, middle, inner), strict=True))
+            x, y, z = (_radians(sections[a].low_deg, sections[a].high_deg) for a in AXES)
+            rate = float(np.deg2rad(min(s.max_rate_dps for s in sections.values())))
+            gimbal = GimbalJoints(self.joint_order, (x, y, z), rate)
         return TableGeometry(
             _normalised(self.outer_axis),
             _normalised(self.inner_axis),
@@ -242,11 +277,12 @@ class TableProfile(StrictModel):
                 rate=_radians(outer.max_rate_dps, inner.max_rate_dps),
                 acceleration=_radians(outer.max_acceleration_dps2, inner.max_acceleration_dps2),
             ),
+            gimbal,
         )
 
 
-def _radians(outer: float, inner: float) -> tuple[float, float]:
-    return float(np.deg2rad(outer)), float(np.deg2rad(inner))
+def _radians(first: float, second: float) -> tuple[float, float]:
+    return float(np.deg2rad(first)), float(np.deg2rad(second))
 
 
 def _normalised(axis: list[float]) -> tuple[float, float, float]:

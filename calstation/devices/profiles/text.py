@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from string import Formatter
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field, field_validator, model_validator
 
@@ -14,7 +14,7 @@ from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 #: Values that the lines of each command may contain in braces, besides `axis`, in degrees, °/s and °/s²; also as
 #: `outer_angle`, `inner_rate` and so on. The first value is required.
-_VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration")}
+_VALUES = {"move": ("angle", "rate", "acceleration"), "rate": ("rate", "acceleration"), "turn": ("angle", "rate")}
 #: Pairs of commands that may send the same lines.
 _MAY_BE_ALIKE = ({"disable", "stop"}, {"disable", "reset"}, {"stop", "reset"})
 _NEVER_ALWAYS = ("fault", "moving", "settled")
@@ -168,6 +168,7 @@ class TextSection(StrictModel):
         changed by at most `settled_deg` from poll to poll for `settled_polls` polls
     """
 
+    joint_names: ClassVar[tuple[str, ...]] = ("outer", "inner")
     axes: list[str]
     timeout_s: float = Field(default=0.5, gt=0, le=60)
     gap_s: float = Field(default=0.0, ge=0, le=5)
@@ -189,8 +190,8 @@ class TextSection(StrictModel):
     @field_validator("axes")
     @classmethod
     def _two(cls, axes: list[str]) -> list[str]:
-        if len(axes) != 2 or axes[0] == axes[1] or not all(axes):
-            raise EntryError("profile.two_axis_names", value=axes)
+        if len(set(axes)) != len(cls.joint_names) or len(axes) != len(cls.joint_names) or not all(axes):
+            raise EntryError(f"profile.{'two_axis' if len(cls.joint_names) == 2 else 'joint'}_names", value=axes)
         return axes
 
     @field_validator("silent", "refused")
@@ -217,7 +218,7 @@ class TextSection(StrictModel):
                 raise EntryError("entry.missing", "queries", name)
         needed: dict[str, tuple[str, ...]] = {"identity": ("model",)}
         for name in ("position", "rate"):
-            needed[name] = ("value",) if "{axis}" in self.queries[name].send else ("outer", "inner")
+            needed[name] = ("value",) if "{axis}" in self.queries[name].send else self.joint_names
         needed |= {"limits": ("low", "high"), "watchdog": ("value",)}
         for name, groups in needed.items():
             for group in groups if name in self.queries else ():

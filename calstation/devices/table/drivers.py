@@ -6,6 +6,7 @@ import numpy as np
 
 from calstation.devices import Table, TableIdentity, TableStatus
 from calstation.devices.profiles import SerialSettings, TableProfile
+from calstation.devices.table.gimbal_table import GimbalTable
 from calstation.devices.table.modbus_table import ModbusTable
 from calstation.devices.table.text_table import TextTable
 from calstation.errors import ConfigurationError
@@ -21,7 +22,7 @@ def open_table(port: str, profile: TableProfile, serial: SerialSettings | None) 
         raise ConfigurationError("table.rig_without_port", profile=profile.name)
     if profile.protocol == "modbus":
         return ModbusTable(port, profile, serial)
-    return TextTable(port, profile, serial)
+    return (TextTable if profile.gimbal is None else GimbalTable)(port, profile, serial)
 
 
 class ManualTable(Table):

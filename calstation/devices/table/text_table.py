@@ -21,10 +21,10 @@ class TextTable(Table):
     """Driver of a table on a serial port or `tcp://host:port`; moves are absolute, homing is not repeated."""
 
     def __init__(self, port: str, profile: TableProfile, serial: SerialSettings | None = None) -> None:
-        assert profile.text is not None
-        self._profile, self._text = profile, profile.text
-        self._link = TextLink(port, profile.text, serial or profile.text.serial)
-        self._patterns = {name: re.compile(query.answer) for name, query in profile.text.queries.items()}
+        assert profile.lines is not None
+        self._profile, self._text = profile, profile.lines
+        self._link = TextLink(port, self._text, serial or self._text.serial)
+        self._patterns = {name: re.compile(query.answer) for name, query in self._text.queries.items()}
         self._limits = profile.geometry().limits
         self._still = 0
         self._angles: FloatArray | None = None
@@ -40,7 +40,7 @@ class TextTable(Table):
 
     def status(self) -> TableStatus:
         answers = self._poll()
-        angles, rates = _joints_of(answers["position"]), _joints_of(answers["rate"])
+        angles, rates = (_joints_of(answers[name], self._text.joint_names) for name in ("position", "rate"))
         at_rest = bool(np.all(np.abs(rates) < self._text.rest_rate_dps))
         moving = self._any("moving", answers, otherwise=not at_rest)
         limits = self._travel(answers)
@@ -204,10 +204,10 @@ def _is_set(flag: Flag, groups: Mapping[str, str]) -> bool:
         raise DeviceFaultError("table.not_a_number_of_base", answer=text, base=flag.base) from None
 
 
-def _joints_of(answers: list[dict[str, str]]) -> FloatArray:
-    """Return a value of both joints from one reply or two, degrees."""
+def _joints_of(answers: list[dict[str, str]], joints: tuple[str, ...]) -> FloatArray:
+    """Return a value of each joint from one reply, or from one for each joint, degrees."""
     if len(answers) == 1:
-        return np.array([_number(answers[0][joint]) for joint in JOINTS])
+        return np.array([_number(answers[0][joint]) for joint in joints])
     return np.array([_number(groups["value"]) for groups in answers])
 
 

@@ -1,8 +1,8 @@
 """Iteration for gyro misalignment from the joints of a stabilised gimbal, updated after every turn.
 
 The gimbal stabilises on corrected rates c = (I + K)⁻¹ (measured − b). Commanded to rotate about one body axis e only,
-it rotates about N e, where N = (I + M)⁻¹ (I + K). In a turn by A the other joints drift by D = −J(A) (m − k), where m
-and k are the columns of M and K for that axis without its own row. After every turn, with the joints back at zero,
+it rotates about N e, where N = (I + M)⁻¹ (I + K). In a turn by A from joints at zero the other joints drift by
+D = −J(A) (m − k), where m and k are the columns of M and K for that axis without its own row. After every turn
 
     K_i = K_(i−1) + s α D_i,    s = −1 for a positive turn, +1 for a negative one
 
@@ -10,6 +10,10 @@ so that the error is multiplied by I − s α J. J is not a multiple of the iden
 with the body. For the innermost and the outermost joint J(A) = [[sin A, ±(1 − cos A)], [∓(1 − cos A), sin A]] with the
 eigenvalues 2 sin(A/2) e^(±iA/2). The iteration is stable for 0 < α < cot(A/2) and converges fastest at half of that,
 where each turn reduces the error to sin(A/2) of its value. For A ≥ 180° it is unstable for every gain.
+
+Turns of one axis follow each other without a return to zero. The drift of a turn from other joint angles is the
+deviation from the ideal turn about the body axis, and J depends on these angles: an innermost joint at q rotates it by
+q. Every drift is therefore converted into that of the same turn from zero, so that the same gains are stable.
 """
 
 from dataclasses import dataclass, field
@@ -19,6 +23,8 @@ import numpy as np
 from calstation.physics import AXES, FloatArray, axis_rotation, rotation_matrix
 
 _DERIVATIVE_STEP = 1e-5
+#: Largest joint angle of a series of turns, rad: the outer and inner joint become parallel at 90° of the middle one.
+TRAVEL = np.deg2rad(80.0)
 
 
 def gimbal_attitude(order: str, joints: FloatArray) -> FloatArray:
@@ -46,16 +52,26 @@ def others(axis: int) -> list[int]:
     return [k for k in range(3) if k != axis]
 
 
-def drift_matrix(order: str, axis: int, angle: float) -> FloatArray:
-    """Return J, the drift of the other joints per rad of tilt of the axis in a turn by `angle`, rad, shape (2, 2)."""
-    rest = others(axis)
+def turned_joints(order: str, start: FloatArray, axis: int, angle: float, tilt: FloatArray | None = None) -> FloatArray:
+    """Return the joints x, y, z, rad, shape (3,), after a turn from `start` by `angle` about a body axis.
+
+    `tilt` is the deviation of the axis of rotation from the body axis, rad, shape (3,).
+    """
+    direction = np.eye(3)[axis] + (0.0 if tilt is None else tilt)
+    return gimbal_joints(order, gimbal_attitude(order, start) @ rotation_matrix(angle * direction))
+
+
+def drift_matrix(order: str, axis: int, angle: float, start: FloatArray | None = None) -> FloatArray:
+    """Return J, the drift of the other joints per rad of tilt of the axis in a turn by `angle`, rad, shape (2, 2).
+
+    `start` are the joints x, y, z at the start of the turn, rad, shape (3,); zero if None.
+    """
+    rest, start = others(axis), np.zeros(3) if start is None else start
     J = np.empty((2, 2))
     for column, lean in enumerate(rest):
-        moved = []
-        for step in (_DERIVATIVE_STEP, -_DERIVATIVE_STEP):
-            direction = np.eye(3)[axis] + step * np.eye(3)[lean]
-            moved.append(gimbal_joints(order, rotation_matrix(angle * direction))[rest])
-        J[:, column] = (moved[0] - moved[1]) / (2.0 * _DERIVATIVE_STEP)
+        tilt = _DERIVATIVE_STEP * np.eye(3)[lean]
+        plus, minus = (turned_joints(order, start, axis, angle, sign * tilt)[rest] for sign in (1.0, -1.0))
+        J[:, column] = (plus - minus) / (2.0 * _DERIVATIVE_STEP)
     return J
 
 
@@ -83,11 +99,15 @@ def contraction(order: str, axis: int, angle: float, gain: float) -> float:
 
 @dataclass(frozen=True)
 class TurnCommand:
-    """A turn about `axis` by `angle`, rad, stabilised with the correction K, shape (3, 3)."""
+    """A turn about `axis` by `angle`, rad, stabilised with the correction K, shape (3, 3).
+
+    `home` is whether the gimbal returns to zero before the turn.
+    """
 
     axis: int
     angle: float
     correction: FloatArray
+    home: bool
 
 
 @dataclass
@@ -109,34 +129,45 @@ class GimbalIteration:
     count: int  #: Largest number of turns per axis.
     threshold: float  #: |D| below which an axis is complete, rad.
     alternate: bool = True  #: Whether every second turn is in the opposite direction.
+    travel: float = TRAVEL  #: Largest joint angle, rad; the gimbal returns to zero before a turn beyond it.
     correction: FloatArray = field(default_factory=lambda: np.zeros((3, 3)), init=False)  #: K, shape (3, 3).
-    courses: list[AxisTurns] = field(default_factory=lambda: [AxisTurns(0)], init=False)  #: Axes so far.
+    courses: list[AxisTurns] = field(default_factory=list, init=False)  #: Axes so far, in the order of their turns.
+    position: float = field(default=0.0, init=False)  #: Angle of the turned joint, rad.
 
     @property
     def done(self) -> bool:
         """Whether the last axis is complete."""
-        return len(self.courses) == 3 and self._done(self.courses[-1])
+        return len(self.courses) == 3 and self.axis_done
+
+    @property
+    def axis_done(self) -> bool:
+        """Whether the axis that was turned last is complete."""
+        drifts = self.courses[-1].drifts if self.courses else []
+        return bool(drifts) and (len(drifts) >= self.count or float(np.abs(drifts[-1]).max()) < self.threshold)
 
     def next_turn(self) -> TurnCommand | None:
-        """Return the next turn, which starts with the joints at zero; None at the end."""
+        """Return the next turn; None at the end."""
         if self.done:
             return None
-        if self._done(self.courses[-1]):
-            self.courses.append(AxisTurns(self.courses[-1].axis + 1))
-        course = self.courses[-1]
-        back = self.alternate and len(course.drifts) % 2 == 1
-        return TurnCommand(course.axis, -self.angle if back else self.angle, self.correction.copy())
+        axis, turned = (self.courses[-1].axis, len(self.courses[-1].drifts)) if self.courses else (0, 0)
+        new = self.axis_done
+        if new:
+            axis, turned = axis + 1, 0
+        angle = -self.angle if self.alternate and turned % 2 == 1 else self.angle
+        home = new or abs(self.position + angle) > self.travel
+        return TurnCommand(axis, angle, self.correction.copy(), home)
 
-    def add_drift(self, angle: float, drift: FloatArray) -> None:
-        """Correct K by the drift of the other joints, rad, shape (2,), in a turn by `angle`, rad."""
-        course = self.courses[-1]
-        rows = others(course.axis)
-        self.correction[rows, course.axis] += sign_of(angle) * self.gain * drift
+    def at_zero(self) -> None:
+        """Note that the gimbal has returned to zero."""
+        self.position = 0.0
+
+    def add_drift(self, axis: int, angle: float, drift: FloatArray) -> None:
+        """Correct K by the drift of the other joints, rad, shape (2,), in a turn about `axis` by `angle`, rad."""
+        course = next((c for c in self.courses if c.axis == axis), AxisTurns(axis))
+        self.courses = [*(c for c in self.courses if c is not course), course]
+        rows = others(axis)
+        self.correction[rows, axis] += sign_of(angle) * self.gain * drift
+        self.position += angle
         course.angles.append(angle)
         course.drifts.append(np.array(drift))
-        course.corrections.append(self.correction[rows, course.axis].copy())
-
-    def _done(self, course: AxisTurns) -> bool:
-        if not course.drifts:
-            return False
-        return len(course.drifts) >= self.count or float(np.abs(course.drifts[-1]).max()) < self.threshold
+        course.corrections.append(self.correction[rows, axis].copy())

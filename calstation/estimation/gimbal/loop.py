@@ -1,4 +1,4 @@
-"""Closed loop of method and stabilised gimbal: command a turn, read the joints, correct K, return to zero."""
+"""Closed loop of method and stabilised gimbal: turn one axis, read the joints, correct K, and so on; then the next."""
 
 from collections.abc import Callable
 from typing import Protocol
@@ -47,18 +47,25 @@ def run_loop(
         keep(block)
 
     take(gimbal.lock(dwell + 2.0))
+    take(gimbal.hold(dwell, iteration.correction))
     while (turn := iteration.next_turn()) is not None:
-        take(gimbal.hold(dwell, turn.correction))
+        if turn.home:
+            take(gimbal.home(rate))
+            take(gimbal.hold(dwell, turn.correction))
+            iteration.at_zero()
+        begin = int(blocks[-1].seq[-1])
         take(gimbal.turn(turn.axis, turn.angle, rate, turn.correction))
         take(gimbal.hold(dwell, turn.correction))
-        turns = [m for m in find_motions(stage_data(blocks, imu), imu) if m.axis is not None]
-        iteration.add_drift(turn.angle, _newest_turn(turns, iteration, turn.axis).joint_drift(order))
-        take(gimbal.home(rate))
+        motion = turned_motion(blocks, imu, begin, turn.axis)
+        iteration.add_drift(turn.axis, turn.angle, motion.joint_drift(order))
+    take(gimbal.home(rate))
     take(gimbal.hold(dwell, iteration.correction))
 
 
-def _newest_turn(turns: list[Motion], iteration: GimbalIteration, axis: int) -> Motion:
-    answered = sum(len(course.drifts) for course in iteration.courses)
-    if len(turns) != answered + 1 or turns[-1].axis != axis:
-        raise InputError("recording.joint_turn_not_seen", turn=answered + 1, axis=AXES[axis])
-    return turns[-1]
+def turned_motion(blocks: list[SampleBlock], imu: ImuModel, begin: int, axis: int) -> Motion:
+    """Return the only motion after sequence number `begin`, which must be a turn about `axis`. Raises InputError."""
+    data = stage_data(blocks, imu)
+    motions = [m for m in find_motions(data, imu) if data.seq[m.stop - 1] > begin]
+    if len(motions) != 1 or motions[0].axis != axis:
+        raise InputError("recording.joint_turn_not_seen", axis=AXES[axis])
+    return motions[0]

@@ -1,4 +1,4 @@
-"""Motions of a gimbal recording: turns of one joint from zero and returns to zero, with the drift at rest."""
+"""Motions of a gimbal recording: turns of one joint and returns to zero, with the drift at rest."""
 
 from dataclasses import dataclass
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation.common import ImuModel, StageData, find_stillness
-from calstation.estimation.gimbal.iteration import drift_matrix, others
-from calstation.physics import FloatArray
+from calstation.estimation.gimbal.iteration import drift_matrix, gimbal_attitude, others, turned_joints
+from calstation.physics import AXES, FloatArray, rotation_vector
 
 #: Joints within this angle of zero count as at zero, rad.
 AT_ZERO = np.deg2rad(2.0)
@@ -32,14 +32,18 @@ class Motion:
     rest: float  #: Duration over which these rates were fitted, s.
     duration: float  #: s
     between: tuple[int, int]  #: Indices of the rests before and after.
+    rotation: FloatArray  #: Integral of the gyro output minus its mean at both rests, rad, shape (3,).
 
     @property
     def axis(self) -> int | None:
-        """The joint that was turned from zero; None for a return to zero."""
+        """The joint that moved most; None if no joint moved."""
         moved = np.abs(self.after - self.before)
-        if np.abs(self.before).max() > AT_ZERO or moved.max() < TURNED:
-            return None
-        return int(np.argmax(moved))
+        return int(np.argmax(moved)) if moved.max() > TURNED else None
+
+    @property
+    def to_zero(self) -> bool:
+        """Whether the motion ends with all joints near zero and begins elsewhere."""
+        return bool(np.abs(self.before).max() > AT_ZERO and np.abs(self.after).max() < AT_ZERO)
 
     @property
     def angle(self) -> float:
@@ -47,12 +51,31 @@ class Motion:
         moved = self.after - self.before
         return float(moved[int(np.argmax(np.abs(moved)))])
 
+    def cross_rotation(self, correction: FloatArray) -> float:
+        """Return the rotation about the other axes according to the rates corrected with K, shape (3, 3), rad.
+
+        A gimbal that stabilises on these rates keeps it at zero.
+        """
+        assert self.axis is not None, "a motion without a turn has no axis"
+        corrected = np.linalg.solve(np.eye(3) + correction, self.rotation)
+        return float(np.linalg.norm(corrected[others(self.axis)]))
+
     def joint_drift(self, order: str) -> FloatArray:
-        """Return D, the change of the joints that were not turned minus their drift at rest, rad, shape (2,)."""
-        assert self.axis is not None, "a return to zero turns no axis"
-        rest = others(self.axis)
-        at_rest = drift_matrix(order, self.axis, self.angle) @ self.drift[rest] * (self.duration / self.angle)
-        return np.asarray((self.after - self.before)[rest] - at_rest)
+        """Return D, the drift of the other joints in the same turn from zero, rad, shape (2,).
+
+        The drift is the difference from the ideal turn about the body axis, minus the drift at rest.
+        """
+        assert self.axis is not None, "a motion without a turn has no drift"
+        rest, axis, angle = others(self.axis), self.axis, self.angle
+        J = drift_matrix(order, axis, angle, self.before)
+        start = gimbal_attitude(order, self.before)
+        at_rest = rotation_vector(start.T @ gimbal_attitude(order, self.before + self.drift * self.duration))
+        deviation = self.after - turned_joints(order, self.before, axis, angle)
+        deviation = (deviation + np.pi) % (2.0 * np.pi) - np.pi
+        drift = deviation[rest] - J @ at_rest[rest] / angle
+        if np.abs(deviation[rest]).max() > TURNED:
+            raise InputError("recording.two_joints_turned", axis=AXES[axis])
+        return np.asarray(drift_matrix(order, axis, angle) @ np.linalg.solve(J, drift))
 
 
 def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
@@ -68,7 +91,10 @@ def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
             rest = min((first[1] - first[0]) * data.dt, RATE_FIT)
             duration = (link.stop - link.start) * data.dt
             between = (link.first, link.second)
-            found.append(Motion(link.start, link.stop, before[0], after[0], before[1], rest, duration, between))
+            at_rest = [data.gyro[slice(*interval)].mean(axis=0) for interval in (first, second)]
+            rotation = (data.gyro[link.start : link.stop] - 0.5 * (at_rest[0] + at_rest[1])).sum(axis=0) * data.dt
+            ends = (before[0], after[0], before[1])
+            found.append(Motion(link.start, link.stop, *ends, rest, duration, between, rotation))
     if not any(m.axis is not None for m in found):
         raise InsufficientDataError("recording.no_joint_turn", seconds=SHORTEST_REST, motions=len(found))
     return found
@@ -85,9 +111,11 @@ def _joint_line(data: StageData, rest: tuple[int, int], end: bool) -> tuple[Floa
         for seconds in (RATE_FIT, ANGLE_FIT)
     )
     polled = long[0] + np.flatnonzero(~np.isnan(data.joints[slice(*long)]).any(axis=1))
-    near = polled[(polled >= short[0]) & (polled < short[1])]
-    if len(polled) < 3 or not len(near):
+    if len(polled) < 3:
         return None
+    near = polled[(polled >= short[0]) & (polled < short[1])]
+    if not len(near):  # the joints are polled less often
+        near = polled[-1:] if end else polled[:1]
     slope = np.polyfit(polled * data.dt, data.joints[polled], 1)[0]
     edge = b if end else a
     value = data.joints[near].mean(axis=0) + slope * (edge - 0.5 - float(near.mean())) * data.dt

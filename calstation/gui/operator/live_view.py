@@ -3,6 +3,7 @@
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
+from calstation.gui.logs.methods import GimbalView
 from calstation.gui.operator.convergence import Convergence
 from calstation.gui.operator.position_panel import PositionPanel
 from calstation.gui.operator.table_panel import TablePanel
@@ -12,10 +13,22 @@ from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import PANEL, StateIcon, column, grid, label, row, stack, theme
 from calstation.messages import Text
 from calstation.physics import GROUPS, INDEX, PARAMETERS
-from calstation.sequencer import Event, PositionGuided, StageEnded, StageProgress, StageSolved, TableMoved, Trace
+from calstation.results.plots import gimbal_turns
+from calstation.sequencer import (
+    Event,
+    GimbalTurned,
+    JointsMoved,
+    PositionGuided,
+    StageEnded,
+    StageProgress,
+    StageSolved,
+    TableMoved,
+    Trace,
+)
 
 #: Preparation steps, each identified by the message that starts it; the first step starts with START.
 _STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_mounting")
+_GIMBAL_STEPS = ("starting", "waiting_ready", "homing", "warming_up", "checking_gravity")
 _MANUAL_STEPS = ("starting_manual", "waiting_ready", "warming_up", "checking_gravity")
 
 
@@ -39,7 +52,7 @@ class Preparation(QFrame):
         on_language_change(self, self._refresh)
 
     def _refresh(self) -> None:
-        steps = _MANUAL_STEPS if self._run.by_hand else _STEPS
+        steps = _MANUAL_STEPS if self._run.by_hand else _GIMBAL_STEPS if self._run.on_gimbal else _STEPS
         message = self._run.latest[1] if self._run.latest is not None else ""
         if self._run.state == "starting":
             self._current = 0
@@ -68,7 +81,9 @@ class LiveView(QWidget):
         self._run = run
         self.table, self._traces, self._convergence = TablePanel(), Traces(), Convergence()
         self.position, self._upper = PositionPanel(), QWidget()
-        self._lower = stack(Preparation(run), self._convergence)
+        self.gimbal = GimbalView()
+        self._turns: list[GimbalTurned] = []
+        self._lower = stack(Preparation(run), self._convergence, self.gimbal)
         self.position.finish_wanted.connect(self.finish_wanted)
         self.table.setMinimumWidth(37 * theme.GRID)
         row((self.table, 1), (self._traces, 3), on=self._upper)
@@ -77,7 +92,9 @@ class LiveView(QWidget):
     def start(self) -> None:
         """Prepare for a new run."""
         run_summary = self._run.run_summary
+        self.table.set_order("" if run_summary is None else run_summary.joint_order)
         self.table.forget()
+        self._turns = []
         self._traces.start()
         self._convergence.start(run_summary.targets if run_summary is not None else {})
         if run_summary is not None:
@@ -91,8 +108,13 @@ class LiveView(QWidget):
     def take(self, event: Event) -> None:
         """Show an event."""
         match event:
-            case TableMoved():
+            case TableMoved() | JointsMoved():
                 self.table.take(event)
+            case GimbalTurned():
+                self._turns.append(event)
+                order = "" if self._run.run_summary is None else self._run.run_summary.joint_order
+                self.gimbal.show_data(gimbal_turns(self._turns, order))
+                self.refresh()
             case PositionGuided():
                 self.position.take(event)
             case StageEnded():
@@ -109,7 +131,7 @@ class LiveView(QWidget):
         run = self._run
         begun = any(stage.state != "waiting" for stage in run.stages) and not run.register_operation
         guiding = run.by_hand and begun
-        self._lower.setCurrentIndex(1 if begun else 0)
+        self._lower.setCurrentIndex((2 if self._turns else 1) if begun else 0)
         self.table.setVisible(not run.by_hand)
         self.position.setVisible(guiding)
         self._upper.setVisible(not guiding)

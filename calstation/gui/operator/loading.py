@@ -50,7 +50,9 @@ class Loading(QFrame):
         self.rails.setVisible(by_hand)
         if run_summary is not None:
             self.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
-            self.picture.set_angles(*np.deg2rad(run_summary.load_angle).tolist())
+            self.picture.set_joints(run_summary.joint_order, known=True)
+            if not run_summary.joint_order:
+                self.picture.set_angles(*np.deg2rad(run_summary.load_angle).tolist())
             self.rails.set_plan(run_summary)
             table = "manual" if by_hand else "driven"
             self._situation = f"virtual_{table}" if run_summary.virtual else table

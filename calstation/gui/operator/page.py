@@ -180,10 +180,11 @@ class OperatorPage(Page):
             request = RunRequest("-", app.station_path, app.product_path, app.stages, schedule=app.schedule)
             return run_summary(request), []
         except ManualRigError as error:
-            manual = error.code != "product.needs_manual_table"
+            stations = {"product.needs_manual_table": "driven_station", "plan.needs_gimbal": "not_gimbal_station"}
+            stations["product.needs_table"] = "gimbal_station"
             found = compatible_products(app.station_path, app.product_path)
             names = ", ".join(name for name, _ in found)
-            why = Text.of("window.manual_station" if manual else "window.driven_station")
+            why = Text.of(f"window.{stations.get(error.code, 'manual_station')}")
             products = Text.of("window.compatible_products" if found else "window.no_compatible_product", names=names)
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             choices = []

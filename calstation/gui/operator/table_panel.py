@@ -1,4 +1,4 @@
-"""Panel with a drawing of the table at its encoder angles, the angles and rates, and the state of motion."""
+"""Panel with a drawing of the table or gimbal at its joint angles, the angles and rates, and the state of motion."""
 
 import numpy as np
 from PySide6.QtCore import Qt
@@ -8,23 +8,28 @@ from calstation.gui.operator.drawing import VIEWER, Drawing, basis, depth, scree
 from calstation.gui.text import on_language_change
 from calstation.gui.widgets import PANEL, StateBadge, column, grid, label, theme
 from calstation.physics import axis_rotation
-from calstation.sequencer import TableMoved
+from calstation.sequencer import JointsMoved, TableMoved
 
 _RING, _HOLE, _DISC = 1.0, 0.86, 0.8
 #: Corners of the unit's box on the disc, shape (8, 3), along two directions in the disc's plane and its normal.
 _CORNERS = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (0.0, 0.26)])
 
+#: Radius of a gimbal's middle ring, width of its rings, and corners of the unit's box within them, shape (8, 3).
+_MIDDLE, _WIDTH = 0.82, 0.14
+_UNIT = np.array([[x, y, z] for x in (-0.22, 0.22) for y in (-0.22, 0.22) for z in (-0.14, 0.14)])
+
 Axis = tuple[float, float, float]
 
 
 class TablePicture(Drawing):
-    """Draws the table at its joint angles: outer ring, inner disc and the axes of the unit."""
+    """Draws the table at its joint angles: outer ring, inner disc and the axes of the unit; a gimbal as two rings."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(220, parent)
         self._outer_axis: Axis = (1.0, 0.0, 0.0)
         self._inner_axis: Axis = (0.0, 0.0, 1.0)
-        self._angles = (0.0, 0.0)
+        self._angles: tuple[float, ...] = (0.0, 0.0)
+        self._order = ""
         self._pale = QGraphicsOpacityEffect(self)
         self._pale.setOpacity(0.5)
         self.setGraphicsEffect(self._pale)
@@ -41,8 +46,34 @@ class TablePicture(Drawing):
             self._angles = (outer, inner)
             self.update()
 
+    def set_joints(self, order: str, joints: tuple[float, ...] = (0.0, 0.0, 0.0), *, known: bool = False) -> None:
+        """Set a gimbal's order of joints, letters from base to body, and its angles x, y, z, rad; "" for a table."""
+        self._order = order
+        if order:
+            self._pale.setEnabled(not known)
+            self._angles = joints
+            self.update()
+
     def draw(self) -> None:
         """Draw the table from back to front."""
+        if self._order:
+            self._draw_gimbal()
+        else:
+            self._draw_table()
+
+    def _draw_gimbal(self) -> None:
+        """Draw the outer and the middle ring, and the unit."""
+        c = theme.colours()
+        outer, middle, inner = ("xyz".index(name) for name in self._order)
+        first, second, third = (axis_rotation(np.eye(3)[k], self._angles[k]) for k in (outer, middle, inner))
+        unit = first @ second @ third
+        for attitude, normal, radius in ((first, inner, _RING), (first @ second, outer, _MIDDLE)):
+            self.plate(attitude[:, normal], radius, c.line, c.muted)
+            self.plate(attitude[:, normal], radius - _WIDTH, c.panel, c.muted)
+        self.box(_UNIT @ unit.T)
+        self.axes(unit, (0.0, 0.0, 0.0), 0.62, [False] * 3)
+
+    def _draw_table(self) -> None:
         c = theme.colours()
         ring = axis_rotation(self._outer_axis, self._angles[0])
         unit = ring @ axis_rotation(self._inner_axis, self._angles[1])
@@ -74,19 +105,20 @@ class TablePicture(Drawing):
 
 
 class TablePanel(QFrame):
-    """Shows `TableMoved` events."""
+    """Shows `TableMoved` events, or `JointsMoved` events of a gimbal."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self.picture, self.badge = TablePicture(), StateBadge()
-        self._moved: TableMoved | None = None
-        names = (label(lambda: self.tr("outer")), label(lambda: self.tr("inner")))
-        self.angle_labels = [QLabel(), QLabel()]
-        self._rates = [label(kind="muted"), label(kind="muted")]
+        self._moved: TableMoved | JointsMoved | None = None
+        self._order = ""
+        self._names = [label(), label(), label()]
+        self.angle_labels = [QLabel(), QLabel(), QLabel()]
+        self._rates = [label(kind="muted"), label(kind="muted"), label(kind="muted")]
         figures = grid(down=0, stretch=1)
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        for row, (name, angle, rate) in enumerate(zip(names, self.angle_labels, self._rates, strict=True)):
+        for row, (name, angle, rate) in enumerate(zip(self._names, self.angle_labels, self._rates, strict=True)):
             angle.setFont(theme.font(theme.SECTION, bold=True))
             for at, part in enumerate((name, angle, rate)):
                 figures.addWidget(part, row, at)
@@ -96,28 +128,48 @@ class TablePanel(QFrame):
         column(self.badge, (self.picture, 1), figures, on=self, spacing=theme.GRID // 2, margins=PANEL)
         on_language_change(self, self._show_state)
 
-    def take(self, moved: TableMoved) -> None:
+    def set_order(self, order: str) -> None:
+        """Show a table, or a gimbal with this order of joints, letters from base to body."""
+        self._order = order
+        self.picture.set_joints(order)
+        self._show_state()
+
+    def take(self, moved: TableMoved | JointsMoved) -> None:
         """Show angles and rates."""
         self._moved = moved
-        self.picture.set_angles(moved.outer, moved.inner)
-        for shown, angle in zip(self.angle_labels, (moved.outer, moved.inner), strict=True):
+        if isinstance(moved, JointsMoved):
+            self.picture.set_joints(self._order, moved.joints, known=True)
+            angles, rates = moved.joints, moved.rates
+        else:
+            self.picture.set_angles(moved.outer, moved.inner)
+            angles, rates = (moved.outer, moved.inner), (moved.outer_rate, moved.inner_rate)
+        for shown, angle in zip(self.angle_labels, angles, strict=False):
             shown.setText(f"{np.rad2deg(angle):z.3f}°".replace("-", "−"))
-        for shown, rate in zip(self._rates, (moved.outer_rate, moved.inner_rate), strict=True):
+        for shown, rate in zip(self._rates, rates, strict=False):
             shown.setText(f"{np.rad2deg(rate):z.1f} °/s".replace("-", "−"))
         self._show_state()
 
     def forget(self) -> None:
         """Clear the readings and show that the angles are unknown."""
         self._moved = None
-        self.picture.set_angles(0.0, 0.0, known=False)
+        if self._order:
+            self.picture.set_joints(self._order)
+        else:
+            self.picture.set_angles(0.0, 0.0, known=False)
         for shown in (*self.angle_labels, *self._rates):
             shown.setText("–")
         self._show_state()
 
     def _show_state(self) -> None:
+        names = ("x", "y", "z") if self._order else (self.tr("outer"), self.tr("inner"), "")
+        for name, text in zip(self._names, names, strict=True):
+            name.setText(text)
+        for third in (self._names[2], self.angle_labels[2], self._rates[2]):
+            third.setVisible(bool(self._order))
         if self._moved is None:
-            self.badge.show_state("none", self.tr("table not connected"))
+            text = self.tr("gimbal not connected") if self._order else self.tr("table not connected")
+            self.badge.show_state("none", text)
         elif self._moved.moving:
-            self.badge.show_state("active", self.tr("table moving"))
+            self.badge.show_state("active", self.tr("gimbal turning") if self._order else self.tr("table moving"))
         else:
-            self.badge.show_state("stopped", self.tr("table at rest"))
+            self.badge.show_state("stopped", self.tr("gimbal at rest") if self._order else self.tr("table at rest"))

@@ -130,6 +130,11 @@ class RunStatus(QObject):
         return self.run_summary is not None and self.run_summary.by_hand
 
     @property
+    def on_gimbal(self) -> bool:
+        """Whether the run is on a gimbal."""
+        return self.run_summary is not None and bool(self.run_summary.joint_order)
+
+    @property
     def shown(self) -> str:
         """The state to display: `state`, or ``writing`` during a register operation."""
         return "writing" if self.register_operation and self.state == "running" else self.state

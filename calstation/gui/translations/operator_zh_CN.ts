@@ -168,7 +168,7 @@
     <name>TablePanel</name>
     <message>
         <source>outer</source>
-        <extracomment>Corners of the unit&apos;s box on the disc, shape (8, 3), along two directions in the disc&apos;s plane and its normal.</extracomment>
+        <extracomment>Corners of the unit&apos;s box on the disc, shape (8, 3), along two directions in the disc&apos;s plane and its normal. Radius of a gimbal&apos;s middle ring, width of its rings, and corners of the unit&apos;s box within them, shape (8, 3).</extracomment>
         <translation>外框</translation>
     </message>
     <message>
@@ -180,12 +180,24 @@
         <translation>转台未连接</translation>
     </message>
     <message>
+        <source>gimbal not connected</source>
+        <translation>框架未连接</translation>
+    </message>
+    <message>
         <source>table moving</source>
         <translation>转台转动</translation>
     </message>
     <message>
+        <source>gimbal turning</source>
+        <translation>框架转动</translation>
+    </message>
+    <message>
         <source>table at rest</source>
         <translation>转台静止</translation>
+    </message>
+    <message>
+        <source>gimbal at rest</source>
+        <translation>框架静止</translation>
     </message>
 </context>
 <context>

@@ -12,6 +12,7 @@ from .method_answer import GimbalAxis as GimbalAxis
 from .method_answer import GimbalPlotData as GimbalPlotData
 from .method_answer import MethodAnswer as MethodAnswer
 from .method_answer import PositionPlotData as PositionPlotData
+from .method_answer import gimbal_turns as gimbal_turns
 from .method_answer import solve_method as solve_method
 from .min_max_pyramid import BINS as BINS
 from .min_max_pyramid import Columns as Columns

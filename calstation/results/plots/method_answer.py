@@ -1,6 +1,6 @@
 """Solves a recording with a method that needs no table and computes its plot data from the same samples and result."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 
 from calstation.errors import InputError
 from calstation.estimation.common import SolveContext, StageData, stage_data
-from calstation.estimation.gimbal import contraction
+from calstation.estimation.gimbal import contraction, largest_gain
 from calstation.estimation.positions import gather, gravity_misses, turn_between
 from calstation.jobs import ProgressCallback
 from calstation.physics import AXES, INDEX, NAMES, FloatArray
@@ -26,6 +26,7 @@ from calstation.records import (
 from calstation.results import Parameter, Resolved, Result, resolve
 from calstation.results.plots.pairs import PairPlotData, pair_plot_data, stored_values
 from calstation.schema import validate
+from calstation.sequencer import GimbalTurned
 from procedures import method
 
 #: Progress fractions after reading and after solving.
@@ -185,6 +186,24 @@ def _gimbal_plot_data(details: Mapping[str, Any], schedule: Mapping[str, Any]) -
         threshold,
         {name: (row["value"], row["sigma"]) for name, row in details["least_squares"].items()},
     )
+
+
+def gimbal_turns(turns: Sequence[GimbalTurned], order: str) -> GimbalPlotData:
+    """Return the plot data of the turns of a run so far; `order` are the letters of the joints from base to body."""
+    axes = []
+    for axis in dict.fromkeys(turn.axis for turn in turns):
+        own = [turn for turn in turns if turn.axis == axis]
+        angle, gain = float(np.mean([abs(turn.angle) for turn in own])), own[-1].gain
+        row = {
+            "axis": AXES[axis],
+            "angles": [turn.angle for turn in own],
+            "drifts": [list(turn.drift) for turn in own],
+            "gain": gain,
+            "largest_gain": largest_gain(order, axis, angle),
+            "contraction": contraction(order, axis, angle, gain),
+        }
+        axes.append(_axis(row, order, own[-1].threshold))
+    return GimbalPlotData(tuple(axes), turns[-1].threshold if turns else 0.0, {})
 
 
 def _axis(row: Mapping[str, Any], order: str, threshold: float) -> GimbalAxis:

@@ -1,0 +1,120 @@
+"""Controller of the virtual gimbal: lines of text, drive states and watchdog of the table's machine, three joints.
+
+Angles are in degrees, rates in °/s. Lines end with LF; every line is answered by one line, "?" if it is refused.
+"""
+
+import numpy as np
+
+from calstation.bench.table.axes import StateBit
+from calstation.bench.table.machine import Clocks, Fault, NotPermitted, OutOfRange, Power, Refusal, TableMachine
+from calstation.bench.table.text import TextController
+from calstation.bench.truth import EncoderTruth, GimbalStream, TableDrive
+from calstation.physics import FloatArray
+
+MODEL = "VG-3"
+
+
+class GimbalDrive(TableDrive):
+    """The gimbal as the machine's drive: both of its commands, homing and stop, act on all joints."""
+
+    def __init__(self, stream: GimbalStream) -> None:
+        super().__init__(EncoderTruth(0.0, 0.0, (0.0, 0.0), 0.0))
+        self.stream = stream
+
+    @property
+    def end(self) -> float:
+        """Time at which the motion ends, s."""
+        return self.stream.end
+
+    @property
+    def settled(self) -> float:
+        """Time from which the joints rest, s."""
+        return self.stream.end
+
+    def move(
+        self, time: float, targets: tuple[float, float], rates: tuple[float, float], accelerations: tuple[float, float]
+    ) -> None:
+        """Move all joints to zero and lock them."""
+        self.stream.command_home(rates[0])
+
+    def stop(self, time: float, decelerations: tuple[float, float]) -> None:
+        """Decelerate to rest and lock the joints."""
+        self.stream.stop()
+
+
+class GimbalController(TextController):
+    """The gimbal's command language.
+
+    IDN model and serial number; ENA, DIS axes on and off; LCK lock the joints and average the gyro bias; STB stabilise;
+    TRN,axis,angle,rate turn about a body axis; HOM to zero, locked; STP stop; CLR reset; WDG feed the watchdog; STS
+    angles, rates, state bits, fault and watchdog timeout (s).
+    """
+
+    def __init__(self, machine: TableMachine, stream: GimbalStream, clocks: Clocks, serial: str, travel: float) -> None:
+        self._machine, self._stream, self._clocks = machine, stream, clocks
+        self._serial, self._travel = serial, travel
+        self._pending = b""
+        self.mute = 0
+
+    def _answer(self, line: str) -> bytes:
+        name, *rest = line.upper().split(",")
+        try:
+            return f"{name},{self._obey(name, rest)}\n".encode()
+        except (Refusal, ValueError, IndexError):
+            return b"?\n"
+
+    def _obey(self, name: str, rest: list[str]) -> str:
+        machine, device, host = self._machine, self._clocks.device(), self._clocks.host()
+        if name == "IDN":
+            return f"{MODEL},{self._serial}"
+        if name == "STS":
+            return self._status(device)
+        if name == "WDG":
+            machine.feed(host)
+        elif name in ("ENA", "DIS", "CLR"):
+            words = {"ENA": (0x06, 0x07, 0x0F), "DIS": (0x06,), "CLR": (0x00, 0x80, 0x00)}[name]
+            for word in words:
+                machine.control(word, device, host)
+        elif name == "HOM":
+            machine.home(device)
+        elif name == "STP":
+            machine.stop(device)
+        elif name in ("LCK", "STB"):
+            self._permit()
+            (self._stream.zero if name == "LCK" else self._stream.stabilise)()
+        elif name == "TRN":
+            self._permit()
+            self._turn("XYZ".index(rest[0]), *(float(np.deg2rad(float(text))) for text in rest[1:3]))
+        else:
+            raise ValueError(name)
+        return "OK"
+
+    def _permit(self) -> None:
+        machine = self._machine
+        if machine.power is not Power.ENABLED or machine.fault is not Fault.NONE or not machine.homed:
+            raise NotPermitted
+        if self._clocks.device() < self._stream.end:
+            raise NotPermitted
+
+    def _turn(self, axis: int, angle: float, rate: float) -> None:
+        if not self._stream.is_stabilised:
+            raise NotPermitted
+        target = self._stream.joints[axis] + angle
+        if abs(target) > self._travel or not 0.0 < rate <= self._machine.limits.rate:
+            raise OutOfRange
+        if not self._machine.jammed:
+            self._stream.command_turn(axis, angle, rate)
+
+    def _status(self, device: float) -> str:
+        machine = self._machine
+        state = StateBit.SETTLED if machine.settled(device) else StateBit.MOVING
+        state |= StateBit.ENABLED if machine.power is Power.ENABLED else 0
+        state |= StateBit.HOMED if machine.homed else 0
+        state |= StateBit.FAULT if machine.fault is not Fault.NONE else 0
+        state |= StateBit.CLOSED if machine.interlock_closed else 0
+        angles, rates = self._stream.readings
+        return ",".join([_text(angles), _text(rates), f"{int(state)},{int(machine.fault)},{machine.watchdog:g}"])
+
+
+def _text(values: FloatArray) -> str:
+    return ",".join(f"{float(v):.6f}" for v in np.rad2deg(values))

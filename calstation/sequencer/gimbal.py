@@ -1,0 +1,228 @@
+"""Drives a gimbal: returns to zero, stabilised turns with the correction in the unit's registers, verification."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from calstation.devices import Gimbal, TableStatus
+from calstation.errors import CalstationError, DeviceFaultError
+from calstation.estimation.gimbal import GimbalIteration, Motion, drift_matrix, turned_motion
+from calstation.physics import AXES, FloatArray, GimbalJoints, GimbalTurn, GimbalZero
+from calstation.sequencer.control_loop import ControlLoop
+from calstation.sequencer.events import GimbalTurned, StepStarted
+from calstation.sequencer.guard import check_joints, check_motion
+
+#: Joints at rest within this angle of zero have returned to it, rad.
+_AT_ZERO = np.deg2rad(0.5)
+#: Fraction of a commanded turn by which the joint must have moved for the turn to be complete.
+_TURNED = 0.8
+#: Longest duration of a return to zero, s.
+_HOME_WITHIN = 60.0
+#: Largest difference between a correction written and read back, rad.
+_READ_BACK = 1e-6
+
+
+@dataclass(frozen=True)
+class TurnDrift:
+    """Drift of the other joints in a turn about body axis `axis` of `seconds` s, rad, shape (2,).
+
+    `matrix` is J, the drift per rad of misalignment, shape (2, 2); `rest` is the time over which the drift at rest was
+    measured, s.
+    """
+
+    axis: int
+    matrix: FloatArray
+    drift: FloatArray
+    seconds: float
+    rest: float
+
+
+class GimbalLoop:
+    """Executes the steps of a gimbal stage in closed loop.
+
+    The correction K is written to the unit's volatile registers before every turn and read back. `restore` writes the
+    former values; the values in flash change only in the transfer at the end of a run.
+    """
+
+    def __init__(
+        self, control_loop: ControlLoop, run_in_background: Callable[[Callable[[], Any]], Any] = lambda work: work()
+    ) -> None:
+        self._control_loop = control_loop
+        self._context = control_loop.context
+        self._run_in_background = run_in_background
+        self._held: Mapping[str, float] | None = None
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a stage with K = 0."""
+        self._iteration: GimbalIteration | None = None
+        self._ready = self._zeroed = False
+
+    def home(self) -> None:
+        """Return all joints to zero and lock them. Raises DeviceFaultError."""
+        loop = self._control_loop
+        check_motion(loop.status)
+        self._ready = self._zeroed = False
+        self._gimbal.home()
+        loop.tick()
+        loop.wait(lambda: self._at_zero(loop.status), _HOME_WITHIN, DeviceFaultError("motion.zero_not_reached"))
+
+    def zero(self, step: GimbalZero) -> None:
+        """Return to zero, take the gyro bias with locked joints, and stabilise."""
+        self._begin_step("gimbal_zero", (float(step.index),))
+        self._zero(step.rest)
+
+    def turn(self, step: GimbalTurn) -> None:
+        """Make the next turn and correct K by its drift; do nothing if the axis is complete."""
+        iteration = self._iteration = self._iteration or _iteration(step, self._joints)
+        if iteration.axis_done and iteration.courses[-1].axis == step.axis:
+            return
+        command = iteration.next_turn()
+        assert command is not None, "the plan ends with the last axis"
+        if not self._ready or (command.home and not self._zeroed):
+            self._zero(step.rest + 2.0)
+        self._ready = False  # an interruption locks the joints, and the turn is repeated from zero
+        self._begin_step("gimbal_turn", (AXES[step.axis], float(step.index), float(step.count)))
+        self._write(command.correction)
+        motion = self._turned(step.axis, command.angle, step)
+        drift = motion.joint_drift(self._joints.order)
+        iteration.add_drift(step.axis, command.angle, drift)
+        self._context.emit(
+            GimbalTurned(
+                step.axis,
+                len(iteration.courses[-1].drifts),
+                command.angle,
+                tuple(float(v) for v in drift),
+                step.threshold,
+                step.gain,
+                iteration.axis_done,
+            )
+        )
+
+    def verification_turns(self) -> tuple[TurnDrift, ...]:
+        """Turn once about every axis with the unit's registers and return the drifts. Raises DeviceFaultError."""
+        step = self._context.task.gimbal_turn
+        assert step is not None, "the station has no gimbal"
+        drifts = []
+        for axis in range(3):
+            self._zero(step.rest + 2.0)
+            motion = self._turned(axis, step.angle, step)
+            order = self._joints.order
+            J = drift_matrix(order, axis, motion.angle)
+            drifts.append(TurnDrift(axis, J, motion.joint_drift(order), motion.duration, motion.rest))
+        self.home()
+        return tuple(drifts)
+
+    def restore(self) -> None:
+        """Write the unit's former misalignments if K has replaced them. Raises DeviceFaultError."""
+        held, self._held = self._held, None
+        if held is not None:
+            self._run_in_background(lambda: self._context.slot.imu.write_registers(held))
+
+    @property
+    def _gimbal(self) -> Gimbal:
+        return cast(Gimbal, self._context.table)
+
+    @property
+    def _joints(self) -> GimbalJoints:
+        joints = self._context.task.geometry.gimbal
+        assert joints is not None, "the station has no gimbal"
+        return joints
+
+    def _begin_step(self, kind: str, label: tuple[str | float, ...]) -> None:
+        acquisition = self._control_loop.acquisition
+        acquisition.step += 1
+        self._context.emit(StepStarted(acquisition.stage, acquisition.step, kind, (kind, *label)))
+
+    def _zero(self, seconds: float) -> None:
+        self.home()
+        self._gimbal.lock()
+        self._control_loop.rest(seconds)
+        self._gimbal.stabilise()
+        if self._iteration is not None:
+            self._iteration.at_zero()
+        self._ready = self._zeroed = True
+
+    def _turned(self, axis: int, angle: float, step: GimbalTurn) -> Motion:
+        """Rest, turn by `angle`, rad, and rest; return the motion of the joints."""
+        loop, model = self._control_loop, self._context.slot.unit.model
+        with loop.acquisition.tap() as blocks:
+            loop.rest(step.rest)
+            start = self._joint(axis)
+            self._check_turn(axis, start + angle)
+            self._zeroed = False
+            begin = int(blocks[-1].seq[-1])
+            self._gimbal.turn(axis, angle, step.rate)
+            loop.tick()
+            loop.wait(
+                lambda: _rests(loop.status) and abs(self._joint(axis) - start) > _TURNED * abs(angle),
+                3.0 * abs(angle) / step.rate + 10.0,
+                lambda: DeviceFaultError(
+                    "motion.turn_not_made",
+                    axis=AXES[axis],
+                    wanted_deg=float(np.rad2deg(angle)),
+                    turned_deg=float(np.rad2deg(self._joint(axis) - start)),
+                ),
+            )
+            loop.rest(step.rest)
+
+            try:
+                motion: Motion = self._run_in_background(lambda: turned_motion(blocks, model, begin, axis))
+            except CalstationError as error:
+                raise DeviceFaultError("motion.turn_unusable", axis=AXES[axis], reason=error.as_text) from error
+        self._ready = True
+        return motion
+
+    def _check_turn(self, axis: int, target: float) -> None:
+        """Check power, watchdog and travel before a turn to a joint angle, rad. Raises DeviceFaultError."""
+        check_motion(self._control_loop.status)
+        joints = np.zeros(3)
+        joints[axis] = target
+        check_joints(self._joints, joints)
+
+    def _joint(self, axis: int) -> float:
+        joints = self._control_loop.status.joints
+        assert joints is not None, "a gimbal measures its joints"
+        return float(joints[axis])
+
+    def _at_zero(self, status: TableStatus) -> bool:
+        joints = status.joints
+        return status.homed and _rests(status) and joints is not None and float(np.abs(joints).max()) < _AT_ZERO
+
+    def _write(self, correction: FloatArray) -> None:
+        """Write K, shape (3, 3), to the unit's registers and read it back; K is without the scale of the registers."""
+        imu = self._context.slot.imu
+
+        def write() -> float:
+            found = imu.read_registers()
+            names = [f"gyro_misalign_{a}{b}" for a in AXES for b in AXES if a != b]
+            if self._held is None:
+                self._held = {name: found[name] for name in names}
+            wanted = {
+                name: float(correction[AXES.index(name[-2]), AXES.index(name[-1])])
+                * (1.0 + found.get(f"gyro_scale_{name[-1]}", 0.0))
+                for name in names
+            }
+            imu.write_registers(wanted)
+            read = imu.read_registers()
+            return max(abs(read[name] - wanted[name]) for name in names)
+
+        self._control_loop.pausable = self._control_loop.watchful = False
+        difference = self._run_in_background(write)
+        self._control_loop.tick()
+        self._control_loop.pausable = self._control_loop.watchful = True
+        if difference > _READ_BACK:
+            raise DeviceFaultError("motion.correction_not_kept", difference_arcsec=float(np.rad2deg(difference)) * 3600)
+
+
+def _iteration(step: GimbalTurn, joints: GimbalJoints) -> GimbalIteration:
+    travel = min(min(-low, high) for low, high in joints.travel)
+    return GimbalIteration(
+        step.gain, step.angle, step.count, step.threshold, step.alternate, min(travel, GimbalIteration.travel)
+    )
+
+
+def _rests(status: TableStatus) -> bool:
+    return status.settled and not status.moving

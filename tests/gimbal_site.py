@@ -1,0 +1,31 @@
+"""A folder with the virtual gimbal's station and a product with short turns."""
+
+from typing import Any
+
+import tomli_w
+
+from tests.site_folder import BENCH, STATION, SiteFolder
+
+SCHEDULE = {"dwell_s": 3.0, "iterations": 3, "threshold_arcsec": 60.0}
+PRODUCT: dict[str, Any] = {
+    "name": "on a gimbal",
+    "imu": "bench_mems",
+    "bench_grade": "mems",
+    "serial_pattern": "SN-[0-9]+",
+    "stages": ["gimbal"],
+    "schedule": {"gimbal": SCHEDULE},
+    "limits": {"gyro_misalign": {"within": 0.0036, "sigma_below": 1e-3}},
+}
+#: Settings of the bench that make a good gimbal.
+GIMBAL = {"encoder_sigma_deg": 0.002, "homing_rate_deg_s": 20.0}
+
+
+class GimbalSite(SiteFolder):
+    """A site folder with a gimbal."""
+
+    def write(self, product: dict | None = None, **bench: object) -> None:
+        site = {**STATION["site"], "gravity_mps2": 9.79547}
+        settings = {**BENCH, **GIMBAL, **bench}
+        self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
+        station = {**STATION, "site": site, "table": {"profile": "gimbal"}, "bench": settings}
+        self.station.write_text(tomli_w.dumps(station), encoding="utf-8")

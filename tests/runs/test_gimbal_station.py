@@ -1,0 +1,168 @@
+"""A station with a gimbal: turned, corrected, judged, written, verified and solved again, and stopped in any state."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import tomli_w
+
+from calstation.config import library
+from calstation.config.request import RunRequest
+from calstation.config.resolved import check_station, prepare_run
+from calstation.config.schedules import schedule_options
+from calstation.config.summary import run_summary
+from calstation.connection.devices import Devices
+from calstation.errors import ConfigurationError
+from calstation.messages import Text
+from calstation.physics.parameters import NAMES, group_indices
+from calstation.records.log import open_log
+from calstation.results.preview import compute_preview
+from calstation.results.resolving import resolve
+from calstation.runs.run import execute
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import GimbalTurned, JointsMoved, StateChanged, StepStarted
+from calstation.simulation.hooks import BenchHooks
+from tests.gimbal_site import SCHEDULE, GimbalSite
+from tests.helpers import raises_code
+from tests.site_folder import STATION
+
+MISALIGNMENTS = [NAMES[i] for i in group_indices("gyro_misalign")]
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> GimbalSite:
+    return GimbalSite(tmp_path)
+
+
+@pytest.mark.long
+def test_a_run_writes_the_correction_verifies_it_and_is_solved_again_bit_for_bit(site: GimbalSite) -> None:
+    verdict = site.run()
+    result = verdict.result
+    assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
+    registers = result["registers"]
+    assert registers["verified"]
+    assert [check["name"] for check in registers["proof"]] == [f"gimbal_drift_{a}" for a in "xyz"]
+    for name in MISALIGNMENTS:
+        assert registers["old"][name] == 0.0
+        assert registers["new"][name] == pytest.approx(result["parameters"][name]["value"], abs=1e-8)
+    turns = site.events_of(GimbalTurned)
+    assert {turn.axis for turn in turns} == {0, 1, 2}
+    first, last = (max(np.abs(t.drift).max() for t in turns if t.index == i or (i < 0 and t.complete)) for i in (1, -1))
+    assert last < 0.5 * first
+    assert len(site.events_of(JointsMoved)) > 10
+    log = open_log(Path(verdict.log))
+    joints = np.concatenate([block.joints for block in log.blocks()])
+    assert np.isfinite(joints).all(axis=1).sum() > 50
+    again = resolve(Path(verdict.log)).result.to_json()
+    assert again["parameters"] == result["parameters"]
+
+
+@pytest.mark.long
+def test_the_solution_agrees_with_the_bench(site: GimbalSite) -> None:
+    site.write(parameters={name: 1e-3 * (i - 2) for i, name in enumerate(MISALIGNMENTS)})
+    result = site.run().result
+    for i, name in enumerate(MISALIGNMENTS):
+        parameter = result["parameters"][name]
+        assert abs(parameter["value"] - 1e-3 * (i - 2)) < 4.0 * parameter["sigma"]
+
+
+class Recorded(BenchHooks):
+    """Hooks that record what is written to the unit's registers."""
+
+    written: ClassVar[list[dict[str, float]]] = []
+
+    def connected(self, devices: Devices) -> None:
+        super().connected(devices)
+        write = devices.imu.write_registers
+
+        def recorded(values: Any) -> None:
+            self.written.append(dict(values))
+            write(values)
+
+        devices.imu.write_registers = recorded  # type: ignore[method-assign]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("step", [0, 1, 2])
+def test_stop_locks_the_joints_and_restores_the_registers(site: GimbalSite, step: int) -> None:
+    site.write(report_file=str(site.folder / "bench.json"))
+    stop = site.once(StepStarted, Command.STOP, after=step)
+    Recorded.written = []
+
+    def emit(event: Any) -> None:
+        site.events.append(event)
+        stop(event)
+
+    execute(site.request(), emit, site.control, Recorded)
+    assert site.events[-1].outcome == "stopped"
+    report = json.loads((site.folder / "bench.json").read_text(encoding="utf-8"))
+    assert not report["enabled"]
+    assert not report["moving"]
+    stopping = next(i for i, e in enumerate(site.events) if isinstance(e, StateChanged) and e.state == "stopping")
+    assert not any(isinstance(e, StepStarted) for e in site.events[stopping:])
+    if Recorded.written:
+        assert set(Recorded.written[-1].values()) == {0.0}
+
+
+@pytest.mark.long
+def test_a_pause_repeats_the_turn_from_zero(site: GimbalSite) -> None:
+    pause = site.once(StepStarted, Command.PAUSE, after=2)
+
+    def on_event(event: Any) -> None:
+        pause(event)
+        if isinstance(event, StateChanged) and event.state == "paused":
+            site.control.send(Command.RESUME)
+
+    verdict = site.run(on_event=on_event)
+    assert verdict.outcome == "passed"
+    assert {e.state for e in site.events_of(StateChanged)} >= {"paused"}
+
+
+def test_stages_of_tables_and_gimbals_are_not_exchanged(site: GimbalSite) -> None:
+    with raises_code(ConfigurationError, "product.needs_table"):
+        prepare_run(site.request("rate"))
+    assert schedule_options(site.station, site.product).offered == ("gimbal",)
+    table = site.folder / "table.toml"
+    table.write_text(tomli_w.dumps({**STATION, "bench": {"seed": 5}}), encoding="utf-8")
+    with raises_code(ConfigurationError, "plan.needs_gimbal"):
+        prepare_run(RunRequest("SN-000042", table, site.product, None, site.folder / "runs"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "code"),
+    [
+        ({"order": "xyz"}, "plan.gimbal_order_differs"),
+        ({"rate_dps": 90.0}, "plan.gimbal_rate_exceeds_limit"),
+    ],
+)
+def test_a_schedule_that_the_gimbal_cannot_make_is_refused(site: GimbalSite, changed: dict, code: str) -> None:
+    site.write({"schedule": {"gimbal": {**SCHEDULE, **changed}}})
+    with raises_code(ConfigurationError, code):
+        prepare_run(site.request())
+
+
+def test_the_unit_must_store_the_correction(site: GimbalSite) -> None:
+    setup = prepare_run(site.request())
+    without = replace(setup, imu=setup.imu.model_copy(update={"registers": []}))
+    with raises_code(ConfigurationError, "product.gimbal_needs_registers"):
+        check_station(without)
+
+
+def test_the_shipped_gimbal_is_complete() -> None:
+    station, product = library.find("stations", "virtual_gimbal"), library.find("products", "mems_gimbal")
+    summary = run_summary(RunRequest("SN-1", station, product))
+    assert [stage.name for stage in summary.stages] == ["gimbal"]
+
+
+def test_the_preview_knows_the_longest_duration_but_no_sigmas(site: GimbalSite) -> None:
+    previewed = compute_preview(no_progress, site.request())
+    assert previewed.stages[0].end == pytest.approx(run_summary(site.request()).stages[0].duration)
+    assert previewed.stages[0].error == Text("preview.gimbal_motion")
+    assert previewed.violations == ()
+
+
+def no_progress(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    """Ignore the progress of the preview."""
