@@ -20,7 +20,7 @@ class Schedule(RepeatedSchedule):
     dwell_s: float = Field(60.0, ge=2.0, le=3600.0, description="rest after every half turn")
     rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
-    rounds: int | None = Field(2, ge=1, description="complete rounds")
+    rounds: int = Field(2, ge=0, description="complete rounds; 0: no limit")
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:

@@ -1,6 +1,7 @@
 """`run`: shows the events of a run as progress bars and messages, and turns Ctrl-C into a safe stop."""
 
 import shlex
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from math import degrees
@@ -10,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextColumn
 
 from calstation.cli.errors import command_options, complain, complete_commands, station_options
-from calstation.cli.show import check_json, emit_json, on_interrupt, result_table, say, show_line
+from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, result_table, say, show_line
 from calstation.config import RegisterOperation, RunRequest, computer_user, load_station, prepare_run
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, render, sentence, step_text
@@ -30,6 +31,9 @@ from calstation.sequencer import (
     Verdict,
 )
 from calstation.simulation import BenchHooks
+
+#: What the user enters to end a repeated stage.
+_END_STAGE = "e"
 
 
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
@@ -84,6 +88,7 @@ def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | No
         on_interrupt(lambda: engine.send(Command.STOP)),
         display.progress,
     ):
+        on_line(_END_STAGE, lambda: engine.send(Command.END_STAGE))
         for event in engine.events():
             display.show(event)
             yield event
@@ -149,6 +154,8 @@ class _Display:
                 event.stage, total=1.0, number=number, left=_left(event.duration), now=""
             )
             self._line(f"{number} {event.stage}: {_minutes(event.duration)} of device time")
+            if event.repeated and sys.stdin.isatty():
+                show_line(self._console, say("cli.end_stage", stage=event.stage, key=_END_STAGE))
         elif isinstance(event, StageProgress):
             self._update(event.stage, completed=event.fraction, left=_left(event.remaining))
         elif isinstance(event, StepStarted):

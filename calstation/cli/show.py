@@ -5,6 +5,7 @@ import math
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -70,6 +71,19 @@ def on_interrupt(action: Callable[[], object]) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def on_line(line: str, action: Callable[[], object]) -> None:
+    """Call `action` each time the user enters a line with this text, until the program ends; needs a terminal."""
+
+    def listen() -> None:
+        # os.read takes no lock of sys.stdin, which the interpreter could not release at its end.
+        while entered := os.read(sys.stdin.fileno(), 1024):
+            if entered.strip().lower() == line.encode():
+                action()
+
+    if sys.stdin.isatty():
+        threading.Thread(target=listen, name="keyboard", daemon=True).start()
 
 
 def result_table(console: Console, result: Result) -> None:

@@ -30,6 +30,7 @@ from calstation.config.station import (
 from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
+from calstation.estimation import RepeatedSchedule
 from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
 from calstation.physics import INDEX, PARAMETERS, Step, group_indices
 from calstation.records import (
@@ -282,10 +283,13 @@ def _section(model: type[Model], *sources: BaseModel, **more: Any) -> Model:
 
 def _stop_rule(schedule: BaseModel) -> StopRule:
     """Return the stop rule of a schedule; it is empty for a plan that does not repeat."""
+    if not isinstance(schedule, RepeatedSchedule):
+        return StopRule()
     return StopRule(
-        rounds=getattr(schedule, "rounds", None),
-        duration=getattr(schedule, "duration_s", None),
-        targets=getattr(schedule, "targets", {}),
+        rounds=schedule.rounds or None,
+        duration=schedule.duration_s,
+        targets=schedule.targets,
+        repeated=True,
     )
 
 

@@ -145,6 +145,7 @@ class ProductConfig(StrictModel):
     checks: ChecksSection | None = None
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
+    operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
     end_on_failure: bool = False  #: Whether to skip the remaining stages after a missed limit.
     #: Recommended action after the first, second, ... consecutive failure; the last entry applies to all later ones.
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)

@@ -40,6 +40,7 @@ class RunSummary:
     targets: Mapping[str, float]
     attempts_allowed: int | None  #: Consecutive failures after which a unit is set aside; None for any number.
     load_angle: tuple[float, float]  #: Angles of the table while units are changed, degrees.
+    operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
     by_hand: bool = False
     #: Unit vector of the direction of gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
@@ -72,6 +73,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         targets=_targets(setup),
         attempts_allowed=setup.product.attempts_allowed,
         load_angle=(load.outer_deg, load.inner_deg),
+        operator_ends_stages=setup.product.operator_ends_stages,
         by_hand=setup.by_hand,
         positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry))
         if setup.by_hand

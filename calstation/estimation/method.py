@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any, Protocol
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.estimation.common import (
     Belief,
@@ -73,14 +73,26 @@ class StageSolver(Protocol):
 
 
 class RepeatedSchedule(BaseModel):
-    """Stop rule of a repeated plan: it stops at the first of these conditions that is met."""
+    """Stop rule of a repeated plan: it ends at the first of these conditions that is met, or when the operator ends it.
+
+    A condition that is not given ends nothing: without `rounds`, a duration or targets alone end the plan. Without any
+    condition, the plan ends after the default number of rounds.
+    """
 
     model_config = ConfigDict(extra="forbid")
-    rounds: int | None = Field(1, ge=1, description="complete rounds")
+    rounds: int = Field(1, ge=0, description="complete rounds; 0: no limit")
     duration_s: float | None = Field(None, gt=0.0, description="the round during which this is over is the last")
     targets: dict[str, Annotated[float, Field(gt=0.0)]] = Field(
         default_factory=dict, description="the round after which every sigma is below its target is the last"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_other_limit(cls, values: Any) -> Any:
+        if isinstance(values, dict) and values.get("rounds") is None:
+            others = values.get("duration_s") is not None or values.get("targets")
+            return {**values, "rounds": 0} if others or "rounds" in values else values
+        return values
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class StagePreview:
     stage: str
     begin: float  #: Start time, since the start of the first stage, s.
     end: float  #: End time, since the start of the first stage, s.
-    reason: str  #: Reason for its end: plan, rounds, duration or targets; "" if MOST_ROUNDS are not enough.
+    reason: str  #: Reason for its end: plan, rounds, duration, targets or operator; "" if MOST_ROUNDS are not enough.
     rounds: int  #: Complete rounds.
     moves: int  #: Number of moves of the table.
     estimated: tuple[str, ...]  #: Names of the estimated parameters.
@@ -222,10 +222,12 @@ class _Previewer:
         """Return why a repeated plan ends after this round, or None if it continues."""
         rule = plan.rule
         measured = solve and bool(rule.targets)
-        reason = rule.reason(rounds, elapsed, self._chain.sigma() if measured else None, enough=False)
-        endless = rule.rounds is None and rule.duration is None
-        if reason is None and endless and (rounds >= MOST_ROUNDS or not measured):
-            return ""
+        reason = rule.reason(rounds, elapsed, self._chain.sigma() if measured else None)
+        if reason is None and rule.open_ended:
+            if not rule.targets:
+                return "operator"
+            if rounds >= MOST_ROUNDS or not measured:
+                return ""
         return reason
 
     def _step(self, step: Step, stage: str) -> None:

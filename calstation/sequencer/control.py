@@ -56,7 +56,7 @@ class Command(StrEnum):
     PAUSE = "pause"
     RESUME = "resume"
     STOP = "stop"
-    ENOUGH = "enough"
+    END_STAGE = "end_stage"
 
 
 class StopReason(StrEnum):
@@ -97,7 +97,8 @@ class Control:
         self.stopping = False
         self.stop_reason: StopReason | None = None
         self.pausing = False
-        self.enough = False
+        #: Whether the current stage is to end after the current move, if its plan repeats, and be solved.
+        self.ending_stage = False
 
     def send(self, command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
         """Send a command; callable from any thread."""
@@ -117,7 +118,7 @@ class Control:
             elif command is Command.RESUME:
                 self.pausing = False
             else:
-                self.enough = True
+                self.ending_stage = True
 
     def check_cancelled(self) -> None:
         """Process all pending commands. Raises StopRequested."""

@@ -29,12 +29,16 @@ class StateChanged(Event):
 
 @dataclass(frozen=True)
 class StageStarted(Event):
-    """Stage number `index` (from 0) of `count` begins; `duration` is its planned duration, s."""
+    """Stage number `index` (from 0) of `count` begins; `duration` is its planned duration, s.
+
+    A `repeated` stage can be ended early by `Command.END_STAGE`.
+    """
 
     stage: str
     index: int
     count: int
     duration: float
+    repeated: bool = False
 
 
 @dataclass(frozen=True)

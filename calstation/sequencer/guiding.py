@@ -38,7 +38,7 @@ class Guiding:
     @property
     def done(self) -> bool:
         """Whether the operator has ended the stage and the positions suffice."""
-        return self._context.control.enough and self._guide.now.suffices
+        return self._context.control.ending_stage and self._guide.now.suffices
 
     @contextmanager
     def listening(self) -> Iterator[None]:

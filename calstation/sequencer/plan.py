@@ -20,20 +20,24 @@ class StopRule:
     """Ends a repeated plan at the end of the first round in which one of its conditions is met.
 
     Conditions: complete rounds, IMU time in s, largest sigma per parameter or group, SI. Each can be None or empty.
+    The operator can end a repeated plan at any time, after the current move.
     """
 
     rounds: int | None = None
     duration: float | None = None
     targets: Mapping[str, float] = field(default_factory=dict)
+    repeated: bool = False  #: Whether the plan repeats; any other plan is executed to its end.
 
-    def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None, enough: bool) -> str | None:
-        """Return the reason to stop now: ``operator``, ``rounds``, ``duration`` or ``targets``; None to continue.
+    @property
+    def open_ended(self) -> bool:
+        """Whether neither rounds nor duration limit the plan."""
+        return self.rounds is None and self.duration is None
 
-        `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if unknown; `enough` is True if the operator
-        ends the stage.
+    def reason(self, rounds: int, elapsed: float, sigma: FloatArray | None) -> str | None:
+        """Return the reason to stop at the end of a round: ``rounds``, ``duration`` or ``targets``; None to continue.
+
+        `elapsed` is IMU time, s; `sigma` has shape (30,), SI, or is None if unknown.
         """
-        if enough:
-            return "operator"
         if self.rounds is not None and rounds >= self.rounds:
             return "rounds"
         if self.duration is not None and elapsed >= self.duration:
@@ -53,7 +57,7 @@ class StagePlan:
 
 
 class StageTrack:
-    """Tracks the progress of one stage; `duration` is its planned duration, s."""
+    """Tracks the progress of one stage, or of one round of an open-ended one; `duration` is the planned duration, s."""
 
     def __init__(self, stage: str, duration: float) -> None:
         self._stage, self._duration = stage, duration
@@ -114,7 +118,6 @@ def planned(
     end it.
     """
     elapsed = 0.0
-    open_ended = rule.rounds is None and rule.duration is None
     for step in islice(steps, _MAX_STEPS):
         seconds = step_time(step, start, settle)
         elapsed += seconds
@@ -123,9 +126,7 @@ def planned(
         yield step, seconds
         if isinstance(step, Finish):
             return
-        if isinstance(step, RoundEnd) and (
-            open_ended or rule.reason(step.rounds, elapsed, None, enough=False) is not None
-        ):
+        if isinstance(step, RoundEnd) and (rule.open_ended or rule.reason(step.rounds, elapsed, None) is not None):
             return
 
 

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 
 from calstation.errors import CalstationError
 from calstation.estimation import Solution
-from calstation.physics import Carry, Finish, Move, Prepare, RoundEnd
+from calstation.physics import Carry, Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.sequencer.capture import VerificationData
 from calstation.sequencer.context import Ended, Finalized, Output, RunContext
 from calstation.sequencer.control import State, StopRequested
@@ -114,10 +114,10 @@ class Sequencer:
         drive, emit = self._drive, self._context.emit
         duration = plan_time(stage.steps(), stage.rule, drive.runner.position(), self._context.task.settle)
         count = self._solved_before + len(self._context.task.stages)
-        emit(StageStarted(stage.name, index, count, duration))
+        emit(StageStarted(stage.name, index, count, duration, stage.rule.repeated))
         logger.info("stage %s begins", stage.name)
         self._solving.start(stage.name)
-        self._context.control.enough = False
+        self._context.control.ending_stage = False
         drive.acquisition.stage = stage.name
         drive.runner.begin_stage()
         try:
@@ -149,9 +149,11 @@ class Sequencer:
                 rounds = step.rounds
                 elapsed = (drive.acquisition.newest or 0.0) - begin
                 sigma = self._solving.sigma() if stage.rule.targets else None
-                reason = stage.rule.reason(rounds, elapsed, sigma, self._context.control.enough)
+                reason = stage.rule.reason(rounds, elapsed, sigma)
                 if reason:
                     return reason, rounds
+                if stage.rule.open_ended:
+                    track = self._track = StageTrack(stage.name, duration)
             elif isinstance(step, Finish):
                 break
             elif not isinstance(step, Prepare):
@@ -159,7 +161,8 @@ class Sequencer:
                 drive.runner.run(step)
                 track.end(self._solving.sigma())
                 self._show_progress()
-                if isinstance(step, Carry) and drive.runner.guiding.done:
+                ending = stage.rule.repeated and isinstance(step, Dwell) and self._context.control.ending_stage
+                if ending or (isinstance(step, Carry) and drive.runner.guiding.done):
                     return "operator", rounds
         return "plan", rounds
 

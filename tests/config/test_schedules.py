@@ -1,12 +1,14 @@
 """Fields of schedules with their ranges, values of a product, and problems of values."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from calstation.config.resolved import prepare_run
 from calstation.config.schedules import ScheduleProblem, schedule_fields, schedule_options, schedule_problems
 from calstation.errors import ConfigurationError
+from procedures import method
 from tests.site_folder import PRODUCT, SiteFolder
 
 
@@ -22,7 +24,8 @@ def test_fields_have_kind_unit_range_and_description() -> None:
     assert (rate.unit, rate.low, rate.above, rate.high) == ("°/s", 0.0, True, 360.0)
     assert (dwell.unit, dwell.low, dwell.above) == ("s", 2.0, False)
     by_name = {field.name: field for field in schedule_fields("excitation")}
-    assert by_name["rounds"].optional
+    assert not by_name["rounds"].optional
+    assert (by_name["rounds"].low, by_name["rounds"].above) == (0.0, False)
     assert by_name["duration_s"].optional
     assert by_name["targets"].kind == "targets"
     assert all(field.description for field in by_name.values())
@@ -87,3 +90,18 @@ def test_distinguishes_the_kinds_of_fields() -> None:
     assert by_name["trigger"].kind == "choice"
     assert by_name["trigger"].choices == ("command", "start_up", "period")
     assert by_name["primary_gyro"].kind == "other"
+
+
+@pytest.mark.parametrize(
+    ("values", "rounds"),
+    [
+        ({}, 1),
+        ({"rounds": 0}, 0),
+        ({"duration_s": 1500.0}, 0),
+        ({"targets": {"gyro_bias": 1e-7}}, 0),
+        ({"rounds": 3, "duration_s": 1500.0}, 3),
+        ({"rounds": None}, 0),
+    ],
+)
+def test_an_unset_condition_never_ends_a_stage(values: dict[str, Any], rounds: int) -> None:
+    assert method("excitation").schedule.model_validate(values).model_dump()["rounds"] == rounds

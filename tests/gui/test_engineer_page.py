@@ -282,6 +282,22 @@ def test_a_choice_changed_during_the_preview_makes_it_outdated(engineer: Enginee
     assert "the choice has changed since" not in engineer.widget("preview_summary", QLabel).text()
 
 
+def test_the_preview_says_what_ends_a_repeated_stage(engineer: Engineer) -> None:
+    engineer.unlock()
+    engineer.tick("stage_check_azimuth_flip")
+    engineer.page.choice.parts.select("azimuth_flip")
+    for rounds, duration, ends in (
+        ("2", "", "Azimuth flips: ends after round 2."),
+        ("0", "", "Azimuth flips: repeated until it is ended by hand"),
+        ("0", "100", "Azimuth flips: ends by its duration, after round 3."),
+        ("1", "100", "Azimuth flips: ends after round 1."),
+    ):
+        engineer.type("schedule_azimuth_flip_rounds", rounds)
+        engineer.type("schedule_azimuth_flip_duration_s", duration)
+        engineer.preview()
+        assert ends in engineer.widget("preview_ends", QLabel).text()
+
+
 @pytest.mark.exhaustive
 def test_a_changed_schedule_is_in_the_log_and_in_the_hash(engineer: Engineer) -> None:
     engineer.tick("stage_check_six_position")

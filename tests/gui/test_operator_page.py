@@ -16,7 +16,7 @@ from calstation.config import library
 from calstation.gui.shell.app import create_window
 from calstation.gui.shell.main_window import MainWindow
 from tests.gui.conftest import SERIAL, Operator, SiteFolder
-from tests.site_folder import QUICK, STATION
+from tests.site_folder import PRODUCT, QUICK, STATION
 
 ONE_STAGE = {"stages": ["six_position"]}
 #: Half a minute long at twenty times real time: it does not end while buttons are pressed.
@@ -56,6 +56,29 @@ def test_one_click_runs_to_pass_with_language_changes(operator: Operator) -> Non
     (result,) = results(operator.site_folder)
     assert (result["unit"]["serial"], result["outcome"], result["passed"]) == (serial, "passed", True)
     assert operator.widget("serial_edit", QLineEdit).text() == "SN-000002"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", ["operator_page", "engineer_page"])
+def test_a_stage_without_limit_is_ended_by_a_click_and_solved(operator: Operator, page: str) -> None:
+    unlimited = {**PRODUCT["schedule"]["azimuth_flip"], "rounds": 0}
+    product = {"stages": ["azimuth_flip"], "schedule": {"azimuth_flip": unlimited}, "operator_ends_stages": True}
+    operator.site_folder.write(product)
+    name = {"operator_page": "end_stage_button", "engineer_page": "engineer_end_stage_button"}[page]
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.window.show_page(page)
+    button = operator.widget(name, QPushButton)
+    operator.until(button.isVisible)
+    assert not button.isEnabled(), "no stage has started"
+    operator.until(operator.in_a_stage)
+    operator.press(name)
+    assert not button.isEnabled()
+    assert "after this move" in button.toolTip()
+    operator.until_ended()
+    assert operator.run.fault is None, operator.run.fault
+    assert results(operator.site_folder)[0]["outcome"] in ("passed", "failed")
+    assert not button.isVisible()
 
 
 @pytest.mark.long

@@ -193,4 +193,4 @@ def test_operator_page_shows_the_guide_on_a_manual_rig(
     assert "Turn the inner rail to about 180°, then let go." in operator.says()
     assert not page._live.table.isVisible()
     operator.press("finish_positions_button")
-    assert sent == [Command.ENOUGH]
+    assert sent == [Command.END_STAGE]

@@ -214,7 +214,7 @@ def test_a_pause_is_not_a_rest_and_the_position_is_requested_again() -> None:
 def test_enough_ends_the_stage_once_the_positions_lie_all_around() -> None:
     scene = ManualScene(ALL_ROUND)
     scene.instead[2] = lambda pose: (
-        scene.control.send(Command.ENOUGH),
+        scene.control.send(Command.END_STAGE),
         scene.later(0.5, lambda: scene.hand.turn(pose)),
     )
     assert scene.run().state is State.PASSED

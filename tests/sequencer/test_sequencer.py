@@ -356,11 +356,24 @@ def test_a_repeated_plan_ends_by_its_rule(rule: StopRule, reason: str, rounds: i
     assert rounds is None or ended.rounds == rounds
 
 
-def test_the_operator_ends_a_repeated_plan() -> None:
-    scene = Scene(repeated(StopRule()))
-    in_stage(scene, 2.5, lambda: scene.control.send(Command.ENOUGH))
+def test_the_operator_ends_a_repeated_plan_after_the_current_move_and_its_rest() -> None:
+    scene = Scene(repeated(StopRule(repeated=True)))
+    in_stage(scene, 2.5, lambda: scene.control.send(Command.END_STAGE))
     assert scene.run().state is State.PASSED
-    assert scene.events_of(StageEnded)[0].reason == "operator"
+    assert scene.events_of(StageStarted)[0].repeated
+    (ended,) = scene.events_of(StageEnded)
+    assert ended.reason == "operator"
+    steps = [event.kind for event in scene.events_of(StepStarted) if event.stage == "excitation"]
+    assert steps[-1] == "dwell"
+    assert len(steps) <= 4
+
+
+def test_a_plan_that_does_not_repeat_is_not_ended_by_the_operator() -> None:
+    scene = Scene()
+    in_stage(scene, 0.5, lambda: scene.control.send(Command.END_STAGE))
+    assert scene.run().state is State.PASSED
+    assert {event.reason for event in scene.events_of(StageEnded)} == {"plan"}
+    assert not any(event.repeated for event in scene.events_of(StageStarted))
 
 
 def test_progress_rises_to_one() -> None:

@@ -15,7 +15,7 @@ from calstation.gui.engineer.choice_panel import ChoicePanel
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.gui.shell import AppContext, Page, RunStatus, RunStrip
+from calstation.gui.shell import AppContext, EndStageButton, Page, RunStatus, RunStrip
 from calstation.gui.text import bind, error_text, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
@@ -343,7 +343,8 @@ class _Header(QWidget):
         self.start_button.setFixedHeight(theme.BIG_BUTTON)
         self.start_button.setMinimumWidth(22 * theme.GRID)
         self.start_button.setFont(theme.font(theme.SECTION, bold=True))
-        row(serial, engineer, self.start_button, (RunStrip(run), 1), on=self, spacing=2 * theme.GRID)
+        end_button = EndStageButton(run, "engineer_end_stage_button")
+        row(serial, engineer, self.start_button, (RunStrip(run), 1), end_button, on=self, spacing=2 * theme.GRID)
 
     @property
     def serial(self) -> str:

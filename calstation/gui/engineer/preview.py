@@ -23,6 +23,7 @@ from calstation.gui.widgets import (
     column,
     label,
     row,
+    show_text,
     split,
     stack,
     theme,
@@ -51,6 +52,7 @@ class PreviewView(QWidget):
         self._summary = label(name="preview_summary")
         self._problems = label(kind="error", name="preview_violations", wrap=True)
         self._problems.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._ends = label(kind="muted", name="preview_ends", wrap=True)
         self._plot = MotionPlot()
         self._plot.setMinimumHeight(22 * theme.GRID)
         self._table = CellTable("preview_table", grouped=True)
@@ -59,6 +61,7 @@ class PreviewView(QWidget):
         column(
             row(self._badge, (self._summary, 1), (self._job, 1), self.button, spacing=2 * theme.GRID),
             self._problems,
+            self._ends,
             (self._stack, 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
@@ -101,7 +104,7 @@ class PreviewView(QWidget):
         self._summary.setVisible(not busy)
         self._badge.setVisible(not busy and preview is not None and not self._error)
         problems = [error_text(self._error).sentences] if self._error else []
-        summary = ""
+        summary = ends = ""
         if preview is not None:
             moves = sum(stage.moves for stage in preview.stages)
             summary = self.tr("{0} in all, {1} moves").format(duration_text(preview.duration), moves)
@@ -110,10 +113,12 @@ class PreviewView(QWidget):
                 self._badge.show_state("waiting", say("engineer.preview_outdated"))
             else:
                 problems += _problem_texts(preview)
+                ends = "   ".join(_end_texts(preview))
                 self._badge.show_state(*_verdict(preview))
         self._summary.setText(summary)
         self._problems.setText("\n".join(problems))
         self._problems.setVisible(bool(problems) and not busy)
+        show_text(self._ends, "" if busy else ends)
 
     def _columns(self, preview: Preview) -> list[Column]:
         """Return the columns: unit, sigma before and after each stage, limit, target and verdict."""
@@ -188,6 +193,15 @@ def _problem_texts(preview: Preview) -> list[str]:
         if stage.reason == "" and not preview.violations:
             problems.append(say("engineer.too_few_rounds", stage=stage.stage, rounds=stage.rounds))
     return problems
+
+
+def _end_texts(preview: Preview) -> list[str]:
+    """Return for every repeated stage what ends it."""
+    return [
+        say(f"engineer.ends_{stage.reason}", stage=stage.stage, rounds=stage.rounds)
+        for stage in preview.stages
+        if stage.reason not in ("", "plan")
+    ]
 
 
 def _violation_text(violation: Violation) -> str:

@@ -45,7 +45,10 @@ class ScheduleForm(QWidget):
     def departures(self) -> dict[str, Any]:
         """Values that differ from the product's."""
         product = self._options.schedules[self.stage]
-        return {name: value for name, value in self.values.items() if value != product.get(name)}
+        found = {name: value for name, value in self.values.items() if value != product.get(name)}
+        if found.keys() & {"duration_s", "targets"}:  # without them a product without `rounds` would have another limit
+            found["rounds"] = self.values["rounds"]
+        return found
 
     @property
     def valid(self) -> bool:

@@ -101,7 +101,7 @@ class OperatorPage(Page):
         header.pause_pressed.connect(self._pause)
         header.product_chosen.connect(self._choose_product)
         header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
-        self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.ENOUGH))
+        self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)
         app.engine_link.event.connect(self._live.take)
         app.engine_link.running_changed.connect(self._running_changed)

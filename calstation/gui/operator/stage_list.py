@@ -4,7 +4,7 @@ from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QAbstractItemView, QFrame, QLabel, QListWidget, QListWidgetItem, QWidget
 
 from calstation.config import RunSummary
-from calstation.gui.shell import RunStatus, StageState, planned
+from calstation.gui.shell import EndStageButton, RunStatus, StageState, planned
 from calstation.gui.text import duration_text, on_language_change, term
 from calstation.gui.widgets import PANEL, STEPS, StateIcon, column, label, progress_bar, row, show_text, theme
 
@@ -68,9 +68,23 @@ class StageList(QFrame):
         self._left.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
         self._note = label(kind="muted", wrap=True)
         self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
-        column(title, (self.list, 1), self._left, self._note, on=self, spacing=0, margins=(1, 1, 1, theme.GRID))
+        end_stage = EndStageButton(run, "end_stage_button", self._operator_ends_stages)
+        column(
+            title,
+            (self.list, 1),
+            row(None, end_stage, None),
+            self._left,
+            self._note,
+            on=self,
+            spacing=0,
+            margins=(1, 1, 1, theme.GRID),
+        )
         run.changed.connect(self.refresh)
         on_language_change(self, self.refresh)
+
+    def _operator_ends_stages(self) -> bool:
+        summary = self._run.run_summary
+        return summary is not None and summary.operator_ends_stages
 
     def plan(self, run_summary: RunSummary | None) -> None:
         """Set the next run, which is shown while no run is in progress."""

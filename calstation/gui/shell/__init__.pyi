@@ -2,6 +2,7 @@ from .app import create_window as create_window
 from .app import main as main
 from .context import AppContext as AppContext
 from .context import Page as Page
+from .end_stage import EndStageButton as EndStageButton
 from .reset_bar import ResetBar as ResetBar
 from .run_status import RunStatus as RunStatus
 from .run_status import StageState as StageState

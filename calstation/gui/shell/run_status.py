@@ -72,6 +72,7 @@ class StageState:
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.
     took: float | None = None  #: Host time from start to solution, s; None until solved or if solved in an earlier run.
+    repeated: bool = False  #: Whether it can be ended early; known once it has started.
     begun: float | None = field(default=None, repr=False)  #: Host time at its start, s; None in an earlier run.
 
     def start(self, now: float) -> None:
@@ -107,6 +108,8 @@ class RunStatus(QObject):
         self.remarks: list[tuple[str, Mapping[str, Any]]] = []
         #: Values of a register transfer interrupted before this run that requires a decision, or None.
         self.transfer: Mapping[str, Any] | None = None
+        #: Name of the stage that the operator has ended, until the next run.
+        self.stage_ending = ""
         self.verdict: Verdict | None = None
         #: Fault of the last run until `acknowledge` is called.
         self.fault: Fault | None = None
@@ -182,6 +185,23 @@ class RunStatus(QObject):
             self.state = "stopping"
             self.changed.emit()
 
+    def end_stage(self) -> None:
+        """End the current stage after the current move; the run solves it and goes on."""
+        if self.stage is not None:
+            self.stage_ending = self.stage.name
+            self._link.send(Command.END_STAGE)
+            self.changed.emit()
+
+    @property
+    def why_not_end_stage(self) -> str:
+        """Why the current stage cannot be ended early: term of the family ``end_stage``; "" if it can."""
+        stage = self.stage
+        if stage is None or self.state != "running":
+            return "no_stage"
+        if stage.state != "active" or not stage.repeated:
+            return "not_repeated"
+        return "ending" if stage.name == self.stage_ending else ""
+
     def acknowledge(self) -> None:
         """Clear the fault so that a run can start; disconnect from the engine if it has not ended."""
         if self.fault is not None:
@@ -198,6 +218,7 @@ class RunStatus(QObject):
             self.serial = self._link.request.serial
             self.verdict = self.fault = self.latest = self.transfer = None
             self.remarks = []
+            self.stage_ending = ""
             self._begun = self._done_before = 0.0
             try:
                 self.run_summary = run_summary(self._link.request)
@@ -257,7 +278,7 @@ class RunStatus(QObject):
         row = self._row(event.stage)
         if row not in self.stages:
             self.stages.insert(len(self.stages) - (self._row(_TRANSFER) in self.stages), row)
-        row.duration = event.duration
+        row.duration, row.repeated = event.duration, event.repeated
         row.start(now)
 
     def _start_step(self, event: StepStarted) -> None:

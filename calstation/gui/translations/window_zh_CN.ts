@@ -37,6 +37,17 @@
     </message>
 </context>
 <context>
+    <name>EndStageButton</name>
+    <message>
+        <source>End stage</source>
+        <translation>结束本阶段</translation>
+    </message>
+    <message>
+        <source>After this move: solve, then go on</source>
+        <translation>本次转动后结束：解算，然后继续</translation>
+    </message>
+</context>
+<context>
     <name>JobRow</name>
     <message>
         <source>Cancel</source>

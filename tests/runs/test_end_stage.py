@@ -1,0 +1,67 @@
+"""Stages without limits repeat until the operator ends them; each is then solved with what was recorded."""
+
+import json
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from calstation.results.resolving import resolve
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import Event, StageEnded, StageStarted, StepStarted
+from tests.site_folder import PRODUCT, SiteFolder
+
+pytestmark = pytest.mark.long
+
+UNLIMITED = {s: {**PRODUCT["schedule"][s], "rounds": 0} for s in ("excitation", "azimuth_flip")}
+SCHEDULE = {**PRODUCT["schedule"], **UNLIMITED}
+
+
+def test_both_repeated_stages_end_after_the_move_and_are_solved(tmp_path: Path) -> None:
+    site_folder = SiteFolder(tmp_path)
+    site_folder.write({"schedule": SCHEDULE})
+    moves = 0
+
+    def end_each_in_its_second_round(event: Event) -> None:
+        nonlocal moves
+        if isinstance(event, StageStarted):
+            assert event.repeated == (event.stage in UNLIMITED)
+            moves = 0
+        if isinstance(event, StepStarted) and event.stage in UNLIMITED and event.kind == "move":
+            moves += 1
+            if moves == {"excitation": 36, "azimuth_flip": 7}[event.stage]:
+                site_folder.control.send(Command.END_STAGE)
+
+    verdict = site_folder.run(on_event=end_each_in_its_second_round)
+    assert verdict.outcome == "passed", verdict.result.get("error")
+    ended = {e.stage: (e.reason, e.rounds) for e in site_folder.events if isinstance(e, StageEnded)}
+    assert ended["excitation"] == ended["azimuth_flip"] == ("operator", 1)
+    assert ended["rate"][0] == "plan"
+    steps = [e for e in site_folder.events if isinstance(e, StepStarted) and e.stage == "azimuth_flip"]
+    assert [e.kind for e in steps].count("move") == 7
+    assert steps[-1].kind == "dwell", "the rest after the move was completed"
+    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+
+
+def test_the_terminal_ends_a_stage_with_a_key(tmp_path: Path) -> None:
+    site_folder = SiteFolder(tmp_path)
+    site_folder.write({"schedule": SCHEDULE, "stages": ["azimuth_flip"]}, speed=20.0)
+    keyboard, terminal = pty.openpty()
+    command = [sys.executable, "-m", "calstation", "run", "--station", site_folder.station, "--product"]
+    command += [site_folder.product, "--out", tmp_path / "runs", "--json", tmp_path / "result.json"]
+    with subprocess.Popen(command, stdin=terminal, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stderr is not None
+        said = ""
+        for line in running.stderr:
+            said += line
+            if "to end 'azimuth_flip' after the current move" in said:
+                os.write(keyboard, b"e\n")
+                break
+        said += running.stderr.read()
+    os.close(keyboard)
+    os.close(terminal)
+    assert running.returncode in (0, 1), said
+    assert json.loads((tmp_path / "result.json").read_text(encoding="utf-8"))["stages"] == ["azimuth_flip"]
