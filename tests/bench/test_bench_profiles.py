@@ -29,6 +29,8 @@ def test_an_imu_profile_has_its_grade_s_scale_and_noise(grade):
         assert profile["stream"][name] == pytest.approx(getattr(truth, name), rel=1e-12)
     for name in ("gyro_arw", "accel_vrw", "gyro_bias_instability", "accel_bias_instability"):
         assert profile["noise"][name] == pytest.approx(getattr(truth, name), rel=1e-6)
+    for group, sigma in GRADES[grade].repeatability.items():
+        assert profile["stability"][group]["power_up"] == pytest.approx(sigma, rel=0.05)
 
 
 def test_the_table_profile_has_the_bench_s_limits_and_errors():
