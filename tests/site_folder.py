@@ -20,7 +20,7 @@ PRODUCT: dict[str, Any] = {
     "serial_pattern": r"SN-\d{6}",
     "schedule": {
         "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
-        "six_position": {"dwell_s": 3.0, **QUICK},
+        "six_position": {"dwell_s": 3.0, "oblique_dwell_s": 3.0, **QUICK},
         "excitation": {"rounds": 1, "dwell_s": 3.0, "place_dwell_s": 2.0, **QUICK},
         "azimuth_flip": {"rounds": 1, "dwell_s": 8.0, **QUICK},
     },

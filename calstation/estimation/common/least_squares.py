@@ -127,12 +127,12 @@ def gauss_newton(
 def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:
     """Return the part of `innovation`, shape (m,), in the directions that the unknowns do not explain.
 
-    `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` that of the measurement, shape
-    (m, m). Along the other directions (`MOST_EXPLAINED`) the unknowns take up any innovation, and a wide prior would
-    count as a test that is always passed: six free tilts and six parameters leave nothing of 18 observations to test.
-    The directions are independent, and their squares are χ² distributed. They are the classical parity space (J. E.
-    Potter, M. C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph 224,
-    1977), in which an unknown with an accurate prior counts as known.
+    `explained` = H P Hᵀ is the covariance due to the unknowns and their priors, `noise` that of the measurement, of
+    shape (m, m). In the other directions (`MOST_EXPLAINED`) the unknowns take up any innovation, and a wide prior would
+    count as a test that is always passed: twelve free tilts and six parameters leave nothing of 18 observations
+    to test. The directions are independent, and their squares are χ² distributed. They are the classical parity space
+    (J. E. Potter, M. C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph
+    224, 1977), in which an unknown with an accurate prior counts as known.
     """
     root = np.linalg.cholesky(noise)
     white = solve_triangular(root, innovation, lower=True)
