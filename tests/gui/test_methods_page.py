@@ -394,13 +394,13 @@ def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> N
     rows = advice.figures(result_with(checks=checks))
     assert [(row.name, row.passed, row.near) for row in rows] == [
         ("force at rest", True, True),
-        ("angle of motions", False, False),
+        ("angle between rests", False, False),
     ]
     many = [check("previous gyro_bias", 0.1 * k, 9.0, "1") for k in range(20)]
     rows = advice.figures(result_with(checks=[*many, *checks]))
     assert [row.near for row in rows].count(True) == 1
     assert len(rows) == 10
-    assert "Motions turn by the angle of the reference (1856 ″, allowed ≤ 1238)" in advice.reason(
+    assert "Between rests the unit turns by the angle of the reference (1856 ″, allowed ≤ 1238)" in advice.reason(
         "failed", result_with(checks=checks)
     )
     assert "1 near its limit" in advice.reason("passed", result_with(checks=checks[:1]))
