@@ -103,11 +103,17 @@ def _status(status: TableStatus, profile: TableProfile) -> Iterator[Finding]:
         yield Finding("fault", "look", {"fault": status.fault})
     yield Finding("interlock", "ok") if status.interlock_closed else Finding("interlock_open", "look")
     angles = np.rad2deg(status.angles).tolist()
-    yield Finding("angles", "told", {"outer": angles[0], "inner": angles[1]})
+    if status.joints is None:
+        yield Finding("angles", "told", {"outer": angles[0], "inner": angles[1]})
+    else:
+        joints = np.rad2deg(status.joints).tolist()
+        yield Finding("joints", "told", {"x": joints[0], "y": joints[1], "z": joints[2]})
     if status.moving:
         yield Finding("moving", "look")
     if not status.homed:
         yield Finding("not_homed", "told")
+    if status.joints is not None:  # the travel is checked before every turn and at every poll
+        return
     for joint, name in enumerate(JOINTS):
         section = (profile.outer, profile.inner)[joint]
         low, high = np.rad2deg(status.limits.low[joint]), np.rad2deg(status.limits.high[joint])

@@ -13,9 +13,11 @@ from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.resolved import check_station, prepare_run
 from calstation.config.schedules import schedule_options
+from calstation.config.station import load_station
 from calstation.config.summary import run_summary
 from calstation.connection.devices import Devices
-from calstation.errors import ConfigurationError
+from calstation.connection.link_test import LinkTestRequest, check_table_link
+from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import Text
 from calstation.physics.parameters import NAMES, group_indices
 from calstation.records.log import open_log
@@ -24,6 +26,7 @@ from calstation.results.resolving import resolve
 from calstation.runs.run import execute
 from calstation.sequencer.control import Command
 from calstation.sequencer.events import GimbalTurned, JointsMoved, StateChanged, StepStarted
+from calstation.sequencer.guard import check_joints
 from calstation.simulation.hooks import BenchHooks
 from tests.gimbal_site import SCHEDULE, GimbalSite
 from tests.helpers import raises_code
@@ -155,6 +158,23 @@ def test_the_shipped_gimbal_is_complete() -> None:
     station, product = library.find("stations", "virtual_gimbal"), library.find("products", "mems_gimbal")
     summary = run_summary(RunRequest("SN-1", station, product))
     assert [stage.name for stage in summary.stages] == ["gimbal"]
+
+
+def test_a_joint_beyond_its_travel_is_a_fault(site: GimbalSite) -> None:
+    gimbal = prepare_run(site.request()).table.geometry().gimbal
+    assert gimbal is not None
+    check_joints(gimbal, np.deg2rad([84.0, -84.0, 0.0]))
+    with raises_code(DeviceFaultError, "motion.joint_outside") as caught:
+        check_joints(gimbal, np.deg2rad([0.0, -86.0, 0.0]))
+    assert caught.value.values["axis"] == "y"
+
+
+def test_the_link_test_shows_the_joints_and_the_watchdog(site: GimbalSite) -> None:
+    _, station = load_station(site.station)
+    report = check_table_link(no_progress, LinkTestRequest(station, site.product))
+    found = {f.id: f.state for f in report.findings}
+    assert found["identified"] == found["watchdog"] == "ok"
+    assert found["joints"] == "told"
 
 
 def test_the_preview_knows_the_longest_duration_but_no_sigmas(site: GimbalSite) -> None:

@@ -97,13 +97,14 @@ class GimbalController(TextController):
             raise NotPermitted
 
     def _turn(self, axis: int, angle: float, rate: float) -> None:
+        if self._machine.jammed:  # the controller does not detect it
+            return
         if not self._stream.is_stabilised:
             raise NotPermitted
         target = self._stream.joints[axis] + angle
         if abs(target) > self._travel or not 0.0 < rate <= self._machine.limits.rate:
             raise OutOfRange
-        if not self._machine.jammed:
-            self._stream.command_turn(axis, angle, rate)
+        self._stream.command_turn(axis, angle, rate)
 
     def _status(self, device: float) -> str:
         machine = self._machine
