@@ -99,7 +99,7 @@ def result_table(console: Console, result: Result) -> None:
         within, below = limits.pop(("within", name), None), limits.pop(("sigma_below", name), None)
         interval = "" if within is None else _interval(name, within.limit)
         largest = "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}"
-        verdict = _verdict(name in result.unobservable, [c for c in (within, below) if c is not None])
+        verdict = _verdict(name in result.undetermined, [c for c in (within, below) if c is not None])
         table.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, interval, largest, verdict)
     if result.parameters:
         console.print(table)

@@ -111,7 +111,7 @@ def build_result(
             "partial": is_partial(meta),
             "passed": judgement.passed,
             "parameters": solved_parameters(solutions),
-            "unobservable": unobservable(prior, solutions, meta.calibrated),
+            "unobservable": unobservable(prior, solutions),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
             "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},

@@ -80,7 +80,7 @@ class CalibrationUsed(_Section):
 
     log: str  #: File name of the log of its run.
     started_utc: str
-    #: Estimated parameters that the run left as they were known: their sigma is above 0.9 of the prior's.
+    #: Unobservable parameters that are known from it.
     not_improved: list[str] = Field(default_factory=list)
 
 
@@ -156,7 +156,7 @@ class Result(_Section):
     partial: bool = Field(default=False, validation_alias=AliasChoices("partial", "part"))
     passed: bool | None = None  #: None if there are no limits.
     parameters: dict[str, Parameter]
-    unobservable: list[str] = Field(default_factory=list)  #: Parameters that the data did not determine.
+    unobservable: list[str] = Field(default_factory=list)  #: Parameters that the run's own data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
     not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage determined.
     consistency: dict[str, StageConsistency] = Field(default_factory=dict)
@@ -212,6 +212,12 @@ class Result(_Section):
     def solved_stages(self) -> list[str]:
         """Solved stages, including those of an interrupted run."""
         return self.finished_stages or self.stages
+
+    @property
+    def undetermined(self) -> list[str]:
+        """Parameters that neither the run's data nor the calibration in force determine."""
+        known = self.calibration.not_improved if self.calibration is not None else ()
+        return [name for name in self.unobservable if name not in known]
 
     @property
     def failed_checks(self) -> list[Check]:

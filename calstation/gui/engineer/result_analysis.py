@@ -110,7 +110,7 @@ class ResultView(QWidget):
             if of_parameter(check) and check.subject in checks:
                 checks[check.subject][check.kind] = check
         cells = {name: _cells(name, parameters[name], finished.previous.get(name), checks[name]) for name in names}
-        for name in cells.keys() & set(result.unobservable):
+        for name in cells.keys() & set(result.undetermined):
             cells[name]["verdict"] = "lost"
         self._table.show_cells(cells, _NUMBERS)
         general = [check for check in result.checks if not of_parameter(check)]

@@ -102,7 +102,7 @@ class Comparison(QWidget):
         result = None if self._solved is None else self._solved.result
         failed = [] if result is None else result.failed_checks
         self._failed = frozenset((check.subject, check.kind == "sigma_below") for check in failed)
-        self._unobservable = frozenset([] if result is None else result.unobservable)
+        self._unobservable = frozenset([] if result is None else result.undetermined)
         self.model.set_names(names)
         self.table.setVisible(bool(names))
         self._nothing.setVisible(not names)

@@ -82,7 +82,7 @@ def failed_check_text(check: Check, result: Result) -> str:
     if check.kind == "consistency":
         return say("advice.inconsistent", stage=check.subject, value=check.value, limit=check.limit)
     if check.kind == "unobservable":
-        names = ", ".join(parameter_text(name) for name in result.unobservable)
+        names = ", ".join(parameter_text(name) for name in result.undetermined)
         return say("advice.undetermined", names=names)
     row, name = check_text(check), parameter_text(check.subject)
     if check.kind == "change":

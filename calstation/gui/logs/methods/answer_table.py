@@ -41,7 +41,7 @@ class AnswerTable(ParameterTable):
             for column, sigmas in self._in_sigma[name].items():
                 self._cells[name][column] = f"{sigmas:+.2f}".replace("-", "−")
         align_columns(self._cells, _NUMBERS)
-        self._unobservable = frozenset(result.unobservable)
+        self._unobservable = frozenset(result.undetermined)
         self._outside = frozenset(check.subject for check in result.failed_checks)
         self._parameters.set_columns(self._columns(bool(other), bool(truth)))
         self._parameters.set_names(list(self._cells))

@@ -125,7 +125,7 @@ class _AnswerHead(QWidget):
         self._badge.show_state(*self._verdict(answer))
         result, recording = answer.resolved.result, answer.recording
         parts = [recording.serial, self.tr("{0} at {1:g} Hz").format(duration_text(recording.duration), recording.rate)]
-        lost = len(result.unobservable)
+        lost = len(result.undetermined)
         if lost:
             parts.append(self.tr("not determined: {0} of {1}").format(lost, len(result.parameters)))
         self._about.setText("  ·  ".join(parts))
