@@ -224,7 +224,7 @@ def test_silence_of_the_primary_is_reported_until_it_sends_again(mems):
     counts[200:400] = np.nan
     silent = replace(block, counts=counts, valid=~np.isnan(counts).any(axis=1)).part(0, 600)
     assert [(e.kind, e.time) for e in run(watch, silent, 10)] == [
-        ("primary_silent", pytest.approx(2.6)),
+        ("primary_silent", pytest.approx(3.1)),
         ("primary_resumed", pytest.approx(4.1)),
     ]
 
