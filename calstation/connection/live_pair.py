@@ -3,6 +3,7 @@
 import logging
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -21,7 +22,9 @@ from calstation.estimation.pairs import Alignment, PairAligner
 from calstation.results import PairSession
 
 #: Time without samples after which a unit is woken, or its port opened again, and until the next attempt, s.
-_WAKE_AFTER = 1.0
+_WAKE_AFTER = 2.0
+#: Number of polls that relate host time to station time.
+_POLLS = 400
 #: Time without samples of any unit after which the watch ends, s.
 _ALL_SILENT = 20.0
 
@@ -48,17 +51,17 @@ class _Unit:
     def read(self, now: float) -> SampleBatch | None:
         """Return new samples, None without any; `now` is the station's time, s."""
         self.last_data = now if self.last_data is None else self.last_data
-        if self._revival is not None and self._revival.is_alive():
-            return None
+        reviving = self._revival is not None and self._revival.is_alive()
         try:
             batch = self.imu.read()
         except DeviceFaultError as error:
-            logger.warning("%s: %s", self._port, error)
+            if not reviving:
+                logger.warning("%s: %s", self._port, error)
             batch = None
         if batch is not None and len(batch):
             self.last_data = now
             return batch
-        if now - self.last_data > _WAKE_AFTER and not self._closing.is_set():
+        if now - self.last_data > _WAKE_AFTER and not reviving and not self._closing.is_set():
             self.last_data = now
             self._revival = threading.Thread(target=self._revive, name="imu-revival", daemon=True)
             self._revival.start()
@@ -90,7 +93,7 @@ class _Unit:
 
     def _check_closing(self) -> None:
         if self._closing.is_set():
-            raise StoppedError("run.stopped")
+            raise StoppedError("cli.stopped")
 
 
 class LivePair:
@@ -103,6 +106,8 @@ class LivePair:
         self._units, self._statuses, self._clock = units, statuses, clock
         context = session.context
         self._end = 0.0
+        #: Host time and station time of the last polls, s: a virtual bench may be slower than its nominal speed.
+        self._polls: deque[tuple[float, float]] = deque(maxlen=_POLLS)
         self._aligner = PairAligner(context.imu, [s.imu for s in context.secondaries])
 
     def alignments(self) -> dict[int, Alignment]:
@@ -121,12 +126,13 @@ class LivePair:
         heard = self._clock.now()
         while not stopped():
             self._clock.sleep(self._clock.tick)
-            now, host = self._clock.now(), time.monotonic()
+            now = self._clock.now()
+            self._polls.append((time.monotonic(), now))
             for number, unit in enumerate(self._units):
                 batch = unit.read(now)
                 if batch is not None:
                     heard = now
-                    self._feed(number, unit, batch, now, host)
+                    self._feed(number, unit, batch)
             if now - heard > _ALL_SILENT:
                 raise DeviceFaultError("connection.all_silent", seconds=_ALL_SILENT)
             block, aligned = self._aligner.take(now)
@@ -141,14 +147,15 @@ class LivePair:
             if seconds is not None and end - begin >= seconds:
                 return
 
-    def _feed(self, number: int, unit: _Unit, batch: SampleBatch, now: float, host: float) -> None:
+    def _feed(self, number: int, unit: _Unit, batch: SampleBatch) -> None:
         status = self._statuses[number]
         usable = (batch.status & status.ready == status.ready) & (
             batch.status & (status.saturated | status.failed) == 0
         )
         counts = np.where(usable[:, None], batch.counts, np.nan)
-        # on the virtual bench, station time passes at another speed than host time
-        arrival = now - (host - batch.arrival) * self._clock.speed
+        host, station = np.transpose(self._polls)
+        # the time of a bench at full speed passes only between two polls
+        arrival = np.interp(batch.arrival, host, station) if self._clock.speed else np.full(len(batch), station[-1])
         self._aligner.feed(number, batch.seq, counts, arrival, restarted=unit.restarted())
 
 

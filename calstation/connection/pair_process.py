@@ -142,7 +142,7 @@ def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
 
     def check_cancelled() -> None:
         if stopped.is_set():
-            raise StoppedError("run.stopped")
+            raise StoppedError("cli.stopped")
 
     threading.Thread(target=receive, name="commands", daemon=True).start()
     try:

@@ -92,7 +92,7 @@ def test_a_primary_that_is_silent_or_off_is_reported_and_nothing_is_calibrated_a
 ) -> None:
     primary = {"orders": [{"order": "silence_imu", "value": 5.0, "at": 20.0}], "gyro_steps": [[30.0, 0.05]]}
     path = station(tmp_path, primary, period_s=20.0)
-    done = calstation("watch", "--station", path, "--seconds", 100, "--pairs", tmp_path, "--json", "-")
+    done = calstation("watch", "--station", path, "--seconds", 150, "--pairs", tmp_path, "--json", "-")
     assert done.code == 1
     assert {"primary_silent", "primary_resumed", "primary_off"} <= set(kinds(done))
     off = next(event for event in done.json["events"] if event["kind"] == "primary_off")
