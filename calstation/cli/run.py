@@ -88,7 +88,8 @@ def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | No
         on_interrupt(lambda: engine.send(Command.STOP)),
         display.progress,
     ):
-        on_line(_END_STAGE, lambda: engine.send(Command.END_STAGE))
+        if work is None:
+            on_line(_END_STAGE, lambda: engine.send(Command.END_STAGE))
         for event in engine.events():
             display.show(event)
             yield event

@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -78,11 +78,16 @@ def on_line(line: str, action: Callable[[], object]) -> None:
 
     def listen() -> None:
         # os.read takes no lock of sys.stdin, which the interpreter could not release at its end.
-        while entered := os.read(sys.stdin.fileno(), 1024):
-            if entered.strip().lower() == line.encode():
-                action()
+        with suppress(OSError):
+            while entered := os.read(sys.stdin.fileno(), 1024):
+                if entered.strip().lower() == line.encode():
+                    action()
 
     if sys.stdin.isatty():
+        if (
+            sys.platform != "win32"
+        ):  # reading in the background would suspend the engine too
+            signal.signal(signal.SIGTTIN, signal.SIG_IGN)
         threading.Thread(target=listen, name="keyboard", daemon=True).start()
 
 

@@ -195,8 +195,9 @@ def _engine(
     control = Control()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda number, frame: control.send(Command.STOP, StopReason.SIGNAL))
-    if sys.platform != "win32":  # closing the terminal ends the listener, which stops the run
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    if sys.platform != "win32":  # a closed or suspended terminal silences the listener, which stops the run
+        for number in (signal.SIGHUP, signal.SIGTSTP, signal.SIGTTIN):
+            signal.signal(number, signal.SIG_IGN)
 
     def send(command: Command, reason: StopReason = StopReason.OPERATOR) -> None:
         logger.info("command %s (%s)", command, reason)

@@ -117,6 +117,7 @@ class Sequencer:
         emit(StageStarted(stage.name, index, count, duration, stage.rule.repeated))
         logger.info("stage %s begins", stage.name)
         self._solving.start(stage.name)
+        self._context.control.check_cancelled()  # a late END_STAGE of the stage before ends nothing
         self._context.control.ending_stage = False
         drive.acquisition.stage = stage.name
         drive.runner.begin_stage()
