@@ -90,6 +90,7 @@ def test_as_many_unknowns_as_observations_leave_nothing_to_test():
     assert not found.consistency.warning
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("width", [1e-3, 1.0, 1e3])
 def test_the_band_of_the_redundancy_holds_999_of_1000(width):
     H, P, N, random = redundancy_case(6, width=width)

@@ -282,6 +282,7 @@ def test_a_choice_changed_during_the_preview_makes_it_outdated(engineer: Enginee
     assert "the choice has changed since" not in engineer.widget("preview_summary", QLabel).text()
 
 
+@pytest.mark.long
 def test_the_preview_says_what_ends_a_repeated_stage(engineer: Engineer) -> None:
     engineer.unlock()
     engineer.tick("stage_check_azimuth_flip")
