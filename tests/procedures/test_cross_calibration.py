@@ -217,6 +217,27 @@ def test_figure_of_the_last_calibration_is_kept_where_a_sensor_is_not_calibrated
     assert again.verdicts[2]["gyro"] == "out_of_tolerance"
 
 
+def test_a_calibration_that_stays_out_of_tolerance_does_not_loosen_the_next_threshold(mems):
+    primary, secondary, block = mems
+    limits = {"secondary_gyro": {"fixed": 2e-6, "ratio": 3.0}, "secondary_accel": {"fixed": 5e-3, "ratio": 3.0}}
+    first = watch_of(primary, [secondary], **limits)
+    run(first, block)
+    assert first.calibrated[2].static["gyro"] > 2e-6
+    assert first.verdicts[2] == {"gyro": "out_of_tolerance", "accel": "calibrated"}
+    assert first.stored[2].gyro_static is None
+    again = watch_of(primary, [secondary], stored=first.stored, **limits)
+    run(again, block)
+    assert again.checks[2].secondary["gyro"].limit == 2e-6
+    assert again.verdicts[2]["gyro"] == "out_of_tolerance"
+    # nor does a figure that only a loosened threshold accepts become the next one
+    loosened = {2: StoredPair({}, None, 0.002)}
+    limits["secondary_accel"] = {"fixed": 1e-6, "ratio": 3.0}
+    last = watch_of(primary, [secondary], stored=loosened, **limits)
+    run(last, block)
+    assert last.verdicts[2]["accel"] == "calibrated"
+    assert last.stored[2].accel_static == 0.002
+
+
 def test_silence_of_the_primary_is_reported_until_it_sends_again(mems):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary], trigger="command")
