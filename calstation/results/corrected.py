@@ -56,14 +56,15 @@ class CorrectedStream:
 
     def _valid(self, watch: PairWatch) -> tuple[str | None, str]:
         """Return the IMU whose corrected output is valid, None without one, and why."""
-        if watch.primary_silent:
+        if 0 in watch.silent:
             reason = "primary_silent"
         elif watch.primary_off:
             reason = "primary_off"
         else:
             return PRIMARY, "primary_valid"
         for number in self._secondaries:
-            if "out_of_tolerance" not in watch.verdicts.get(number, {}).values():
+            verdicts = watch.verdicts.get(number)
+            if verdicts and "out_of_tolerance" not in verdicts.values() and number not in watch.silent:
                 return f"imu{number}", reason
         return None, reason
 
