@@ -52,6 +52,21 @@ def test_a_sensor_whose_primary_is_off_is_neither_calibrated_nor_its_figure_stor
     assert "secondary_gyro_bias_x" not in kept.values
 
 
+def test_a_full_disk_or_the_log_itself_as_the_file_of_corrected_data(calstation: Run, tmp_path: Path) -> None:
+    log = tmp_path / "pair.h5"
+    assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
+    before = log.read_bytes()
+    done = calstation("watch", log, "--pairs", tmp_path / "pairs", "-o", log)
+    assert done.code == 2
+    assert "The target is the log itself" in done.err
+    assert log.read_bytes() == before
+    if Path("/dev/full").exists():
+        done = calstation("watch", log, "--pairs", tmp_path / "pairs", "-o", "/dev/full")
+        assert done.code == 1
+        assert done.out.count("/dev/full: The file cannot be written") == 1
+        assert "imu2 calibrated" in done.out
+
+
 def test_refuses_a_log_of_one_imu(calstation: Run, tmp_path: Path) -> None:
     done = calstation("watch", write_log(tmp_path, six_position_rows()), "--pairs", tmp_path)
     assert done.code == 2

@@ -95,6 +95,7 @@ def test_a_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path]
     used = [line["imu2"]["calibration"] for line in data(lines)]
     assert used == sorted(used)
     assert set(used) == {0, 1}
+    assert all(line["imu2"]["aligned"] for line in data(lines))
     # told before the first samples corrected by it
     assert lines.index(events(lines, "calibration")[1]) < lines.index(data(lines)[used.index(1)])
 
