@@ -143,8 +143,10 @@ class PairWatch:
         streams = {s.number: block.others[:, place] for place, s in enumerate(self._secondaries)}
         for number, counts in {0: block.counts, **streams}.items():
             present = block.time[~np.isnan(counts).any(axis=1)]
-            last = float(present[-1]) if len(present) else self._last_output.get(number, float(block.time[0]))
-            self._last_output[number] = last
+            if len(present) or not number:
+                start = self._last_output.get(number, float(block.time[0]))
+                self._last_output[number] = float(present[-1]) if len(present) else start
+            last = self._last_output.get(number, now)  # a secondary may begin later
             silent = now - last > SILENCE
             if silent != (number in self.silent):
                 self.silent ^= {number}
