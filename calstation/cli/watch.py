@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from rich.console import Console
 
-from calstation.cli.show import check_json, emit_json, on_interrupt, say, show_line
+from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, say, show_line
 from calstation.config import RunRequest, load_station, pair_folder, resolve_pair
 from calstation.connection import LineServer, open_pair
-from calstation.errors import ConfigurationError, StoppedError
+from calstation.errors import ConfigurationError, InputError, StoppedError
 from calstation.estimation.common import SampleBlock
 from calstation.estimation.pairs import SENSORS, PairWatch, RestDeviation, WatchEvent
 from calstation.messages import os_reason
@@ -39,18 +39,53 @@ class Delivery:
     file: Path | None = None  #: File of JSON lines.
 
 
+class _LinesFile:
+    """A file of lines; at the first failure it is given up, which is shown on `out`, and `failed` is set.
+
+    Raises ConfigurationError if it cannot be opened.
+    """
+
+    def __init__(self, path: Path, out: Console) -> None:
+        self._path, self._out, self.failed = path, out, False
+        try:
+            self._file = path.open("w", buffering=1, encoding="utf-8")  # every line is complete for other programs
+        except OSError as exc:
+            raise self._error(exc) from exc
+
+    def write(self, line: str) -> None:
+        """Write a line."""
+        if self.failed:
+            return
+        try:
+            self._file.write(line)
+        except OSError as exc:
+            self.failed = True
+            show_line(self._out, str(self._error(exc)))
+
+    def close(self) -> None:
+        """Close the file."""
+        with suppress(OSError):  # what a full disk has refused before
+            self._file.close()
+
+    def _error(self, exc: OSError) -> ConfigurationError:
+        return ConfigurationError("result.unwritable", file=self._path, reason=os_reason(exc))
+
+
 def watch_log_command(log: Path, folder: Path | None, command: bool, json: str | None, delivery: Delivery) -> int:
     """Replay a log of IMUs on one body, calibrate the sensors that are out of tolerance, and store the results.
 
-    Returns 0 if every sensor of every IMU is within its threshold at the last check or has been calibrated, else 1.
+    Returns 0 if every sensor of every IMU is within its threshold at the last check or has been calibrated, no IMU is
+    silent at the end, and everything was written; else 1.
     """
     check_json(json)
-    out = _console(json)
-    with _delivered(open_log(log).meta, delivery, out, replay=True) as consumers:
+    out, file = _console(json), delivery.file
+    if file is not None and file.exists() and file.samefile(log):
+        raise InputError("csv.export_onto_itself", file=file)
+    with _delivered(open_log(log).meta, delivery, out, replay=True) as (consumers, written):
         watched = watch_log(log, folder or pair_folder(), command, [_Shown(out), *consumers])
     _show_checks(out, watched)
     emit_json(pair_report(watched), json)
-    return 0 if watched.within else 1
+    return 0 if watched.within and written() else 1
 
 
 def watch_station_command(
@@ -63,25 +98,31 @@ def watch_station_command(
 ) -> int:
     """Watch the IMUs of a station live until `seconds` of device time have passed or Ctrl-C is pressed.
 
-    A line on standard input that begins with c requests a check. Returns as `watch_log_command`, or the exit code of a
-    stop after Ctrl-C. Raises ConfigurationError or DeviceFaultError.
+    The line c on the terminal requests a check. Returns as `watch_log_command`, or the exit code of a stop after
+    Ctrl-C. Raises ConfigurationError or DeviceFaultError.
     """
+
+    def check_cancelled() -> None:
+        if stopped.is_set():
+            raise StoppedError("cli.stopped")
+
     check_json(json)
     out, stopped = _console(json), threading.Event()
     _, station = load_station(request.station)
     setup = resolve_pair(RunRequest(request.serial or station.virtual_serial, request.station, request.product))
-    with on_interrupt(stopped.set), open_pair(setup, folder or pair_folder()) as live:
+    with on_interrupt(stopped.set), open_pair(setup, folder or pair_folder(), check_cancelled) as live:
         watch = live.session.watch
         if command:
             watch.command()
-        with _commands(watch), _delivered(live.session.meta, delivery, out) as consumers:
+        on_line("c", watch.command)
+        with _delivered(live.session.meta, delivery, out) as (consumers, written):
             shown = _Shown(out, waiting=True)
-            watched = live.session.run(live.blocks(seconds, stopped.is_set), [shown, *consumers])
+            watched = live.session.run(live.blocks(seconds, stopped.is_set), [shown, *consumers], stopped.is_set)
     _show_checks(out, watched)
     emit_json(pair_report(watched, live.alignments()), json)
     if stopped.is_set():
         return StoppedError.exit_code
-    return 0 if watched.within else 1
+    return 0 if watched.within and written() else 1
 
 
 def _console(json: str | None) -> Console:
@@ -92,21 +133,24 @@ def _console(json: str | None) -> Console:
 @contextmanager
 def _delivered(
     meta: LogMeta, delivery: Delivery, out: Console, *, replay: bool = False
-) -> Iterator[list[CorrectedOutput]]:
+) -> Iterator[tuple[list[CorrectedOutput], Callable[[], bool]]]:
     """Deliver corrected data while the context lasts; a replay starts with the first client and waits for slow ones.
 
+    Yields the consumers, and a function that returns whether the file, if any, holds all lines.
     Raises ConfigurationError if the service or the file cannot be opened.
     """
     sinks: list[Callable[[str], object]] = []
     with ExitStack() as stack:
-        if delivery.file is not None:
-            sinks.append(stack.enter_context(_open_lines(delivery.file)).write)
+        file = None if delivery.file is None else _LinesFile(delivery.file, out)
+        if file is not None:
+            stack.callback(file.close)
+            sinks.append(file.write)
         server = None if delivery.serve is None else LineServer(delivery.serve, _REPLAY_PATIENCE if replay else 0.0)
         if server is not None:
             stack.callback(server.close)
             sinks.append(server.write)
         if not sinks:
-            yield []
+            yield [], lambda: True
             return
         output = CorrectedOutput(meta, sinks)
         if server is not None:
@@ -114,29 +158,7 @@ def _delivered(
             show_line(out, say("cli.serving", address=server.address))
             while replay and not server.wait_for_client(0.2):
                 pass  # Ctrl-C ends the waiting
-        yield [output]
-
-
-def _open_lines(path: Path) -> TextIO:
-    try:
-        return path.open("w", encoding="utf-8")
-    except OSError as exc:
-        raise ConfigurationError("result.unwritable", file=path, reason=os_reason(exc)) from exc
-
-
-@contextmanager
-def _commands(watch: PairWatch) -> Iterator[None]:
-    """Request a check whenever a line that begins with c is entered."""
-
-    def read() -> None:
-        with suppress(OSError, ValueError):
-            for line in sys.stdin:
-                if line.strip().lower().startswith("c"):
-                    watch.command()
-
-    if sys.stdin is not None:
-        threading.Thread(target=read, name="commands", daemon=True).start()
-    yield
+        yield [output], lambda: file is None or not file.failed
 
 
 class _Shown:

@@ -6,6 +6,7 @@ import queue
 import socket
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
@@ -31,7 +32,8 @@ class LineServer:
         if not host or not port.isdecimal() or int(port) > 65535:
             raise ConfigurationError("connection.serve_address", address=address)
         try:
-            self._listener = socket.create_server((host.strip("[]"), int(port)))
+            family = socket.AF_INET6 if ":" in host else socket.AF_INET
+            self._listener = socket.create_server((host.strip("[]"), int(port)), family=family)
         except OSError as exc:
             raise ConfigurationError("connection.serve_unavailable", address=address, reason=os_reason(exc)) from exc
         self.address = f"{host}:{self._listener.getsockname()[1]}"
@@ -39,7 +41,8 @@ class LineServer:
         self._patience, self._buffered, self._lock = patience, buffered, threading.Lock()
         self._clients: list[_Client] = []
         self._connected = threading.Event()
-        threading.Thread(target=self._accept, name="line-server", daemon=True).start()
+        self._thread = threading.Thread(target=self._accept, name="line-server", daemon=True)
+        self._thread.start()
 
     def wait_for_client(self, seconds: float) -> bool:
         """Wait until a client has connected, at most `seconds`; return whether one has."""
@@ -52,7 +55,10 @@ class LineServer:
 
     def close(self) -> None:
         """Stop listening, and disconnect the clients once they have what waits for them."""
+        with suppress(OSError):  # not every system supports it; it ends a waiting accept
+            self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
+        self._thread.join(_TIMEOUT)
         with self._lock:
             for client in self._clients:
                 client.finish()

@@ -14,7 +14,7 @@ import numpy as np
 from calstation.config import PairConfiguration, ResolvedConfiguration
 from calstation.connection.clock import BenchClock, RealClock
 from calstation.connection.devices import imu_endpoints, open_imu
-from calstation.devices import SampleBatch
+from calstation.devices import OtherModelError, SampleBatch
 from calstation.devices.profiles import StatusSection
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, StoppedError
 from calstation.estimation.common import SampleBlock
@@ -40,6 +40,9 @@ class _Unit:
         self._closing = threading.Event()
         self._revival: threading.Thread | None = None
         self._restarts, self._reopened = 0, False
+        self._fault: str | None = None
+        self._other: DeviceFaultError | None = None
+        self.heard = False  #: Whether it has sent samples.
         try:
             self.serial = self.imu.identify().serial
             self.imu.start()
@@ -49,19 +52,27 @@ class _Unit:
         self.last_data: float | None = None
 
     def read(self, now: float) -> SampleBatch | None:
-        """Return new samples, None without any; `now` is the station's time, s."""
+        """Return new samples, None without any; `now` is the station's time, s.
+
+        While the unit is woken its samples wait until it has identified itself. Raises DeviceFaultError if another unit
+        replies.
+        """
         self.last_data = now if self.last_data is None else self.last_data
-        reviving = self._revival is not None and self._revival.is_alive()
+        if self._revival is not None and self._revival.is_alive():
+            return None
+        if self._other is not None:
+            raise self._other
         try:
-            batch = self.imu.read()
+            batch, fault = self.imu.read(), None
         except DeviceFaultError as error:
-            if not reviving:
-                logger.warning("%s: %s", self._port, error)
-            batch = None
+            batch, fault = None, str(error)
+        if fault is not None and fault != self._fault:
+            logger.warning("%s: %s", self._port, fault)
+        self._fault = fault
         if batch is not None and len(batch):
-            self.last_data = now
+            self.last_data, self.heard = now, True
             return batch
-        if now - self.last_data > _WAKE_AFTER and not reviving and not self._closing.is_set():
+        if now - self.last_data > _WAKE_AFTER and not self._closing.is_set():
             self.last_data = now
             self._revival = threading.Thread(target=self._revive, name="imu-revival", daemon=True)
             self._revival.start()
@@ -87,7 +98,9 @@ class _Unit:
                 self._restarts, self._reopened = 0, True
             identity = self.imu.wake(self._check_closing)
             if identity is not None and identity.serial != self.serial:
-                raise DeviceFaultError("connection.other_imu", port=self._port, found=identity.serial)
+                self._other = DeviceFaultError("connection.other_imu", port=self._port, found=identity.serial)
+        except OtherModelError as error:
+            self._other = error
         except CalstationError as error:
             logger.info("%s: %s", self._port, error)
 
@@ -109,6 +122,7 @@ class LivePair:
         #: Host time and station time of the last polls, s: a virtual bench may be slower than its nominal speed.
         self._polls: deque[tuple[float, float]] = deque(maxlen=_POLLS)
         self._aligner = PairAligner(context.imu, [s.imu for s in context.secondaries])
+        session.watch.unaligned = frozenset(s.number for s in context.secondaries)
 
     def alignments(self) -> dict[int, Alignment]:
         """Return the clock of each secondary by number, at the newest sample."""
@@ -120,10 +134,11 @@ class LivePair:
     def blocks(self, seconds: float | None, stopped: Callable[[], bool]) -> Iterator[SampleBlock]:
         """Yield aligned samples for `seconds` of the primary's time, or until `stopped` returns True.
 
-        Raises DeviceFaultError if no unit sends samples.
+        Raises DeviceFaultError if no unit sends samples, if one has not sent any since the start, or if another unit
+        has taken its place.
         """
         begin: float | None = None
-        heard = self._clock.now()
+        start = heard = self._clock.now()
         while not stopped():
             self._clock.sleep(self._clock.tick)
             now = self._clock.now()
@@ -135,17 +150,29 @@ class LivePair:
                     self._feed(number, unit, batch)
             if now - heard > _ALL_SILENT:
                 raise DeviceFaultError("connection.all_silent", seconds=_ALL_SILENT)
+            if now - start > _ALL_SILENT:
+                for number, unit in enumerate(self._units, 1):
+                    if not unit.heard:
+                        raise DeviceFaultError("connection.imu_silent", number=number, seconds=_ALL_SILENT)
             block, aligned = self._aligner.take(now)
             if not len(block):
                 continue
             end = self._end = float(block.time[-1])
-            for place in aligned:
-                number, clock = self.session.context.secondaries[place].number, self._aligner.clocks[place]
-                self.session.watch.realigned(number, end, float(clock.offset(end)), clock.sigma(end))
-            yield block
+            yield block  # aligned with the offsets before
+            self._note_alignment(end, aligned)
             begin = float(block.time[0]) if begin is None else begin
             if seconds is not None and end - begin >= seconds:
                 return
+
+    def _note_alignment(self, time: float, aligned: list[int]) -> None:
+        """Tell the watch which secondaries were aligned anew, and which no longer are."""
+        watch = self.session.watch
+        for place, secondary in enumerate(self.session.context.secondaries):
+            number, clock = secondary.number, self._aligner.clocks[place]
+            if place in aligned:
+                watch.realigned(number, time, float(clock.offset(time)), clock.sigma(time))
+            elif not clock.locked and number not in watch.unaligned:
+                watch.lost_alignment(number, time)
 
     def _feed(self, number: int, unit: _Unit, batch: SampleBatch) -> None:
         status = self._statuses[number]

@@ -44,7 +44,7 @@ class PairStatus:
     alignments: Mapping[int, Alignment]
     stored: tuple[StoredPairFile, ...]
     primary_off: tuple[str, ...]
-    primary_silent: bool
+    silent: frozenset[int]  #: IMUs that send no samples, 0 for the primary.
     corrected: CorrectedTrace
 
 
@@ -123,7 +123,7 @@ class _Reports:
                 self._live.alignments(),
                 self._stored,
                 watch.primary_off,
-                watch.primary_silent,
+                watch.silent,
                 self._corrected.trace(),
             )
         )
@@ -157,7 +157,7 @@ def _serve(connection: "Connection[Any, Any]", request: RunRequest) -> None:
                     live.session.watch.command()
                 return stopped.is_set()
 
-            live.session.run(live.blocks(None, ended), [_Reports(connection, live)])
+            live.session.run(live.blocks(None, ended), [_Reports(connection, live)], ended)
     except StoppedError:
         pass
     except OSError:

@@ -34,18 +34,18 @@ class CorrectedStream:
         self.source: str | None = None  #: Name of the IMU whose output is valid, None without one.
         self.switch_overs = 0
         self.calibrations: dict[int, int] = {}  #: Number of the calibration in use, from 0, by IMU.
+        self.unaligned: frozenset[int] = frozenset()  #: IMUs whose samples are not aligned with the primary's.
 
     def update(self, watch: PairWatch) -> list[tuple[str, int, dict[str, Any]]]:
         """Take over the state of the watch; return what has changed as kind, number of the IMU or 0, and values."""
         changes: list[tuple[str, int, dict[str, Any]]] = []
-        begun = bool(self.calibrations)
+        begun, self.unaligned = bool(self.calibrations), watch.unaligned
         for number, secondary in self._secondaries.items():
             stored = watch.stored[number]
             if number not in self.calibrations or secondary.stored is not stored:
                 secondary.use(stored)
                 self.calibrations[number] = self.calibrations.get(number, -1) + 1
-                values = {"calibration": self.calibrations[number], "values": dict(stored.values)}
-                changes.append(("calibration", number, values))
+                changes.append(("calibration", number, self.in_use()[f"imu{number}"]))
         before, (source, reason) = self.source, self._valid(watch)
         if source != before or not begun:
             self.source = source
@@ -54,16 +54,24 @@ class CorrectedStream:
             changes.append(("switch_over" if begun else "source", 0, values))
         return changes
 
+    def in_use(self) -> dict[str, dict[str, Any]]:
+        """Return number and values of the calibrations in use by name of the IMU."""
+        return {
+            f"imu{number}": {"calibration": count, "values": dict(self._secondaries[number].stored.values)}
+            for number, count in self.calibrations.items()
+        }
+
     def _valid(self, watch: PairWatch) -> tuple[str | None, str]:
         """Return the IMU whose corrected output is valid, None without one, and why."""
-        if watch.primary_silent:
+        if 0 in watch.silent:
             reason = "primary_silent"
         elif watch.primary_off:
             reason = "primary_off"
         else:
             return PRIMARY, "primary_valid"
         for number in self._secondaries:
-            if "out_of_tolerance" not in watch.verdicts.get(number, {}).values():
+            verdicts = watch.verdicts.get(number)
+            if verdicts and "out_of_tolerance" not in verdicts.values() and number not in watch.silent:
                 return f"imu{number}", reason
         return None, reason
 
@@ -96,7 +104,7 @@ class CorrectedOutput:
             PRIMARY: {"serial": meta.imu.serial},
             **{f"imu{number}": {"serial": section.serial} for number, section in meta.secondaries.items()},
         }
-        self.greeting = _line({**self._head, **self._state()})  #: First line for a reader, with the present state.
+        self.greeting = self._greeting()  #: First line for a reader, with the present state.
         self._write(self.greeting)
 
     def feed(self, block: SampleBlock, watch: PairWatch, events: Sequence[WatchEvent]) -> None:
@@ -106,11 +114,14 @@ class CorrectedOutput:
             self._tell(event.kind, event.time, event.number, values_to_json(event.values))
         for kind, number, values in self._stream.update(watch):
             self._tell(kind, time, number, values)
-        self.greeting = _line({**self._head, **self._state()})
+        self.greeting = self._greeting()
         for start in range(0, len(block), self._rows):
             self._write_frame(block.part(start, min(start + self._rows, len(block))))
         if not len(block):
             self._write(_line({"type": "end"}))
+
+    def _greeting(self) -> str:
+        return _line({**self._head, **self._state(), "calibrations": self._stream.in_use()})
 
     def _state(self) -> dict[str, Any]:
         return {"source": self._stream.source, "switch_overs": self._stream.switch_overs}
@@ -133,7 +144,11 @@ class CorrectedOutput:
             **{name: _rows(*samples) for name, samples in self._stream.corrected(block).items()},
         }
         for number, calibration in self._stream.calibrations.items():
-            used = {"calibration": calibration, "clock_offset_s": self._stream.clock_offset(number)}
+            used = {
+                "calibration": calibration,
+                "clock_offset_s": self._stream.clock_offset(number),
+                "aligned": number not in self._stream.unaligned,
+            }
             frame[f"imu{number}"] = {**used, **frame[f"imu{number}"]}
         self._write(_line(frame))
 

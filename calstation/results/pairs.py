@@ -4,7 +4,7 @@ The calibration of a pair is stored in the site's folder and applied to the next
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -56,18 +56,25 @@ class PairConsumer(Protocol):
 
 @dataclass(frozen=True)
 class PairWatchResult:
-    """All events, and the last check, its verdicts and the stored calibration of each secondary by number."""
+    """All events, and the last check, its verdicts and the stored calibration of each secondary by number.
+
+    `silent` are the IMUs that were silent at the end, 0 for the primary.
+    """
 
     events: tuple[WatchEvent, ...]
     checks: Mapping[int, StaticCheck]
     verdicts: Mapping[int, Mapping[str, Verdict]]
     stored: Mapping[int, StoredPair]
+    silent: frozenset[int]
 
     @property
     def within(self) -> bool:
-        """Whether every sensor was checked and is within tolerance or has been calibrated."""
+        """Whether every sensor was checked, is within tolerance or has been calibrated, and no result was lost."""
+        if self.checks.keys() != self.stored.keys() or self.silent:
+            return False
         sound = all(verdict != "out_of_tolerance" for sensors in self.verdicts.values() for verdict in sensors.values())
-        return sound and bool(self.checks) and not any(c.primary_out_of_tolerance for c in self.checks.values())
+        kept = all(event.kind != "not_stored" for event in self.events)
+        return sound and kept and not any(c.primary_out_of_tolerance for c in self.checks.values())
 
 
 class PairSession:
@@ -97,8 +104,16 @@ class PairSession:
         calibration = PairCalibration(self.context, self.prior, schedule)
         self.watch = PairWatch(context.imu, secondaries, calibration, store, submit)
 
-    def run(self, blocks: Iterable[SampleBlock], consumers: Sequence[PairConsumer] = ()) -> PairWatchResult:
-        """Watch all blocks, and pass each on to the consumers together with its events."""
+    def run(
+        self,
+        blocks: Iterable[SampleBlock],
+        consumers: Sequence[PairConsumer] = (),
+        stopped: Callable[[], bool] = lambda: False,
+    ) -> PairWatchResult:
+        """Watch all blocks, and pass each on to the consumers together with its events.
+
+        After the last one, what was collected is checked or calibrated, unless `stopped` returns True.
+        """
         watch, events = self.watch, list[WatchEvent]()
         last: SampleBlock | None = None
 
@@ -111,8 +126,8 @@ class PairSession:
             for last in blocks:
                 deliver(last, watch.feed(last))
             if last is not None:
-                deliver(last.part(0, 0), watch.finish())
-        return PairWatchResult(tuple(events), watch.checks, watch.verdicts, watch.stored)
+                deliver(last.part(0, 0), [] if stopped() else watch.finish())
+        return PairWatchResult(tuple(events), watch.checks, watch.verdicts, watch.stored, watch.silent)
 
 
 def pair_report(watched: PairWatchResult, alignments: Mapping[int, Alignment] | None = None) -> dict[str, Any]:
@@ -120,6 +135,7 @@ def pair_report(watched: PairWatchResult, alignments: Mapping[int, Alignment] | 
     return {
         "schema": "calstation.watch/1",
         "passed": watched.within,
+        "silent": sorted(watched.silent),
         "secondaries": [
             {
                 "number": number,

@@ -16,7 +16,7 @@ def test_calibrates_and_stores_a_pair_that_is_out_of_tolerance(calstation: Run, 
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
     first = calstation("watch", log, "--pairs", pairs)
     assert first.code == 0, first.out
-    assert "imu2 calibrated (gyro, accel); the result is stored" in first.out
+    assert "imu2 calibrated (gyro, accel)." in first.out
     assert "Out of tolerance: imu2; waiting for motion" in first.out
     assert re.search(r"imu2 gyro: [\d.]+ °/[sh] at rest \(threshold [\d.]+ °/[sh]\)", first.out)
     assert re.search(r"imu2 accel: [\d.]+ (µg|m/s²) at rest", first.out)
@@ -42,7 +42,7 @@ def test_a_sensor_whose_primary_is_off_is_neither_calibrated_nor_its_figure_stor
     store_pair(pairs, "BENCH-mems", "BENCH-2", StoredPair({}, 1e-4, 0.01))
     done = calstation("watch", tmp_path / "pair.csv", "--pairs", pairs)
     assert done.code == 1, done.out
-    assert "imu2 calibrated (accel); the result is stored" in done.out
+    assert "imu2 calibrated (accel)." in done.out
     assert re.search(r"imu2 gyro: .* OFF", done.out)
     assert re.search(r"imu2 accel: .* calibrated", done.out)
     assert re.search(r"primary gyro: .* OFF", done.out)
@@ -50,6 +50,21 @@ def test_a_sensor_whose_primary_is_off_is_neither_calibrated_nor_its_figure_stor
     assert kept.accel_static is not None
     assert kept.accel_static < 5e-3
     assert "secondary_gyro_bias_x" not in kept.values
+
+
+def test_a_full_disk_or_the_log_itself_as_the_file_of_corrected_data(calstation: Run, tmp_path: Path) -> None:
+    log = tmp_path / "pair.h5"
+    assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0
+    before = log.read_bytes()
+    done = calstation("watch", log, "--pairs", tmp_path / "pairs", "-o", log)
+    assert done.code == 2
+    assert "The target is the log itself" in done.err
+    assert log.read_bytes() == before
+    if Path("/dev/full").exists():
+        done = calstation("watch", log, "--pairs", tmp_path / "pairs", "-o", "/dev/full")
+        assert done.code == 1
+        assert done.out.count("/dev/full: The file cannot be written") == 1
+        assert "imu2 calibrated" in done.out
 
 
 def test_refuses_a_log_of_one_imu(calstation: Run, tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def test_a_secondary_out_of_tolerance_is_calibrated_live_and_aligned(calstation:
     row = done.json["secondaries"][0]
     assert row["verdicts"] == {"gyro": "within", "accel": "within"}
     assert abs(row["stored"]["values"]["clock_offset"]) < 1e-4  # what alignment leaves
-    assert len(load_pair(pairs, "SN-000001", "SN-000001-2").values) == 28
+    assert len(load_pair(pairs, "SN-PAIR-1", "SN-PAIR-1-2").values) == 28
     clock = row["alignment"]
     drift = 1.0 - (1.0 + DRIFTS[1]) / (1.0 + DRIFTS[0])
     assert clock["drift"] == pytest.approx(drift, abs=2e-7)
@@ -122,19 +122,18 @@ def test_checks_by_command_while_running_and_ends_cleanly_with_ctrl_c(tmp_path: 
     path = station(tmp_path, {"speed": 1.0, "imu_transport": "pty"}, trigger="command")
     command = [sys.executable, "-m", "calstation", "watch", "--station", str(path), "--pairs", str(tmp_path)]
     environment = {**os.environ, "CALSTATION_HOME": str(tmp_path)}
+    keyboard, terminal = os.openpty()
     with subprocess.Popen(
         [*command, "--json", "-"],
-        stdin=subprocess.PIPE,
+        stdin=terminal,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env=environment,
     ) as process:
-        assert process.stdin is not None
         assert process.stderr is not None
         time.sleep(8.0)
-        process.stdin.write("c\n")
-        process.stdin.flush()
+        os.write(keyboard, b"c\n")
         line = process.stderr.readline()
         assert "A check is due" in line
         time.sleep(3.0)

@@ -3,6 +3,7 @@
 import json
 import socket
 import time
+from pathlib import Path
 
 import pytest
 
@@ -13,7 +14,7 @@ from tests.helpers import raises_code
 
 def connect(server: LineServer) -> socket.socket:
     host, port = server.address.rsplit(":", 1)
-    client = socket.create_connection((host, int(port)), timeout=10.0)
+    client = socket.create_connection((host.strip("[]"), int(port)), timeout=10.0)
     assert server.wait_for_client(10.0)
     return client
 
@@ -67,6 +68,24 @@ def test_a_client_that_leaves_is_forgotten():
         server.write("x" * 1000 + "\n")
         time.sleep(0.01)
     assert not server._clients
+    server.close()
+
+
+def test_a_closed_service_does_not_listen():
+    server = LineServer("127.0.0.1:0")
+    server.close()
+    with pytest.raises(OSError, match="refused"):
+        connect(server)
+    assert not server._thread.is_alive()
+
+
+@pytest.mark.skipif(not Path("/proc/net/if_inet6").exists(), reason="this computer has no IPv6")
+def test_an_address_of_ipv6_is_served():
+    server = LineServer("[::1]:0")
+    server.greeting = lambda: "hello\n"
+    assert server.address.startswith("[::1]:")
+    with connect(server) as client:
+        assert client.recv(6) == b"hello\n"
     server.close()
 
 

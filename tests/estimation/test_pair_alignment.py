@@ -99,6 +99,36 @@ def test_filter_finds_offset_and_drift_and_rejects_a_wrong_measurement():
     assert clock.alignment(404.0).measured
 
 
+def test_measurements_that_disagree_leave_the_offset_and_enlarge_its_sigma():
+    clock = ClockFilter()
+    clock.restart(0.0, 0.2)
+    for time in np.arange(0.0, 100.0, 4.0):
+        clock.update(time, 0.21, 2e-6)
+    before = clock.alignment(110.0)
+    for time in (102.0, 104.0, 106.0):
+        assert not clock.update(time, 0.21003, 2e-6)
+    state = clock.alignment(110.0)
+    assert not state.measured
+    assert not clock.arrival
+    assert state.offset == before.offset
+    assert 2e-5 < state.sigma < 1e-4
+    assert clock.update(108.0, 0.21003, 2e-6)
+    assert clock.alignment(110.0).measured
+    assert abs(clock.alignment(110.0).offset - 0.21003) < 5e-6
+
+
+def test_a_clock_whose_measurements_disagree_does_not_follow_the_arrival_times():
+    pair = Pair(4)
+    pair.run(16.0)
+    clock = pair.aligner.clocks[0]
+    time = float(next(b for b in reversed(pair.blocks) if len(b)).time[-1])
+    for _ in range(3):
+        clock.update(time, float(clock.offset(time)) + 3e-4, 1e-6)
+    assert not clock.locked
+    pair.run(0.2)
+    assert abs(pair.error()[0]) < 1e-4
+
+
 def test_streams_that_arrive_independently_are_aligned_to_microseconds():
     pair = Pair(1)
     assert pair.run(4.0) == []

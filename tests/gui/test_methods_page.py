@@ -17,8 +17,10 @@ from calstation.config import library
 from calstation.config.library import pair_folder
 from calstation.config.request import RunRequest
 from calstation.connection.live_imu import OtherUnit
-from calstation.errors import InputError
+from calstation.connection.pair_process import PairProcess, PairStatus
+from calstation.errors import CalstationError, InputError
 from calstation.estimation.common.samples import SampleBlock
+from calstation.gui.logs.methods import pair_live
 from calstation.gui.logs.methods.panel import MethodPanel
 from calstation.gui.operator import advice
 from calstation.gui.shell.main_window import MainWindow
@@ -425,6 +427,32 @@ def test_calibrations_by_triggers_are_shown_on_the_timeline(
     assert "Checked at start-up" in view.schedule_label.text()
     assert view.bars.bars[0].verdict.startswith("calibrated: now")
     assert "nothing is stored" in panel.findChild(QLabel, "pair_stored_label").text()
+
+
+def test_a_live_watch_uses_the_chosen_product(
+    window: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[RunRequest] = []
+
+    class Asked(PairProcess):
+        def __init__(self, request: RunRequest) -> None:
+            asked.append(request)
+            self.ended = False
+
+        def poll(self) -> list[PairStatus | CalstationError]:
+            return []
+
+        def close(self) -> None: ...
+
+    monkeypatch.setattr(pair_live, "PairProcess", Asked)
+    product = library.find("products", "tactical_b")
+    window.app.set_product(product)
+    window.app.set_station(library.find("stations", "virtual_pair"))
+    view = pair_live.PairLiveView(window.app)
+    qtbot.addWidget(view)
+    qtbot.mouseClick(view.start_button, Qt.MouseButton.LeftButton)
+    assert [(request.station, request.product) for request in asked] == [(window.app.station_path, product)]
+    view.close_watch()
 
 
 @pytest.mark.long

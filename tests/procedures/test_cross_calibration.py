@@ -1,5 +1,6 @@
 """Cross-calibration: secondaries against a primary, consistent sigmas, triggers, and unusable recordings."""
 
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +26,7 @@ from calstation.errors import ConfigurationError, InputError, InsufficientDataEr
 from calstation.estimation.common.context import StoredPair
 from calstation.estimation.pairs.calibration import PairCalibration, compensate_secondary, pair_vector
 from calstation.estimation.pairs.schedule import PairSchedule, Threshold
-from calstation.estimation.pairs.watch import PairWatch
+from calstation.estimation.pairs.watch import PairWatch, call_now
 from calstation.physics.imu_model import compensation
 from calstation.physics.parameters import PAIR_PARAMETERS, group_indices, pair_name, pair_parameter
 from calstation.physics.table import TableGeometry
@@ -139,12 +140,12 @@ def test_a_threshold_is_fixed_or_follows_the_last_calibration():
         PairSchedule(primary_gyro={"fixed": 0.1, "ratio": 3.0})
 
 
-def watch_of(primary, secondaries, kept=None, stored=None, **schedule):
+def watch_of(primary, secondaries, kept=None, stored=None, submit=call_now, **schedule):
     settings = PairSchedule(**{"trigger": "start_up", "motion_s": 10.0, **TIGHT, **schedule})
     context = context_of(primary, secondaries, stored)
     calibration = PairCalibration(context, known(primary), settings)
     keep = (lambda number, pair: None) if kept is None else kept.__setitem__
-    return PairWatch(context.imu, context.secondaries, calibration, keep)
+    return PairWatch(context.imu, context.secondaries, calibration, keep, submit)
 
 
 def run(watch, block, size=100):
@@ -217,6 +218,27 @@ def test_figure_of_the_last_calibration_is_kept_where_a_sensor_is_not_calibrated
     assert again.verdicts[2]["gyro"] == "out_of_tolerance"
 
 
+def test_a_calibration_that_stays_out_of_tolerance_does_not_loosen_the_next_threshold(mems):
+    primary, secondary, block = mems
+    limits = {"secondary_gyro": {"fixed": 2e-6, "ratio": 3.0}, "secondary_accel": {"fixed": 5e-3, "ratio": 3.0}}
+    first = watch_of(primary, [secondary], **limits)
+    run(first, block)
+    assert first.calibrated[2].static["gyro"] > 2e-6
+    assert first.verdicts[2] == {"gyro": "out_of_tolerance", "accel": "calibrated"}
+    assert first.stored[2].gyro_static is None
+    again = watch_of(primary, [secondary], stored=first.stored, **limits)
+    run(again, block)
+    assert again.checks[2].secondary["gyro"].limit == 2e-6
+    assert again.verdicts[2]["gyro"] == "out_of_tolerance"
+    # nor does a figure that only a loosened threshold accepts become the next one
+    loosened = {2: StoredPair({}, None, 0.002)}
+    limits["secondary_accel"] = {"fixed": 1e-6, "ratio": 3.0}
+    last = watch_of(primary, [secondary], stored=loosened, **limits)
+    run(last, block)
+    assert last.verdicts[2]["accel"] == "calibrated"
+    assert last.stored[2].accel_static == 0.002
+
+
 def test_silence_of_the_primary_is_reported_until_it_sends_again(mems):
     primary, secondary, block = mems
     watch = watch_of(primary, [secondary], trigger="command")
@@ -227,6 +249,108 @@ def test_silence_of_the_primary_is_reported_until_it_sends_again(mems):
         ("primary_silent", pytest.approx(3.1)),
         ("primary_resumed", pytest.approx(4.1)),
     ]
+
+
+def without_secondary(block, start, stop=None):
+    others = block.others.copy()
+    others[start:stop] = np.nan
+    return replace(block, others=others)
+
+
+def test_silence_of_a_secondary_is_reported_until_it_sends_again(mems):
+    primary, secondary, block = mems
+    watch = watch_of(primary, [secondary], trigger="command")
+    silent = without_secondary(block.part(0, 600), 200, 400)
+    assert [(e.kind, e.number, e.time) for e in run(watch, silent, 10)] == [
+        ("secondary_silent", 2, pytest.approx(3.1)),
+        ("secondary_resumed", 2, pytest.approx(4.1)),
+    ]
+    assert not watch.silent
+
+
+def test_a_primary_out_of_tolerance_remains_so_until_it_is_checked(mems):
+    primary, secondary, block = mems
+    still = block.part(0, 550)
+    watch = watch_of(primary, [secondary], primary_gyro={"fixed": 1e-6}, primary_valid="both_sensors")
+    assert [e.kind for e in run(watch, still)] == ["triggered", "checked", "primary_off"]
+    watch.command()
+    # the secondary has no data in the rest: nothing was checked
+    later = replace(still, seq=still.seq + 600, time=still.time + 6.0)
+    assert {e.kind for e in run(watch, without_secondary(later, 0))} == {"triggered", "secondary_silent"}
+    assert watch.primary_off == ("gyro",)
+    assert watch.state == "checking"
+
+
+class Held:
+    """Executes a fit when it is asked for."""
+
+    def __init__(self):
+        self.done, self.work, self.started = False, [], 0
+
+    def __call__(self, work):
+        self.started += 1
+        future = Future()
+        self.work.append((future, work))
+        return future
+
+    def finish(self):
+        future, work = self.work.pop()
+        future.set_result(work())
+
+
+def test_motion_before_an_alignment_is_not_used_even_by_a_fit_that_runs(mems):
+    primary, secondary, block = mems
+    kept: dict[int, StoredPair] = {}
+    fits = Held()
+    watch = watch_of(primary, [secondary], kept, submit=fits)
+    begin = 0
+    while not fits.started:
+        run(watch, block.part(begin, begin + 50))
+        begin += 50
+    assert watch.progress == 1.0
+    run(watch, block.part(begin, begin + 50))
+    watch.realigned(2, 30.0, 0.1, 1e-6)
+    assert watch.progress == 0.0
+    fits.finish()
+    run(watch, block.part(begin + 50, begin + 350))
+    assert kept == {}
+    assert watch.state == "calibrating"
+    # nor is any motion while the offset is not known
+    watch.lost_alignment(2, 40.0)
+    before = watch.progress
+    events = run(watch, block.part(begin + 350, begin + 2350))
+    assert events[0].kind == "alignment_lost"
+    assert watch.progress == before
+    watch.realigned(2, 50.0, 0.1, 1e-6)
+    run(watch, block.part(begin + 2350, len(block)))
+    assert watch.progress > 0.0 or fits.started > 1
+
+
+def test_a_sensor_whose_calibration_no_rest_proves_stays_out_of_tolerance(mems, monkeypatch):
+    primary, secondary, block = mems
+    watch = watch_of(primary, [secondary])
+    found = PairCalibration.calibrate
+
+    def unproved(*arguments):
+        return replace(found(*arguments), static={"gyro": None, "accel": None})
+
+    monkeypatch.setattr(PairCalibration, "calibrate", unproved)
+    assert run(watch, block)[-1].kind == "calibrated"
+    assert set(watch.verdicts[2].values()) == {"out_of_tolerance"}
+
+
+def test_a_calibration_that_cannot_be_stored_is_reported_and_used(mems):
+    primary, secondary, block = mems
+
+    class Full(dict):
+        def __setitem__(self, number, pair):
+            raise ConfigurationError("log.pair_not_written", file="pair.toml", reason="full")
+
+    watch = watch_of(primary, [secondary], Full())
+    events = run(watch, block)
+    assert [e.kind for e in events][-2:] == ["calibrated", "not_stored"]
+    assert events[-1].values["why"].code == "log.pair_not_written"
+    assert len(watch.stored[2].values) == len(PAIR_PARAMETERS)
 
 
 def test_only_triggering_sensors_are_calibrated_if_configured(mems):

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calstation.estimation.common.context import StoredPair
 from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.pairs.calibration import RestDeviation, StaticCheck
+from calstation.estimation.pairs.watch import Verdict, WatchEvent
 from calstation.records.log import Log, open_log
-from calstation.results.corrected import CorrectedOutput
-from calstation.results.pairs import PairSession
+from calstation.results.corrected import CorrectedOutput, CorrectedStream
+from calstation.results.pairs import PairSession, PairWatchResult
 from calstation.results.plots.corrected import CorrectedTraceBuilder
 from calstation.simulation.bench_recordings import make_recording
 
@@ -92,6 +95,7 @@ def test_a_calibration_is_replaced_without_a_gap(first_watch: tuple[Lines, Path]
     used = [line["imu2"]["calibration"] for line in data(lines)]
     assert used == sorted(used)
     assert set(used) == {0, 1}
+    assert all(line["imu2"]["aligned"] for line in data(lines))
     # told before the first samples corrected by it
     assert lines.index(events(lines, "calibration")[1]) < lines.index(data(lines)[used.index(1)])
 
@@ -150,6 +154,41 @@ def test_a_silent_primary_is_replaced_by_the_secondary_and_told(
     assert all(row is None for line in within for row in line["primary"]["gyro"])
     assert np.isfinite(column(within, "imu2", "gyro")).all()
     assert data(lines)[-1]["switch_overs"] == 2
+
+
+def test_a_secondary_is_the_source_only_once_it_was_checked_and_while_it_sends(recording: Log, tmp_path: Path) -> None:
+    stream, watch = CorrectedStream(recording.meta), PairSession(recording.meta, tmp_path, "log").watch
+    watch.silent = frozenset({0})
+    stream.update(watch)
+    assert stream.source is None
+    watch.verdicts[2] = {"gyro": "within", "accel": "calibrated"}
+    stream.update(watch)
+    assert stream.source == "imu2"
+    watch.silent = frozenset({0, 2})
+    stream.update(watch)
+    assert stream.source is None
+
+
+def test_a_watch_succeeds_only_if_every_secondary_was_checked_and_sends_to_the_end() -> None:
+    sound = {"gyro": RestDeviation(1e-5, 1e-4), "accel": RestDeviation(1e-3, 1e-2)}
+    check = StaticCheck(sound, sound)
+    within: Verdict = "within"
+    verdicts = {2: {"gyro": within, "accel": within}}
+    stored = {2: StoredPair()}
+    assert PairWatchResult((), {2: check}, verdicts, stored, frozenset()).within
+    assert not PairWatchResult((), {2: check}, verdicts, {**stored, 3: StoredPair()}, frozenset()).within
+    assert not PairWatchResult((), {2: check}, verdicts, stored, frozenset({2})).within
+    lost = (WatchEvent("not_stored", 1.0, 2),)
+    assert not PairWatchResult(lost, {2: check}, verdicts, stored, frozenset()).within
+
+
+def test_nothing_is_calibrated_after_a_stop(recording: Log, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = PairSession(recording.meta, tmp_path, "log")
+    monkeypatch.setattr(session.watch, "finish", lambda: pytest.fail("the watch was stopped"))
+    lines: list[str] = []
+    block = next(iter(recording.blocks())).part(0, 10)
+    session.run([block], [CorrectedOutput(recording.meta, [lines.append])], lambda: True)
+    assert json.loads(lines[-1]) == {"type": "end"}
 
 
 def test_the_last_minute_is_kept_for_the_plots(first_watch: tuple[Lines, Path], recording: Log) -> None:

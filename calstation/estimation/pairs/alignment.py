@@ -35,7 +35,7 @@ ARRIVAL_SIGMA, _DRIFT_SIGMA = 0.05, 100e-6
 _DRIFT_WALK = 3e-9
 #: Smallest standard deviation of a measured offset, s.
 _FLOOR = 1e-6
-#: A measurement further from the prediction, in sigmas, is rejected; after so many rejections the filter starts again.
+#: A measurement further from the prediction, in sigmas, is rejected; after so many rejections the offset is searched.
 _GATE, _REJECTIONS = 6.0, 3
 #: Largest error of an offset from arrival times that the first measurement corrects, s.
 _SEARCH = 0.25
@@ -117,10 +117,13 @@ class Alignment:
 
 
 class ClockFilter:
-    """Estimates offset and drift of a secondary's clock against the primary's; `locked` once it was measured."""
+    """Estimates offset and drift of a secondary's clock against the primary's.
+
+    `locked` is whether it was measured and measurements agree with it, `arrival` whether it is from arrival times only.
+    """
 
     def __init__(self) -> None:
-        self.locked = False
+        self.locked, self.arrival = False, True
         self._time = 0.0
         self._state = np.zeros(2)
         self._covariance = np.diag([ARRIVAL_SIGMA**2, _DRIFT_SIGMA**2])
@@ -141,7 +144,7 @@ class ClockFilter:
 
     def restart(self, time: float, offset: float) -> None:
         """Start again with an offset from arrival times, s."""
-        self.locked, self._time, self._rejected = False, time, 0
+        self.locked, self.arrival, self._time, self._rejected = False, True, time, 0
         self._state[0] = offset
         self._covariance = np.diag([ARRIVAL_SIGMA**2, max(float(self._covariance[1, 1]), (1e-6) ** 2)])
 
@@ -153,13 +156,14 @@ class ClockFilter:
         if self.locked and abs(innovation) > _GATE * np.sqrt(variance):
             self._rejected += 1
             if self._rejected >= _REJECTIONS:
-                self.restart(time, float(state[0]))
+                self.locked, self._rejected = False, 0
+                self._covariance += np.diag([innovation**2, (1e-6) ** 2])
             return False
         gain = P[:, 0] / variance
         self._state, self._time, self._rejected = state + gain * innovation, time, 0
         P = P - np.outer(gain, P[0])
         self._covariance = 0.5 * (P + P.T)
-        self.locked = True
+        self.locked, self.arrival = True, False
         return True
 
     def _predicted(self, dt: float) -> tuple[FloatArray, FloatArray]:
@@ -312,11 +316,11 @@ class PairAligner:
         return int(np.floor(time * self._streams[0].rate - 1e-6)) - 1
 
     def _follow(self, delay: float, time: float) -> None:
-        """Start the clocks of restarted units again; until it is locked, a clock follows the arrival times."""
+        """Start the clocks of restarted units again; until it is measured, a clock follows the arrival times."""
         jumped = [stream.jumps != seen for stream, seen in zip(self._streams, self._seen_jumps, strict=True)]
         self._seen_jumps = [stream.jumps for stream in self._streams]
         for clock, stream, own in zip(self.clocks, self._streams[1:], jumped[1:], strict=True):
-            if stream.delay is not None and (jumped[0] or own or not clock.locked):
+            if stream.delay is not None and (jumped[0] or own or clock.arrival):
                 clock.restart(time, stream.delay - delay)
 
     def _measure(self, k: int, start: int, stop: int) -> bool:

@@ -165,8 +165,11 @@ class PairCalibration:
         last = {"gyro": stored.gyro_static, "accel": stored.accel_static}
         fitted = [s for s, model in (("gyro", choice.gyro), ("accel", choice.accel)) if model is not None]
         static = {s: None if check is None else check.secondary[s].value for s in fitted}
-        # the figure of a sensor that is not calibrated remains that of its last calibration
-        last |= static
+        for sensor, value in static.items():
+            threshold = self.schedule.threshold("secondary", sensor)
+            # the figure of a poor calibration would loosen the next threshold, and good ones must not add up
+            if value is not None and value <= min(threshold.limit(last[sensor]), threshold.fixed):
+                last[sensor] = value
         return PairResult(fit, replace(found, gyro_static=last["gyro"], accel_static=last["accel"]), static)
 
 

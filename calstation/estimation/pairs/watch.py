@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calstation.errors import InputError, InsufficientDataError
+from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import ImuModel, SampleBlock, Secondary, StageData, StoredPair, joined, stage_data
 from calstation.estimation.pairs.calibration import SENSORS, PairCalibration, PairResult, StaticCheck
 
@@ -22,7 +22,7 @@ EVALUATION_INTERVAL = 1.0
 #: Duration of samples kept from before the motion, in units of the shortest rest; they determine the biases.
 RESTS_KEPT = 10.0
 
-#: Time without output after which the primary is silent, s.
+#: Time without output after which an IMU is silent, s.
 SILENCE = 1.0
 
 #: State of a sensor of a secondary after a check: within tolerance, out of it, or calibrated because it was out of it.
@@ -33,8 +33,9 @@ Verdict = Literal["within", "calibrated", "out_of_tolerance"]
 class WatchEvent:
     """An event of the live monitoring."""
 
-    #: ``triggered``, ``checked``, ``primary_off``, ``primary_valid``, ``calibrating``, ``calibrated``, ``given_up``,
-    #: ``primary_silent``, ``primary_resumed`` or ``aligned``.
+    #: ``triggered``, ``checked``, ``primary_off``, ``primary_valid``, ``calibrating``, ``calibrated``, ``not_stored``,
+    #: ``given_up``, ``primary_silent``, ``primary_resumed``, ``secondary_silent``, ``secondary_resumed``, ``aligned``
+    #: or ``alignment_lost``.
     kind: str
     time: float  #: IMU time, s.
     number: int = 0  #: Number of the secondary; 0 for all.
@@ -58,10 +59,12 @@ def call_now(work: Callable[[], _Fits]) -> "Future[_Fits]":
 class PairWatch:
     """Monitors a stream of blocks; `keep` is called with number and new values of a calibrated secondary.
 
+    A ConfigurationError of `keep` is reported by an event.
     The fits are executed by `submit`, by default immediately; a live watch runs them beside its stream.
     Rows without output of the primary are invalid and have NaN counts. `stored` holds the calibration of each secondary
     by number, `checks` its last check, `verdicts` the state of its sensors since then, and `primary_off` the sensors of
-    the primary that the last check found out of tolerance. `primary_silent` is whether the primary sends no samples.
+    the primary that the last check found out of tolerance. `silent` are the numbers of the IMUs that send no samples, 0
+    for the primary, and `unaligned` the secondaries whose clock offset is not measured: their motion is not used.
     """
 
     def __init__(
@@ -80,8 +83,9 @@ class PairWatch:
         self.calibrated: dict[int, PairResult] = {}
         self.verdicts: dict[int, dict[str, Verdict]] = {}
         self.primary_off: tuple[str, ...] = ()
-        self.primary_silent = False
-        self._last_output: float | None = None
+        self.silent: frozenset[int] = frozenset()
+        self.unaligned: frozenset[int] = frozenset()
+        self._last_output: dict[int, float] = {}
         self._notes: list[WatchEvent] = []
         self._fits: Future[_Fits] | None = None
         self._out_of_tolerance: dict[int, StaticCheck] = {}
@@ -90,21 +94,30 @@ class PairWatch:
         self._due = calibration.schedule.trigger != "command"
         self._checked: float | None = None
         self._evaluated = 0.0
-        self._motion = 0.0
+        self._motion, self._rest = 0.0, np.zeros(3)
 
     def command(self) -> None:
         """Request a check at the next rest, independent of the period."""
         self._due = True
 
     def realigned(self, number: int, time: float, offset: float, sigma: float) -> None:
-        """Note that a secondary's clock offset, s, was measured anew: motion before it was not aligned."""
+        """Note that a secondary's clock offset, s, was measured anew: motion in the samples so far was not aligned."""
         self._notes.append(WatchEvent("aligned", time, number, {"offset": offset, "sigma": sigma}))
+        self.unaligned -= {number}
         if self.state == "calibrating":
-            self._blocks = [block for block in self._blocks if not self._moves(block)]
+            self._blocks = [block for block in self._blocks if not self._moving(block)]
+            self._waiting = [block for block in self._waiting if not self._moving(block)]
+            self._fits, self._motion = None, 0.0
 
-    def _moves(self, block: SampleBlock) -> bool:
-        rate = block.counts[block.valid, :3] * self._imu.count_size[:3]
-        return len(rate) > 0 and float(np.linalg.norm(rate, axis=1).max()) > self._schedule.moving
+    def lost_alignment(self, number: int, time: float) -> None:
+        """Note that a secondary's clock offset is no longer known well enough for a calibration."""
+        self._notes.append(WatchEvent("alignment_lost", time, number))
+        self.unaligned |= {number}
+
+    def _moving(self, block: SampleBlock) -> float:
+        """Return the duration of motion in a block, s."""
+        rate = block.counts[block.valid, :3] * self._imu.count_size[:3] - self._rest
+        return float(np.count_nonzero(np.linalg.norm(rate, axis=1) > self._schedule.moving)) / self._imu.sample_rate
 
     @property
     def progress(self) -> float:
@@ -123,23 +136,33 @@ class PairWatch:
         return events
 
     def _listen(self, block: SampleBlock) -> list[WatchEvent]:
-        """Note whether the primary is silent."""
+        """Note which IMUs are silent."""
         if not len(block):
             return []
-        now, present = float(block.time[-1]), ~np.isnan(block.counts).any(axis=1)
-        if present.any() or self._last_output is None:
-            self._last_output = float(block.time[present][-1]) if present.any() else float(block.time[0])
-        silent = now - self._last_output > SILENCE
-        if silent == self.primary_silent:
-            return []
-        self.primary_silent = silent
-        return [WatchEvent("primary_silent" if silent else "primary_resumed", now)]
+        now, events = float(block.time[-1]), list[WatchEvent]()
+        streams = {s.number: block.others[:, place] for place, s in enumerate(self._secondaries)}
+        for number, counts in {0: block.counts, **streams}.items():
+            present = block.time[~np.isnan(counts).any(axis=1)]
+            if len(present) or not number:
+                start = self._last_output.get(number, float(block.time[0]))
+                self._last_output[number] = float(present[-1]) if len(present) else start
+            last = self._last_output.get(number, now)  # a secondary may begin later
+            silent = now - last > SILENCE
+            if silent != (number in self.silent):
+                self.silent ^= {number}
+                kind = f"{'secondary' if number else 'primary'}_{'silent' if silent else 'resumed'}"
+                events.append(WatchEvent(kind, now, number))
+        return events
 
     def _process(self, block: SampleBlock) -> list[WatchEvent]:
         now = float(block.time[-1])
         events = [] if self.state != "waiting" else self._wait(now)
         if self.state == "waiting":
             return events
+        moving = self._moving(block) if self.state == "calibrating" else 0.0
+        if moving and self.unaligned & self._out_of_tolerance.keys():
+            return events
+        self._motion += moving
         self._blocks.append(block)
         if now - self._evaluated < EVALUATION_INTERVAL:
             return events
@@ -148,8 +171,9 @@ class PairWatch:
 
     def finish(self) -> list[WatchEvent]:
         """Check or calibrate at the end of the stream if the samples so far are sufficient."""
-        events = [e for block in self._waiting if len(block) for e in self._process(block)]
+        events = [*self._notes, *(e for block in self._waiting if len(block) for e in self._process(block))]
         self._waiting = []
+        self._notes.clear()
         if not self._blocks:
             return events
         now = float(self._blocks[-1].time[-1])
@@ -173,8 +197,8 @@ class PairWatch:
         self._forget(now, RESTS_KEPT * self._schedule.static_s)
         if rest is None:
             return []
-        events, self._out_of_tolerance, self._motion = [], {}, 0.0
-        was_off, self.primary_off = self.primary_off, ()
+        events, self._out_of_tolerance = list[WatchEvent](), {}
+        was_off = self.primary_off
         for place, secondary in enumerate(self._secondaries):
             number = secondary.number
             check = calibration.check(data, rest, place, secondary, self.stored[number])
@@ -188,10 +212,14 @@ class PairWatch:
                 events.append(WatchEvent("primary_off", now, number, {"sensors": list(self.primary_off)}))
             if calibration.to_calibrate(check):
                 self._out_of_tolerance[number] = check
+        if not events:
+            return []
         if was_off and not self.primary_off:
             events.append(WatchEvent("primary_valid", now))
         self.state = "calibrating" if self._out_of_tolerance else "waiting"
         if self._out_of_tolerance:
+            self._rest = np.median(data.gyro[rest[0] : rest[1]], axis=0)
+            self._motion = sum(map(self._moving, self._blocks))
             events.append(WatchEvent("calibrating", now, 0, {"secondaries": list(self._out_of_tolerance)}))
         return events
 
@@ -202,19 +230,26 @@ class PairWatch:
     def _collect(self, now: float, last: bool) -> list[WatchEvent]:
         """Calibrate when there is enough motion; only the `last` evaluation reports failure."""
         if self._fits is None:
-            self._fits = self._submit(partial(self._fit, last, self._motion_data()))
+            late = last or sum(map(len, self._blocks)) >= self._schedule.longest_s * self._imu.sample_rate
+            if self._motion < self._schedule.motion_s and not late:
+                return []
+            self._fits = self._submit(partial(self._fit, late, stage_data(self._blocks, self._imu), self._motion))
         if not last and not self._fits.done():
             return []
         (done, failed, last_fits), self._fits = self._fits.result(), None
         events: list[WatchEvent] = []
         for number, result in done.items():
             self.stored[number], self.calibrated[number] = result.stored, result
-            self._keep(number, result.stored)
             check = self._out_of_tolerance.pop(number)
             for sensor, value in result.static.items():
-                if not check.secondary[sensor].within and (value is None or value <= check.secondary[sensor].limit):
+                deviation = check.secondary[sensor]
+                if not deviation.within and value is not None and value <= deviation.limit:
                     self.verdicts[number][sensor] = "calibrated"
             events.append(WatchEvent("calibrated", now, number, {"sensors": list(result.static)}))
+            try:
+                self._keep(number, result.stored)
+            except ConfigurationError as error:
+                events.append(WatchEvent("not_stored", now, number, {"why": error.as_text}))
         if failed and not last_fits:
             return events + (self._collect(now, last) if last else [])
         if failed:
@@ -222,19 +257,11 @@ class PairWatch:
         self.state, self._blocks = "waiting", []
         return events
 
-    def _motion_data(self) -> StageData:
-        data = stage_data(self._blocks, self._imu)
-        rest = np.median(data.gyro[: round(self._schedule.static_s / data.dt)], axis=0)
-        moving = np.linalg.norm(data.gyro - rest, axis=1) > self._schedule.moving
-        self._motion = float(np.count_nonzero(moving)) * data.dt
-        return data
-
-    def _fit(self, last: bool, data: StageData) -> _Fits:
+    def _fit(self, last: bool, data: StageData, motion: float) -> _Fits:
         """Fit the secondaries that are out of tolerance, up to the first failure."""
-        last = last or len(data) * data.dt >= self._schedule.longest_s
-        if self._motion < self._schedule.motion_s:
-            wanted = self._schedule.motion_s
-            return {}, InsufficientDataError("solve.too_little_motion", seconds=self._motion, wanted=wanted), last
+        wanted = self._schedule.motion_s
+        if motion < wanted:
+            return {}, InsufficientDataError("solve.too_little_motion", seconds=motion, wanted=wanted), last
         done: dict[int, PairResult] = {}
         failed: InputError | None = None
         for place, secondary in enumerate(self._secondaries):

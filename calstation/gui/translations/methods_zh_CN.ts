@@ -439,6 +439,10 @@
         <translation>主 IMU</translation>
     </message>
     <message>
+        <source>IMU {0}</source>
+        <translation>IMU {0}</translation>
+    </message>
+    <message>
         <source>none</source>
         <translation>无</translation>
     </message>

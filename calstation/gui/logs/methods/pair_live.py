@@ -23,7 +23,6 @@ class PairLiveView(PairBars):
         super().__init__()
         self._app = app
         self._watch: PairProcess | None = None
-        self._ended: list[PairProcess] = []
         self.status: PairStatus | None = None
         self._error: CalstationError | None = None
         self._timer = QTimer(self, interval=100)
@@ -82,16 +81,16 @@ class PairLiveView(PairBars):
 
     def close_watch(self) -> None:
         """End the watch and wait until its ports are closed."""
-        for watch in (*self._ended, *([self._watch] if self._watch is not None else [])):
-            watch.close()
-        self._watch, self._ended = None, []
+        if self._watch is not None:
+            self._watch.close()
+        self._watch = None
 
     def _start_or_stop(self) -> None:
         if self._watch is not None:
             self._watch.send("stop")
             return
         self._error, self.status = None, None
-        self._watch = PairProcess(RunRequest("", self._app.station_path))
+        self._watch = PairProcess(RunRequest("", self._app.station_path, self._app.product_path))
         self._timer.start()
         self._refresh()
 
@@ -135,7 +134,8 @@ class PairLiveView(PairBars):
     def _show_corrected(self, trace: CorrectedTrace) -> None:
         """Draw the corrected output of all IMUs; the valid one is bold."""
         names = {
-            name: self.tr("primary") if name == "primary" else name.upper().replace("U", "U ") for name in trace.force
+            name: self.tr("primary") if name == "primary" else self.tr("IMU {0}").format(name.removeprefix("imu"))
+            for name in trace.force
         }
         valid = names.get(trace.source or "", self.tr("none"))
         self.source_label.setText(self.tr("valid: {0}; switch-overs: {1}").format(valid, trace.switch_overs))
@@ -169,7 +169,7 @@ class PairLiveView(PairBars):
         status = self.status
         if status is None:
             return "waiting", self.tr("opening the ports")
-        if status.primary_silent:
+        if 0 in status.silent:
             return "bad", self.tr("the primary sends no samples")
         if status.primary_off:
             sensors = ", ".join(term("sensor", sensor) for sensor in status.primary_off)

@@ -90,10 +90,14 @@ _STATES = {
     "calibrating": "active",
     "primary_valid": "good",
     "primary_resumed": "good",
+    "secondary_resumed": "good",
     "primary_off": "caution",
     "primary_silent": "caution",
+    "secondary_silent": "caution",
+    "alignment_lost": "caution",
     "calibrated": "good",
     "given_up": "bad",
+    "not_stored": "bad",
 }
 
 
