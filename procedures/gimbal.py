@@ -15,6 +15,7 @@ from calstation.errors import ConfigurationError, InputError
 from calstation.estimation import Solution, batch_method
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise, nis_consistency, restricted
 from calstation.estimation.gimbal import (
+    BIAS_TIME,
     TURNED,
     AxisTurns,
     GimbalFit,
@@ -35,8 +36,6 @@ from calstation.schema import EntryError
 ESTIMATED = tuple(f"gyro_misalign_{pair}" for pair in ("xy", "xz", "yx", "yz", "zx", "zy"))
 #: Ratio of last to first drift above which the rates were not corrected, if the turns should have halved the drift.
 STUCK = 0.7
-#: Time that the joints are locked to take the gyro bias, in addition to a rest, s.
-BIAS_TIME = 2.0
 #: Largest difference between the iteration and least squares in sigmas of the iteration. Both use the same samples, so
 #: the variance of their difference is below that of the iteration.
 AGREEMENT = 4.0

@@ -55,6 +55,7 @@ class SiteFolder:
         self.station = folder / "station.toml"
         self.events: list[Event] = []
         self.control = Control()
+        self.hooks = BenchHooks
         self.write()
 
     def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
@@ -77,7 +78,7 @@ class SiteFolder:
             if on_event is not None:
                 on_event(event)
 
-        execute(self.request(*stages), emit, self.control, BenchHooks)
+        execute(self.request(*stages), emit, self.control, self.hooks)
         verdict = self.events[-1]
         assert isinstance(verdict, Verdict)
         assert Path(verdict.result_file).is_file()

@@ -48,7 +48,7 @@ class Carry:
 
 @dataclass(frozen=True)
 class GimbalZero:
-    """Return all joints of a gimbal to zero, lock them for `rest` s, which gives the gyro bias, and stabilise."""
+    """Return all joints of a gimbal to zero and lock them for at least `rest` s, which gives the gyro bias."""
 
     rest: float  #: s
     index: int  #: Number of complete axes, 0 at the start.

@@ -110,6 +110,7 @@ class Finalization:
             without_register(self._belief, entry.old),
             context_from_meta(run.meta),
             self._setup.repeatability,
+            run.chain.solutions[-1].details["least_squares"] if data.drifts else None,
         )
         run.registers["proof"] = [check.to_json() for check in checks]
         restored = partial(run.registers.__setitem__, "new")

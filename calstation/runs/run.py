@@ -74,9 +74,11 @@ def _registers(imu: Imu, setup: ResolvedConfiguration) -> dict[str, float]:
     """Return the unit's registers by parameter, SI.
 
     A unit that applies them to its samples is restarted first: otherwise a restart during the run would discard
-    uncommitted values, and later samples would be corrected by other registers.
+    uncommitted values, and later samples would be corrected by other registers. So is a unit on a gimbal, which may
+    still hold the correction of a run that was killed.
     """
-    if setup.after_registers and imu.identify().serial == setup.request.serial:
+    uncommitted = setup.after_registers or setup.table.gimbal is not None
+    if uncommitted and imu.identify().serial == setup.request.serial:
         return flash_registers(imu)
     return imu.read_registers()
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from calstation.devices import Gimbal, TableStatus
 from calstation.errors import CalstationError, DeviceFaultError
-from calstation.estimation.gimbal import GimbalIteration, Motion, drift_matrix, turned_motion
+from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, Motion, drift_matrix, turned_motion
 from calstation.physics import AXES, FloatArray, GimbalJoints, GimbalTurn, GimbalZero
 from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import GimbalTurned, StepStarted
@@ -70,7 +70,7 @@ class GimbalLoop:
         loop.wait(lambda: self._at_zero(loop.status), _HOME_WITHIN, DeviceFaultError("motion.zero_not_reached"))
 
     def zero(self, step: GimbalZero) -> None:
-        """Return to zero, take the gyro bias with locked joints, and stabilise."""
+        """Return to zero and take the gyro bias; the joints stay locked until the next turn."""
         self._begin_step("gimbal_zero", (float(step.index),))
         self._zero(step.rest)
 
@@ -82,7 +82,7 @@ class GimbalLoop:
         command = iteration.next_turn()
         assert command is not None, "the plan ends with the last axis"
         if not self._ready or (command.home and not self._zeroed):
-            self._zero(step.rest + 2.0)
+            self._zero(step.rest + BIAS_TIME)
         self._ready = False  # an interruption locks the joints, and the turn is repeated from zero
         self._begin_step("gimbal_turn", (AXES[step.axis], float(step.index), float(step.count)))
         self._write(command.correction)
@@ -107,7 +107,7 @@ class GimbalLoop:
         assert step is not None, "the station has no gimbal"
         drifts = []
         for axis in range(3):
-            self._zero(step.rest + 2.0)
+            self._zero(step.rest + BIAS_TIME)
             motion = self._turned(axis, step.angle, step)
             order = self._joints.order
             J = drift_matrix(order, axis, motion.angle)
@@ -140,7 +140,6 @@ class GimbalLoop:
         self.home()
         self._gimbal.lock()
         self._control_loop.rest(seconds)
-        self._gimbal.stabilise()
         if self._iteration is not None:
             self._iteration.at_zero()
         self._ready = self._zeroed = True
@@ -148,6 +147,8 @@ class GimbalLoop:
     def _turned(self, axis: int, angle: float, step: GimbalTurn) -> Motion:
         """Rest, turn by `angle`, rad, and rest; return the motion of the joints."""
         loop, model = self._control_loop, self._context.slot.unit.model
+        if self._zeroed:
+            self._gimbal.stabilise()
         with loop.acquisition.tap() as blocks:
             loop.rest(step.rest)
             start = self._joint(axis)
@@ -178,14 +179,17 @@ class GimbalLoop:
     def _check_turn(self, axis: int, target: float) -> None:
         """Check power, watchdog and travel before a turn to a joint angle, rad. Raises DeviceFaultError."""
         check_motion(self._control_loop.status)
-        joints = np.zeros(3)
+        joints = self._measured().copy()
         joints[axis] = target
         check_joints(self._joints, joints)
 
     def _joint(self, axis: int) -> float:
+        return float(self._measured()[axis])
+
+    def _measured(self) -> FloatArray:
         joints = self._control_loop.status.joints
         assert joints is not None, "a gimbal measures its joints"
-        return float(joints[axis])
+        return joints
 
     def _at_zero(self, status: TableStatus) -> bool:
         joints = status.joints

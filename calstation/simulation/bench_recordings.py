@@ -3,6 +3,7 @@
 Each is a raw log as a station with such hardware would write it, together with its true parameters.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
@@ -26,8 +27,8 @@ from calstation.bench.truth import (
     rotation,
 )
 from calstation.bench.truth import GradeName as GradeName
-from calstation.estimation.common import SampleBlock, snap_angles
-from calstation.estimation.gimbal import run_loop
+from calstation.estimation.common import ImuModel, SampleBlock, snap_angles
+from calstation.estimation.gimbal import BIAS_TIME, GimbalIteration, turned_motion
 from calstation.physics import AXES, NAMES, PARAMETERS, FloatArray, group_indices, pair_name
 from calstation.records import LogFacts, LogMeta, RawLogWriter, context_from_meta
 from procedures.gimbal import Schedule as GimbalSchedule
@@ -137,30 +138,43 @@ def _pair_truth(truth: dict[str, FloatArray]) -> dict[str, float]:
     return found
 
 
-class _BenchGimbal:
-    """Adapts the bench's gimbal to the estimation loop; `lock` sets the gyro bias to the mean gyro output."""
-
-    def __init__(self, bench: GimbalBench) -> None:
-        self._bench = bench
-
-    def lock(self, seconds: float) -> SampleBlock:
-        samples = self._bench.lock(seconds)
-        self._bench.zero_bias(samples)
-        return _gimbal_block(samples)
-
-    def hold(self, seconds: float, correction: FloatArray) -> SampleBlock:
-        return _gimbal_block(self._bench.hold(seconds, correction))
-
-    def turn(self, axis: int, angle: float, rate: float, correction: FloatArray) -> SampleBlock:
-        return _gimbal_block(self._bench.turn(axis, angle, rate, correction))
-
-    def home(self, rate: float) -> SampleBlock:
-        return _gimbal_block(self._bench.home(rate))
-
-
 def _gimbal_block(samples: GimbalSamples) -> SampleBlock:
     joints = snap_angles(samples.joints)
     return _block("gimbal", samples.time, samples.counts, seq=samples.seq, step=samples.step, joints=joints)
+
+
+def turn_gimbal(
+    bench: GimbalBench, schedule: GimbalSchedule, imu: ImuModel, keep: Callable[[SampleBlock], None]
+) -> GimbalIteration:
+    """Turn the bench's gimbal in closed loop with the method, until it ends; return the iteration.
+
+    `keep` is called with the samples of each motion and rest. Raises InputError if a turn is not found in the joints.
+    """
+    iteration, dwell = schedule.iteration(), schedule.dwell_s
+    rate = float(np.deg2rad(schedule.rate_dps))
+    blocks: list[SampleBlock] = []
+
+    def take(samples: GimbalSamples) -> None:
+        blocks.append(_gimbal_block(samples))
+        keep(blocks[-1])
+
+    locked = bench.lock(dwell + BIAS_TIME)
+    bench.zero_bias(locked)
+    take(locked)
+    take(bench.hold(dwell, iteration.correction))
+    while (turn := iteration.next_turn()) is not None:
+        if turn.home:
+            take(bench.home(rate))
+            take(bench.hold(dwell, turn.correction))
+            iteration.at_zero()
+        begin = int(blocks[-1].seq[-1])
+        take(bench.turn(turn.axis, turn.angle, rate, turn.correction))
+        take(bench.hold(dwell, turn.correction))
+        motion = turned_motion(blocks, imu, begin, turn.axis)
+        iteration.add_drift(turn.axis, turn.angle, motion.joint_drift(schedule.order))
+    take(bench.home(rate))
+    take(bench.hold(dwell, iteration.correction))
+    return iteration
 
 
 def _gimbal(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str, Any]]:
@@ -177,13 +191,5 @@ def _gimbal(path: Path, grade: GradeName, seed: int) -> tuple[LogFacts, dict[str
         encoder_sigma=float(np.deg2rad(encoder_deg)),
     )
     writer = RawLogWriter(path, meta, joints=True)
-    run_loop(
-        _BenchGimbal(bench),
-        schedule.iteration(),
-        context_from_meta(meta).imu,
-        schedule.order,
-        schedule.dwell_s,
-        float(np.deg2rad(schedule.rate_dps)),
-        writer.append,
-    )
+    turn_gimbal(bench, schedule, context_from_meta(meta).imu, writer.append)
     return writer.close("recorded"), _truth(imu)

@@ -7,11 +7,11 @@ from calstation.bench.truth.gimbal import GimbalBench, GimbalSamples
 from calstation.bench.truth.grades import draw_imu
 from calstation.bench.truth.imu import ImuTruth
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.common.samples import SampleBlock, joined, snap_angles
+from calstation.estimation.common.samples import SampleBlock, joined
 from calstation.estimation.gimbal.iteration import GimbalIteration
-from calstation.estimation.gimbal.loop import run_loop
 from calstation.estimation.method import Solution
 from calstation.physics.parameters import group_matrix
+from calstation.simulation.bench_recordings import turn_gimbal
 from procedures import method
 
 RATE = 100.0
@@ -23,60 +23,24 @@ def unit(seed: int, grade: str = "mems") -> ImuTruth:
     return draw_imu(grade, np.random.default_rng(seed), sample_rate=RATE)
 
 
-class Bench:
-    """Adapter of the bench's gimbal to the loop; `corrected`: whether it uses the correction K."""
+class Uncorrected(GimbalBench):
+    """A gimbal that does not use the correction K."""
 
-    def __init__(self, imu: ImuTruth, seed: int, order: str, corrected: bool) -> None:
-        self._bench = GimbalBench(imu, seed, order=order, encoder_sigma=ENCODER)
-        self._corrected = corrected
+    def hold(self, seconds: float, correction: np.ndarray) -> GimbalSamples:
+        return super().hold(seconds, np.zeros((3, 3)))
 
-    def _used(self, correction: np.ndarray) -> np.ndarray:
-        return correction if self._corrected else np.zeros((3, 3))
-
-    def lock(self, seconds: float) -> SampleBlock:
-        samples = self._bench.lock(seconds)
-        self._bench.zero_bias(samples)
-        return block_of([samples])
-
-    def hold(self, seconds: float, correction: np.ndarray) -> SampleBlock:
-        return block_of([self._bench.hold(seconds, self._used(correction))])
-
-    def turn(self, axis: int, angle: float, rate: float, correction: np.ndarray) -> SampleBlock:
-        return block_of([self._bench.turn(axis, angle, rate, self._used(correction))])
-
-    def home(self, rate: float) -> SampleBlock:
-        return block_of([self._bench.home(rate)])
+    def turn(self, axis: int, angle: float, rate: float, correction: np.ndarray) -> GimbalSamples:
+        return super().turn(axis, angle, rate, np.zeros((3, 3)))
 
 
 def recorded(
     imu: ImuTruth, seed: int, corrected: bool = True, **schedule: object
 ) -> tuple[GimbalIteration, SampleBlock]:
     """Method and gimbal in closed loop from locked joints to the last axis."""
-    settings = method("gimbal").schedule(**schedule)
-    iteration, blocks = settings.iteration(), []
-    gimbal = Bench(imu, seed, settings.order, corrected)
-    rate = np.deg2rad(settings.rate_dps)
-    run_loop(gimbal, iteration, context_of(imu).imu, settings.order, settings.dwell_s, rate, blocks.append)
+    settings, blocks = method("gimbal").schedule(**schedule), []
+    gimbal = (GimbalBench if corrected else Uncorrected)(imu, seed, order=settings.order, encoder_sigma=ENCODER)
+    iteration = turn_gimbal(gimbal, settings, context_of(imu).imu, blocks.append)
     return iteration, joined(blocks)
-
-
-def block_of(parts: list[GimbalSamples]) -> SampleBlock:
-    """The samples as one block."""
-    seq, time, counts, joints, step = (
-        np.concatenate([getattr(p, name) for p in parts]) for name in ("seq", "time", "counts", "joints", "step")
-    )
-    n = len(seq)
-    return SampleBlock(
-        "gimbal",
-        seq,
-        time,
-        counts,
-        np.full((n, 2), np.nan),
-        step,
-        np.ones(n, np.bool_),
-        np.full(n, np.nan),
-        joints=snap_angles(joints),
-    )
 
 
 def context_of(imu: ImuTruth) -> SolveContext:

@@ -1,9 +1,11 @@
 """A station with a gimbal: turned, corrected, judged, written, verified and solved again, and stopped in any state."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar
+from types import SimpleNamespace
+from typing import Any, ClassVar, cast
 
 import numpy as np
 import pytest
@@ -23,9 +25,10 @@ from calstation.physics.parameters import NAMES, group_indices
 from calstation.records.log import open_log
 from calstation.results.preview import compute_preview
 from calstation.results.resolving import resolve
-from calstation.runs.run import execute
 from calstation.sequencer.control import Command
+from calstation.sequencer.control_loop import ControlLoop
 from calstation.sequencer.events import GimbalTurned, JointsMoved, StateChanged, StepStarted
+from calstation.sequencer.gimbal import GimbalLoop
 from calstation.sequencer.guard import check_joints
 from calstation.simulation.hooks import BenchHooks
 from tests.gimbal_site import SCHEDULE, GimbalSite
@@ -40,14 +43,50 @@ def site(tmp_path: Path) -> GimbalSite:
     return GimbalSite(tmp_path)
 
 
+class Recorded(BenchHooks):
+    """Hooks that record the calls that move the gimbal or change the unit's registers."""
+
+    calls: ClassVar[list[str]] = []
+    written: ClassVar[list[dict[str, float]]] = []
+
+    def connected(self, devices: Devices) -> None:
+        super().connected(devices)
+        self.calls.clear()
+        self.written.clear()
+        for name in ("home", "lock", "stabilise", "turn", "stop"):
+            setattr(devices.table, name, self.recorded(name, getattr(devices.table, name)))
+        for name in ("write_registers", "commit", "reset"):
+            setattr(devices.imu, name, self.recorded(name, getattr(devices.imu, name)))
+
+    def recorded(self, name: str, call: Callable[..., Any]) -> Callable[..., Any]:
+        def recorded(*values: Any) -> Any:
+            self.calls.append(name)
+            if name == "write_registers":
+                self.written.append(dict(values[0]))
+            return call(*values)
+
+        return recorded
+
+
 @pytest.mark.long
 def test_a_run_writes_the_correction_verifies_it_and_is_solved_again_bit_for_bit(site: GimbalSite) -> None:
+    site.write({"schedule": {"gimbal": {**SCHEDULE, "mount_sigma_deg": 0.05}}})
+    site.hooks = Recorded
     verdict = site.run()
     result = verdict.result
     assert verdict.outcome == "passed", [c for c in result["checks"] if not c["passed"]]
     registers = result["registers"]
     assert registers["verified"]
     assert [check["name"] for check in registers["proof"]] == [f"gimbal_drift_{a}" for a in "xyz"]
+    assert max(check["tolerance"] for check in registers["proof"]) < 6e-4, "the drift does not depend on the mounting"
+    moves = ("home", "lock", "stabilise", "turn", "stop")
+    for i, name in enumerate(Recorded.calls):
+        if name in ("commit", "reset"):
+            assert next((c for c in reversed(Recorded.calls[:i]) if c in moves), "lock") in ("home", "lock", "stop")
+    last_turn = Recorded.calls.index("commit") - Recorded.calls[: Recorded.calls.index("commit")][::-1].index("turn")
+    after = Recorded.calls[last_turn : Recorded.calls.index("commit")]
+    assert "stabilise" not in after
+    assert after.index("lock") < after.index("write_registers"), "the former values are written to locked joints"
     for name in MISALIGNMENTS:
         assert registers["old"][name] == 0.0
         assert registers["new"][name] == pytest.approx(result["parameters"][name]["value"], abs=1e-8)
@@ -72,35 +111,13 @@ def test_the_solution_agrees_with_the_bench(site: GimbalSite) -> None:
         assert abs(parameter["value"] - 1e-3 * (i - 2)) < 4.0 * parameter["sigma"]
 
 
-class Recorded(BenchHooks):
-    """Hooks that record what is written to the unit's registers."""
-
-    written: ClassVar[list[dict[str, float]]] = []
-
-    def connected(self, devices: Devices) -> None:
-        super().connected(devices)
-        write = devices.imu.write_registers
-
-        def recorded(values: Any) -> None:
-            self.written.append(dict(values))
-            write(values)
-
-        devices.imu.write_registers = recorded  # type: ignore[method-assign]
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("step", [0, 1, 2])
 def test_stop_locks_the_joints_and_restores_the_registers(site: GimbalSite, step: int) -> None:
     site.write(report_file=str(site.folder / "bench.json"))
     stop = site.once(StepStarted, Command.STOP, after=step)
-    Recorded.written = []
-
-    def emit(event: Any) -> None:
-        site.events.append(event)
-        stop(event)
-
-    execute(site.request(), emit, site.control, Recorded)
-    assert site.events[-1].outcome == "stopped"
+    site.hooks = Recorded
+    assert site.run(on_event=stop).outcome == "stopped"
     report = json.loads((site.folder / "bench.json").read_text(encoding="utf-8"))
     assert not report["enabled"]
     assert not report["moving"]
@@ -158,6 +175,42 @@ def test_the_shipped_gimbal_is_complete() -> None:
     station, product = library.find("stations", "virtual_gimbal"), library.find("products", "mems_gimbal")
     summary = run_summary(RunRequest("SN-1", station, product))
     assert [stage.name for stage in summary.stages] == ["gimbal"]
+
+
+class Left(BenchHooks):
+    """Hooks that leave a correction in the volatile registers, as a killed run does, and record what is read."""
+
+    found: ClassVar[list[dict[str, float]]] = []
+
+    def connected(self, devices: Devices) -> None:
+        super().connected(devices)
+        self.found.clear()
+        devices.imu.write_registers(dict.fromkeys(MISALIGNMENTS, 1e-3))
+        read = devices.imu.read_registers
+
+        def recorded() -> dict[str, float]:
+            self.found.append(read())
+            return self.found[-1]
+
+        devices.imu.read_registers = recorded  # type: ignore[method-assign]
+
+
+def test_a_correction_left_by_a_killed_run_is_not_taken_for_the_units_registers(site: GimbalSite) -> None:
+    site.hooks = Left
+    assert site.run(on_event=site.once(StateChanged, Command.STOP)).outcome == "stopped"
+    assert {Left.found[-1][name] for name in MISALIGNMENTS} == {0.0}
+
+
+def test_a_turn_is_checked_with_the_other_joints_where_they_are(site: GimbalSite) -> None:
+    gimbal = prepare_run(site.request()).table.geometry().gimbal
+    machine = SimpleNamespace(fault=None, interlock_closed=True, watchdog=1.0, enabled=True, homed=True)
+    machine.joints = np.deg2rad([0.0, 86.0, 0.0])
+    geometry = SimpleNamespace(task=SimpleNamespace(geometry=SimpleNamespace(gimbal=gimbal)))
+    loop = GimbalLoop(cast(ControlLoop, SimpleNamespace(status=machine, context=geometry)))
+    with raises_code(DeviceFaultError, "motion.joint_outside") as caught:
+        loop._check_turn(0, 0.1)
+    assert caught.value.values["axis"] == "y"
+    assert machine.joints[0] == 0.0
 
 
 def test_a_joint_beyond_its_travel_is_a_fault(site: GimbalSite) -> None:

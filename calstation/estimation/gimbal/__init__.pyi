@@ -1,5 +1,6 @@
 from .fit import GimbalFit as GimbalFit
 from .fit import fit_gimbal as fit_gimbal
+from .iteration import BIAS_TIME as BIAS_TIME
 from .iteration import AxisTurns as AxisTurns
 from .iteration import GimbalIteration as GimbalIteration
 from .iteration import contraction as contraction
@@ -7,8 +8,7 @@ from .iteration import drift_matrix as drift_matrix
 from .iteration import largest_gain as largest_gain
 from .iteration import others as others
 from .iteration import sign_of as sign_of
-from .loop import run_loop as run_loop
-from .loop import turned_motion as turned_motion
 from .motions import TURNED as TURNED
 from .motions import Motion as Motion
 from .motions import find_motions as find_motions
+from .motions import turned_motion as turned_motion

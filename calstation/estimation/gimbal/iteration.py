@@ -23,6 +23,8 @@ import numpy as np
 from calstation.physics import AXES, FloatArray, axis_rotation, rotation_matrix
 
 _DERIVATIVE_STEP = 1e-5
+#: Time that the joints are locked to take the gyro bias, in addition to a rest, s.
+BIAS_TIME = 2.0
 #: Largest joint angle of a series of turns, rad: the outer and inner joint become parallel at 90° of the middle one.
 TRAVEL = np.deg2rad(80.0)
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.errors import InputError, InsufficientDataError
-from calstation.estimation.common import ImuModel, StageData, find_stillness
+from calstation.estimation.common import ImuModel, SampleBlock, StageData, find_stillness, stage_data
 from calstation.estimation.gimbal.iteration import drift_matrix, gimbal_attitude, others, turned_joints
 from calstation.physics import AXES, FloatArray, rotation_vector
 
@@ -16,6 +16,9 @@ TURNED = np.deg2rad(5.0)
 SHORTEST_REST = 1.0
 #: Duration, next to the motion, of the part of a rest from which the joint rates are determined, s.
 RATE_FIT = 3.0
+#: Duration, next to the motion, of the part of a rest whose mean gyro output is subtracted, s: that of the shortest
+#: stabilised rest, because a small return to zero after it does not end the rest.
+MEAN_FIT = 2.0
 #: Duration of the part of a rest from which the joint angles are determined, s.
 ANGLE_FIT = 0.3
 
@@ -32,7 +35,7 @@ class Motion:
     rest: float  #: Duration over which these rates were fitted, s.
     duration: float  #: s
     between: tuple[int, int]  #: Indices of the rests before and after.
-    rotation: FloatArray  #: Integral of the gyro output minus its mean at both rests, rad, shape (3,).
+    rotation: FloatArray  #: Integral of the gyro output minus its mean at both rests near it, rad, shape (3,).
 
     @property
     def axis(self) -> int | None:
@@ -91,13 +94,24 @@ def find_motions(data: StageData, imu: ImuModel) -> list[Motion]:
             rest = min((first[1] - first[0]) * data.dt, RATE_FIT)
             duration = (link.stop - link.start) * data.dt
             between = (link.first, link.second)
-            at_rest = [data.gyro[slice(*interval)].mean(axis=0) for interval in (first, second)]
+            near = round(MEAN_FIT / data.dt)
+            intervals = (max(first[0], first[1] - near), first[1]), (second[0], min(second[1], second[0] + near))
+            at_rest = [data.gyro[slice(*interval)].mean(axis=0) for interval in intervals]
             rotation = (data.gyro[link.start : link.stop] - 0.5 * (at_rest[0] + at_rest[1])).sum(axis=0) * data.dt
             ends = (before[0], after[0], before[1])
             found.append(Motion(link.start, link.stop, *ends, rest, duration, between, rotation))
     if not any(m.axis is not None for m in found):
         raise InsufficientDataError("recording.no_joint_turn", seconds=SHORTEST_REST, motions=len(found))
     return found
+
+
+def turned_motion(blocks: list[SampleBlock], imu: ImuModel, begin: int, axis: int) -> Motion:
+    """Return the only motion after sequence number `begin`, which must be a turn about `axis`. Raises InputError."""
+    data = stage_data(blocks, imu)
+    motions = [m for m in find_motions(data, imu) if data.seq[m.stop - 1] > begin]
+    if len(motions) != 1 or motions[0].axis != axis:
+        raise InputError("recording.joint_turn_not_seen", axis=AXES[axis])
+    return motions[0]
 
 
 def _joint_line(data: StageData, rest: tuple[int, int], end: bool) -> tuple[FloatArray, FloatArray] | None:
