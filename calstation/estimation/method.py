@@ -28,7 +28,7 @@ class Innovations:
     """Innovations of a stage's observations."""
 
     seq: IntArray  #: Sequence number at the end of each observation, shape (m,).
-    normalised: FloatArray  #: Decorrelated components in units of their sigmas, shape (m, 3).
+    normalised: FloatArray  #: Components in units of their sigmas, shape (m, 3); NaN where there is nothing to test.
 
 
 @dataclass(frozen=True)

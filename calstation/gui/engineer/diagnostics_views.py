@@ -83,22 +83,24 @@ class InnovationsView(StackedPlots[Diagnostics]):
         for number, (plot, name) in enumerate(zip(self.plots, self._components(stage), strict=True)):
             values = innovations.normalised[:, number]
             beyond = np.abs(values) > _BOUND
-            inside = np.flatnonzero(~beyond)[:: -(-len(values) // _MAX_POINTS)]
+            inside = np.flatnonzero(np.abs(values) <= _BOUND)[:: -(-len(values) // _MAX_POINTS)]
             for drawn, colour, grow in ((inside, c.accent, 0), (np.flatnonzero(beyond), c.bad, 2)):
                 style = {"size": size + grow, "pen": None, "brush": pg.mkBrush(colour)}
                 self.add(plot, pg.ScatterPlotItem(minutes[drawn], values[drawn], **style))
             for level in (-_BOUND, 0.0, _BOUND):
                 pen = pg.mkPen(c.line) if level == 0.0 else dashed(c.muted)
                 self.add(plot, pg.InfiniteLine(level, 0, pen=pen))
-            reach = max(_MIN_HALF_RANGE, float(np.abs(values).max(initial=0.0)) * 1.05)
+            reach = max(_MIN_HALF_RANGE, float(np.nan_to_num(np.abs(values)).max(initial=0.0)) * 1.05)
             plot.setYRange(-reach, reach, padding=0.0)
             plot.setLabel("left", name)
         self.plots[2].setLabel("bottom", self.tr("time in the stage, min"))
         self.plots[0].setXRange(0.0, max(float(minutes.max(initial=0.0)), 1e-3), padding=0.02)
-        share = 100.0 * float(np.mean(np.abs(innovations.normalised) > _BOUND))
-        self._beyond.setText(
-            self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(len(innovations.seq), share)
-        )
+        tested = np.abs(innovations.normalised[np.isfinite(innovations.normalised)])
+        if not len(tested):
+            self._beyond.setText(say("engineer.nis_untested"))
+            return
+        share, count = 100.0 * float(np.mean(tested > _BOUND)), len(innovations.seq)
+        self._beyond.setText(self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(count, share))
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:
         """Return the names of the components: velocity in the level frame, or along the unit's axes."""
