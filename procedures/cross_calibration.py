@@ -71,6 +71,9 @@ class PairStage:
         """Return the standard deviations of the prior, SI, shape (30,); none of the 30 parameters is estimated."""
         return self._prior.sigma
 
+    def ranking(self) -> None:
+        """Return None: the solver has no steps."""
+
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the recording. Raises InputError if it is unusable."""
         if self._watch is None:

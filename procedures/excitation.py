@@ -4,7 +4,6 @@ The inner axis is horizontal when used, so that gravity observes its rotation. F
 turns the other way, so that it does not wind up.
 """
 
-import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -67,10 +66,12 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 def _revolution(limits: JointLimits, joint: int, at: float, way: int) -> tuple[float, int]:
     """Return start angle, rad, and direction of a revolution: `way` if possible, from `at` or a few quarters beside it.
 
-    Raises ConfigurationError if the travel has no room for it.
+    If none fits, it begins at the nearest angle that does. Raises ConfigurationError if the travel has no room.
     """
-    for quarters, sign in itertools.product((0, 1, -1, 2, -2), (way, -way)):
-        start = at + quarters * QUARTER
+    last = limits.high[joint] - QUARTERS * QUARTER
+    nearest = float(np.clip(at, limits.low[joint], last))
+    starts = [(at + quarters * QUARTER, sign) for quarters in (0, 1, -1, 2, -2) for sign in (way, -way)]
+    for start, sign in (*starts, (nearest, 1)):
         if limits.within(joint, start) and limits.within(joint, start + sign * QUARTERS * QUARTER):
             return start, sign
     raise ConfigurationError(

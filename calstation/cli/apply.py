@@ -14,7 +14,7 @@ from calstation.errors import ConfigurationError
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, NAMES, FloatArray
 from calstation.records import export_corrected, open_log, prior_from_meta
 from calstation.results import find_log, load_result
-from calstation.results.plots import Applied, apply_to_recording, before_and_found
+from calstation.results.plots import Applied, before_and_found, read_recording
 
 #: Quantities of the table at rest, before and after: JSON name, heading, display unit and its size.
 _QUANTITIES = (("force", "| f | − g", "µg", MICRO_G), ("rate", "rate − earth", "°/h", DEGREE_PER_HOUR))
@@ -32,26 +32,27 @@ def apply_command(
         raise ConfigurationError("cli.apply_to_one")
     result = load_result(result_file)
     solved = find_log(result, result_file)
-    held = result.registers.old if result.registers is not None else {}
+    held = registers = result.registers.old if result.registers is not None else {}
     if solved is not None:
-        held = dict(zip(NAMES, prior_from_meta(open_log(solved).meta).mean.tolist(), strict=True))
+        meta = open_log(solved).meta
+        held, registers = dict(zip(NAMES, prior_from_meta(meta).mean.tolist(), strict=True)), meta.registers
     before, found = before_and_found(held, result.parameters)
     if np.array_equal(before, found):
         raise ConfigurationError("cli.apply_nothing", file=result_file)
     if log is not None:
-        shown = apply_to_recording(ignore_progress, log, before, found)
-        meta, blocks = open_log(log).meta, open_log(log).blocks()
+        output = read_recording(log, registers)
     else:
         unit = read_unit(ignore_progress, result.serial, solved, station, product)
         if isinstance(unit, OtherUnit):
             raise ConfigurationError("applied.other_unit", connected=unit.serial, serial=result.serial)
-        shown = unit.applied(before, found)
-        meta, blocks = unit.meta, iter([unit.block])
+        output = unit
+    shown = output.applied(before, found)
     cautions = _cautions(shown, result.serial)
     for caution in cautions:
         show_line(Console(stderr=True), caution)
     if out is not None:
-        export_corrected(meta, blocks, np.zeros_like(found) if shown.corrected else found, out)
+        parameters = np.zeros_like(found) if output.corrected else found
+        export_corrected(output.path, output.meta, output.blocks, parameters, out)
         show_line(Console(stderr=True), str(out))
     errors = np.stack([shown.rest_length, shown.rest_rate - shown.earth])
     emit_json(_json(shown, errors), json)

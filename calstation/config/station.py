@@ -16,7 +16,7 @@ from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSetting
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.physics import NAMES, PARAMETERS
 from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
-from calstation.schema import EntryError, Problem, StrictModel, load
+from calstation.schema import EntryError, Problem, StrictModel, load, near_miss
 from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
@@ -194,6 +194,15 @@ class ProductConfig(StrictModel):
     def _limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
         check_limit_names(limits)
         return limits
+
+    @model_validator(mode="after")
+    def _stages_of_checks(self) -> "ProductConfig":
+        for rule in ("improvement_at_rest", "level", "motion_angle"):
+            stage = getattr(getattr(self.checks, rule, None), "stage", None)
+            if stage is not None and stage not in self.stages:
+                keys = ("checks", rule, "stage")
+                raise EntryError("entry.unknown_name", *keys, name=stage, remedy=near_miss(stage, self.stages))
+        return self
 
 
 @contextmanager

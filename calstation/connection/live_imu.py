@@ -13,8 +13,8 @@ from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
-from calstation.records import ImuSection, LogMeta, context_from_meta, open_log, read_truth
-from calstation.results.plots import Applied, applied
+from calstation.records import ImuSection, LogMeta, open_log, read_truth
+from calstation.results.plots import Applied, ImuOutput
 
 #: Duration of the captured stream, s.
 SECONDS = 10.0
@@ -27,26 +27,6 @@ class OtherUnit:
     serial: str
 
 
-@dataclass(frozen=True)
-class UnitOutput:
-    """Output of the unit in the fixture at rest."""
-
-    meta: LogMeta
-    block: SampleBlock
-    corrected: bool  #: Whether the unit's registers corrected it.
-    named: bool  #: Whether the unit itself reported its serial number.
-
-    def applied(self, before: FloatArray, found: FloatArray) -> Applied:
-        """Apply parameters before and after a solution, SI, shape (30,) each; corrected output is left unchanged.
-
-        Raises InsufficientDataError if the unit is not at rest.
-        """
-        if self.corrected:
-            before = found = np.zeros(len(NAMES))
-        shown = applied([self.block], context_from_meta(self.meta), before, found)
-        return replace(shown, corrected=self.corrected, named=self.named)
-
-
 def apply_to_unit(
     progress: ProgressCallback,
     path: Path,
@@ -56,7 +36,7 @@ def apply_to_unit(
     found: FloatArray,
     seconds: float = SECONDS,
 ) -> Applied | OtherUnit:
-    """Job: apply the solution of the recording `path` to the output of its unit; see `read_unit`, `UnitOutput.applied`.
+    """Job: apply the solution of the recording `path` to the output of its unit; see `read_unit`, `ImuOutput.applied`.
 
     Raises InputError if the recording cannot be read, and what these raise.
     """
@@ -72,7 +52,7 @@ def read_unit(
     station: Path | None,
     product: Path | None,
     seconds: float = SECONDS,
-) -> UnitOutput | OtherUnit:
+) -> ImuOutput | OtherUnit:
     """Read `seconds` of output of the unit `serial` in the fixture, without motion and without writing to it.
 
     On the virtual bench, the unit of the recording is in the fixture if there is a recording that identifies it. Raises
@@ -92,7 +72,7 @@ def read_unit(
         )
     if parts is None:
         raise DeviceFaultError("connection.samples_lost")
-    return UnitOutput(meta, _block(parts), setup.after_registers, setup.imu.protocol != "stream")
+    return ImuOutput(meta, [_block(parts)], setup.after_registers, named=setup.imu.protocol != "stream")
 
 
 def _with_recorded_unit(path: Path, meta: LogMeta, setup: ResolvedConfiguration) -> ResolvedConfiguration:

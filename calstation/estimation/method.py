@@ -28,7 +28,7 @@ class Innovations:
     """Innovations of a stage's observations."""
 
     seq: IntArray  #: Sequence number at the end of each observation, shape (m,).
-    normalised: FloatArray  #: Decorrelated components in units of their sigmas, shape (m, 3).
+    normalised: FloatArray  #: Components in units of their sigmas, shape (m, 3); NaN where there is nothing to test.
 
 
 @dataclass(frozen=True)
@@ -76,6 +76,9 @@ class StageSolver(Protocol):
 
     def sigma(self) -> FloatArray:
         """Return the current standard deviations of the 30 parameters, SI, shape (30,)."""
+
+    def ranking(self) -> Ranking | None:
+        """Return the observability at the last call of `sigma`; None for a solver without the 39-state filter."""
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; slow solvers report `progress`. Raises InsufficientDataError."""
@@ -142,6 +145,10 @@ class BatchStage:
     def sigma(self) -> FloatArray:
         """Return the standard deviations of the prior, SI, shape (30,)."""
         return self.prior.sigma
+
+    def ranking(self) -> Ranking | None:
+        """Return None: a batch has no steps."""
+        return None
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; the solution is too fast for progress reports."""

@@ -25,6 +25,7 @@ from .parameters import COUNT as COUNT
 from .parameters import GROUPS as GROUPS
 from .parameters import INDEX as INDEX
 from .parameters import NAMES as NAMES
+from .parameters import OBSERVABLE as OBSERVABLE
 from .parameters import PAIR_PARAMETERS as PAIR_PARAMETERS
 from .parameters import PARAMETERS as PARAMETERS
 from .parameters import group_indices as group_indices

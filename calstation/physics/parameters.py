@@ -16,6 +16,9 @@ AXES = "xyz"
 #: Channels of an IMU, in the order of its samples.
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in AXES)
 
+#: A parameter or state is observable when its sigma is below this fraction of its prior sigma.
+OBSERVABLE = 0.9
+
 
 @dataclass(frozen=True)
 class Parameter:

@@ -1,6 +1,7 @@
 """Acceptance checks of a product and their evaluation with the evidence from a calibration."""
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
@@ -9,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief, SolveContext
-from calstation.estimation.positions import Evidence, RestEvidence, Turn, angle_errors, turn_between
+from calstation.estimation.positions import RestEvidence, angle_errors, turn_between
 from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray
 from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
 from calstation.schema import EntryError, StrictModel, near_miss
@@ -177,7 +178,10 @@ class _Acceptance:
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
 
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
-        """Yield all checks that the product requires and the evidence permits."""
+        """Yield all checks that the product requires of the stages that were solved.
+
+        Where a solved stage lacks a named rest, or the motions between two, the value is NaN and the check fails.
+        """
         s = self._section
         if s.gravity_at_rest is not None:
             yield from self._gravity_at_rest(s.gravity_at_rest)
@@ -218,16 +222,17 @@ class _Acceptance:
         evidence = chosen[-1]
         rows = []
         for k in range(len(evidence.rests)) if rule.positions is None else rule.positions:
+            before = after = math.nan
             if k < len(evidence.rests):
                 before, after = (self._force_error(evidence.rests[k], p) for p in (evidence.before, self._found.mean))
-                rows.append((before, after, Where(stage=evidence.stage, rest=k)))
+            rows.append((before, after, Where(stage=evidence.stage, rest=k)))
         yield from self._improved("improvement_at_rest", rule.below, rule.or_within, "m/s²", rows)
 
     def _improved(
         self, kind: CheckKind, below: float, floor: float, unit: str, rows: list[tuple[float, float, Where]]
     ) -> Iterator[Check]:
         """Compare errors after calibration with a fraction of those before, or with the floor where that is larger."""
-        factors = [(after / before, where) for before, after, where in rows if below * before > floor]
+        factors = [(after / before, where) for before, after, where in rows if not below * before <= floor]
         if factors:
             value, where = max(factors, key=_value_then_where)
             yield self._check(kind, value, below, "1", where)
@@ -237,11 +242,13 @@ class _Acceptance:
             yield self._check(_FLOORS[kind], value, floor, unit, where)
 
     def _level(self, rule: Level) -> Iterator[Check]:
-        chosen = [e for e in self._evidence if len(e.rests) > rule.position and rule.stage in (None, e.stage)]
+        chosen = [e for e in self._evidence if e.stage == rule.stage or (e.rests and rule.stage is None)]
         if not chosen:
             return
-        where = Where(stage=chosen[0].stage, rest=rule.position)
-        _, force = chosen[0].rests[rule.position].compensated(self._found.mean)
+        evidence = next((e for e in chosen if len(e.rests) > rule.position), chosen[0])
+        where, force = Where(stage=evidence.stage, rest=rule.position), np.full(3, math.nan)
+        if rule.position < len(evidence.rests):
+            _, force = evidence.rests[rule.position].compensated(self._found.mean)
         if rule.horizontal_within is not None:
             value = float(np.abs(force[:2]).max())
             yield self._check("level_horizontal", value, rule.horizontal_within, "m/s²", where)
@@ -253,10 +260,15 @@ class _Acceptance:
         rows = []
         found, axes = self._found.mean, None if rule.reference == "gravity" else self._context.table.geometry
         for evidence in self._evidence:
-            for turn in _turns(evidence, rule.positions, found) if rule.stage in (None, evidence.stage) else ():
-                if turn.path >= LEAST_TURN:
-                    where = Where(stage=evidence.stage, rest=turn.before, to=turn.after)
+            if rule.stage not in (None, evidence.stage):
+                continue
+            for first, second in _pairs(len(evidence.rests), rule.positions):
+                where = Where(stage=evidence.stage, rest=first, to=second)
+                turn = turn_between(evidence, first, second, found) if second < len(evidence.rests) else None
+                if turn is not None and turn.path >= LEAST_TURN:
                     rows.append((*angle_errors(evidence, turn, found, axes), where))
+                elif turn is None and rule.positions is not None:
+                    rows.append((math.nan, math.nan, where))
         if rows and rule.within is not None:
             value, where = max(((after, where) for _, after, where in rows), key=_value_then_where)
             yield self._check("motion_angle", value, rule.within, "rad", where)
@@ -287,16 +299,12 @@ class _Acceptance:
             yield self._check("excitation", ratios[worst], rule.sigma_ratio_below, "1", Where(worst))
 
 
-def _turns(evidence: Evidence, positions: Positions | None, found: FloatArray) -> Iterator[Turn]:
-    """Yield the rotations between neighbouring rests, or between every two of `positions`."""
-    count = len(evidence.rests)
-    chosen = sorted({k for k in positions if k < count}) if positions is not None else None
-    for first, second in itertools.pairwise(range(count)) if chosen is None else itertools.combinations(chosen, 2):
-        turn = turn_between(evidence, first, second, found)
-        if turn is not None:
-            yield turn
+def _pairs(count: int, positions: Positions | None) -> Iterator[tuple[int, int]]:
+    """Return neighbouring rests of `count`, or every two of `positions`."""
+    return itertools.pairwise(range(count)) if positions is None else itertools.combinations(sorted(set(positions)), 2)
 
 
 def _value_then_where(row: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return the sort key of a row that ends with a `Where`; equal values are ordered by its text."""
-    return (*row[:-1], str(row[-1]))
+    """Return the sort key of a row of a value and a `Where`; NaN is the largest, equal values are ordered by text."""
+    value, where = row
+    return math.inf if math.isnan(value) else value, str(where)

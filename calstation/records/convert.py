@@ -14,7 +14,7 @@ from calstation.physics import FloatArray, compensate, compensation
 from calstation.records.csv_log import meta_path, open_csv_for_writing, write_csv
 from calstation.records.facts import LogFacts
 from calstation.records.log import open_log
-from calstation.records.meta import LogMeta, PriorSection, context_from_meta
+from calstation.records.meta import LogMeta, context_from_meta
 from calstation.records.raw_log import SUFFIX, RawLogWriter
 
 
@@ -57,22 +57,23 @@ def export_csv(
     `progress` is called with the number of samples written so far. Returns the facts of the whole log. Raises
     InputError if the log cannot be read or the target cannot be written.
     """
-    _check_name(target)
+    _check_target(target, (source,))
     log = open_log(source)
-    if target.exists() and target.samefile(source):
-        raise InputError("csv.export_onto_itself", file=target)
     blocks = log.blocks(first_seq, last_seq)
     _write(target, log.meta, blocks if progress is None else _counted(blocks, progress))
     return log.facts()
 
 
-def export_corrected(meta: LogMeta, blocks: Iterable[SampleBlock], parameters: FloatArray, target: Path) -> None:
+def export_corrected(
+    source: Path | None, meta: LogMeta, blocks: Iterable[SampleBlock], parameters: FloatArray, target: Path
+) -> None:
     """Write samples compensated with `parameters`, SI, shape (30,), to `target` (.csv or .csv.gz) and its TOML.
 
-    The columns of gyros and accelerometers hold angular rate, rad/s, and specific force, m/s². Raises InputError if the
-    samples cannot be read or the target cannot be written.
+    `source` is their log, None for samples of a connected unit. The columns of gyros and accelerometers hold angular
+    rate, rad/s, and specific force, m/s². Raises InputError if the samples cannot be read or the target cannot be
+    written.
     """
-    _check_name(target)
+    _check_target(target, () if source is None else (source, meta_path(source)))
     size, constants = context_from_meta(meta).imu.count_size, compensation(parameters)
 
     def corrected(block: SampleBlock) -> SampleBlock:
@@ -80,14 +81,17 @@ def export_corrected(meta: LogMeta, blocks: Iterable[SampleBlock], parameters: F
         return replace(block, counts=np.hstack(compensate(constants, raw[:, :3], raw[:, 3:])))
 
     imu = meta.imu.model_copy(update={"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0})
-    prior = {name: PriorSection(sigma=section.sigma) for name, section in meta.prior.items()}
-    meta = meta.model_copy(update={"imu": imu, "prior": prior, "registers": {}, "run": None})
-    _write(target, meta, map(corrected, blocks))
+    changed = {"imu": imu, "prior": {}, "prior_correlation": {}, "registers": {}, "run": None}
+    _write(target, meta.model_copy(update=changed), map(corrected, blocks))
 
 
-def _check_name(target: Path) -> None:
+def _check_target(target: Path, kept: Iterable[Path]) -> None:
+    """Raise InputError if the name is not that of a CSV, or if it or its TOML would replace a file of `kept`."""
     if not target.name.endswith((".csv", ".csv.gz")):
         raise InputError("csv.export_name", file=target)
+    for new, old in itertools.product((target, meta_path(target)), kept):
+        if new.exists() and old.exists() and new.samefile(old):
+            raise InputError("csv.export_onto_itself", file=target)
 
 
 def _write(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> None:

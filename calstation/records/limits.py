@@ -10,14 +10,12 @@ from pydantic import Field, field_validator
 
 from calstation.estimation import Estimate, Solution
 from calstation.estimation.common import Belief
-from calstation.physics import GROUPS, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, pair_parameter
+from calstation.physics import GROUPS, INDEX, NAMES, OBSERVABLE, PAIR_PARAMETERS, PARAMETERS, pair_parameter
 from calstation.schema import EntryError, StrictModel, near_miss
 
 PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
 #: A value above this fraction of its limit is a near miss, unless the product specifies another fraction.
 NEAR = 0.8
-#: A posterior sigma above this fraction of the prior sigma means that the data do not determine the parameter.
-OBSERVABLE_RATIO = 0.9
 #: Change of a parameter, in its standard deviations, beyond which the unit is not that of its calibration any more.
 _CHANGED = 6.0
 #: Smallest relative decrease of a variance that is not rounding.
@@ -244,7 +242,7 @@ def unobservable(prior: Belief, solutions: Sequence[Solution], calibrated: Colle
         for name in estimated_stage(solutions)
         if name not in calibrated
         and before[INDEX[name]] > 0
-        and (after[INDEX[name]] > OBSERVABLE_RATIO * before[INDEX[name]] or _not_observed(name, solutions))
+        and (after[INDEX[name]] > OBSERVABLE * before[INDEX[name]] or _not_observed(name, solutions))
     ]
     return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
 

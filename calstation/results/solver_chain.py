@@ -11,10 +11,10 @@ from threadpoolctl import threadpool_limits
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation import Progress, Ranking, Solution, StageSolver
 from calstation.estimation.common import RestOutput, SampleBlock, Spool, resolves_earth_rate, stage_data
-from calstation.estimation.navigation import NavigationStage, warm_up
+from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
-from calstation.physics import COUNT, FloatArray
+from calstation.physics import FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
@@ -50,6 +50,9 @@ class StageChain:
         checks = meta.product.checks if meta.product is not None else None
         self._gather = checks is not None and checks.need_samples
         self._kept: Spool | None = None
+        offset, matrix = composition(meta.registers)
+        #: Parameters that compensate the effect of the registers, which leaves the uncalibrated output.
+        self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
         self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
 
@@ -80,7 +83,7 @@ class StageChain:
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None for a stage without the 39-state filter."""
-        return self._solver.ranking() if isinstance(self._solver, NavigationStage) else None
+        return None if self._solver is None else self._solver.ranking()
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the started stage; its posterior becomes the next prior. Raises InputError if the solution diverges."""
@@ -93,7 +96,7 @@ class StageChain:
         self._solver = None
         if self._kept is not None:
             data = stage_data(list(self._kept.blocks()), self._context.imu)
-            found = gather(self._stage, data, self._context, np.zeros(COUNT), solution.belief.mean)
+            found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))

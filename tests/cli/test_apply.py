@@ -1,6 +1,7 @@
 """A result applied to a recording and to the connected unit: every rest before and after, and the corrected samples."""
 
 import csv
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,6 +71,45 @@ def test_one_source_of_data(calstation: Run, log: Path, result: Path) -> None:
     done = calstation("apply", result, log, "--station", "virtual_bench")
     assert done.code == 2
     assert "A recording and --station are both given. Give one of them." in done.err
+
+
+@pytest.mark.parametrize("name", ["log.csv", "log.csv.gz"])
+def test_the_recording_is_not_replaced(calstation: Run, log: Path, result: Path, name: str) -> None:
+    before = log.read_bytes(), log.with_suffix(".toml").read_bytes()
+    done = calstation("apply", result, log, "-o", log.with_name(name))
+    assert done.code == 2
+    assert "The target is the log itself." in done.err
+    assert (log.read_bytes(), log.with_suffix(".toml").read_bytes()) == before
+
+
+def test_output_behind_other_registers_is_not_corrected_twice(calstation: Run, log: Path, result: Path) -> None:
+    behind = log.rename(log.with_name("behind.csv"))
+    behind.with_suffix(".toml").write_text(META + "[registers]\naccel_scale_x = 1e-3\n", encoding="utf-8")
+    log.with_suffix(".toml").unlink()
+    done = calstation("apply", result, behind, "--json", behind.with_name("shown.json"))
+    assert "the answer is not applied a second time" in done.err
+    shown = json.loads(behind.with_name("shown.json").read_text())
+    assert shown["corrected"]
+    assert shown["rms"]["force_after"] == shown["rms"]["force_before"]
+
+
+def test_output_behind_the_same_registers_is_corrected(calstation: Run, log: Path, tmp_path: Path) -> None:
+    toml = log.with_suffix(".toml")
+    toml.write_text(toml.read_text() + "[registers]\naccel_scale_x = 1e-3\n", encoding="utf-8")
+    result = tmp_path / "result.json"
+    assert calstation("resolve", log, "--json", result).code == 0
+    shown = calstation("apply", result, log, "--json", "-").json
+    assert not shown["corrected"]
+    assert shown["rms"]["force_after"] < 0.01 * shown["rms"]["force_before"]
+
+
+def test_corrected_samples_have_the_priors_of_no_calibration(calstation: Run, log: Path, tmp_path: Path) -> None:
+    toml, result = log.with_suffix(".toml"), tmp_path / "result.json"
+    prior = "[prior.accel_bias_x]\nsigma = 1e-3\n[prior_correlation.accel_bias_y]\naccel_bias_x = 0.5\n"
+    toml.write_text(toml.read_text() + prior, encoding="utf-8")
+    assert calstation("resolve", log, "--json", result).code == 0
+    assert calstation("apply", result, log, "-o", tmp_path / "corrected.csv").code == 0
+    assert "prior" not in (tmp_path / "corrected.toml").read_text(encoding="utf-8")
 
 
 @pytest.mark.long

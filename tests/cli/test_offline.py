@@ -7,7 +7,9 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from tests.cli.conftest import Done, six_position_rows, write_log
+import pytest
+
+from tests.cli.conftest import META, Done, six_position_rows, write_log
 
 
 def test_resolve_shows_a_table(calstation: Callable[..., Done], tmp_path: Path) -> None:
@@ -68,6 +70,17 @@ def test_a_truncated_stage_is_reported_and_earlier_ones_are_solved(
     done = calstation("resolve", log)
     assert "Not every stage of the log could be solved." in done.out
     assert calstation("resolve", log, "--stages", "six_position").code == 0
+
+
+def test_uncalibrated_is_the_output_without_registers(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    checks = '[product]\nname = "p"\n[product.checks.improvement_at_rest]\nbelow = 0.5\n'
+    registers = "[registers]\n" + "".join(f"accel_scale_{axis} = 1e-3\n" for axis in "xyz")
+    told = []
+    for meta in (META.replace("accel_lsb = 1e-6", "accel_lsb = 1.001e-6") + checks, META + registers + checks):
+        result = calstation("resolve", write_log(tmp_path, six_position_rows(), meta=meta), "--json", "-").json
+        told += [c["value"] for c in result["checks"] if c["name"] == "improvement_at_rest"]
+    assert told[0] < 0.1
+    assert told[1] == pytest.approx(told[0], rel=0.01)
 
 
 def test_debug_shows_where(calstation: Callable[..., Done], tmp_path: Path) -> None:

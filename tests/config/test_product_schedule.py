@@ -47,3 +47,11 @@ def test_a_wrong_value_changes_nothing(shipped: Path) -> None:
     with pytest.raises(ConfigurationError, match="turns"):
         save_schedule(ignore_progress, shipped, {"rate": {"turns": 0}}, "wang")
     assert library.find("products", "nav_a") == shipped
+
+
+def test_a_check_at_a_stage_that_the_product_lacks_is_refused(shipped: Path, tmp_path: Path) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(shipped.read_text("utf-8").replace('stage = "excitation"', 'stage = "exitation"'), "utf-8")
+    with pytest.raises(ConfigurationError, match=r"'exitation' is unknown.*'excitation'") as caught:
+        load_product(path)
+    assert complaint(caught.value) == "checks.motion_angle.stage entry.unknown_name"

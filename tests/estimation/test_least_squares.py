@@ -68,7 +68,7 @@ def test_free_unknowns_leave_the_least_squares_residual_to_test(seed):
     residual = observed - H @ np.linalg.solve(H.T @ weight @ H, H.T @ weight @ observed)
     found = redundant(H @ P @ H.T, N, observed)
     assert found.freedom == len(H) - H.shape[1]
-    assert np.sum(found.normalised**2) == pytest.approx(residual @ weight @ residual, rel=1e-4)
+    assert found.total == pytest.approx(residual @ weight @ residual, rel=1e-4)
 
 
 @given(SEEDS)
@@ -77,14 +77,15 @@ def test_known_unknowns_leave_every_observation_to_test(seed):
     observed = random.normal(size=len(H)) * 3.0
     found = redundant(H @ P @ H.T, N, observed)
     assert found.freedom == len(H)
-    assert np.sum(found.normalised**2) == pytest.approx(observed @ np.linalg.solve(N, observed), rel=1e-6)
+    assert found.total == pytest.approx(observed @ np.linalg.solve(N, observed), rel=1e-6)
 
 
 def test_as_many_unknowns_as_observations_leave_nothing_to_test():
     H, P, N, random = redundancy_case(4, 14, width=1e4)
     found = redundant(H @ P @ H.T, N, random.normal(size=14))
     assert found.freedom == 0
-    assert np.all(found.normalised == 0.0)
+    assert found.total == 0.0
+    assert np.all(np.isnan(found.normalised))
     assert found.consistency.count == 0
     assert found.consistency.passed
     assert not found.consistency.warning
@@ -105,6 +106,19 @@ def test_the_band_of_the_redundancy_holds_999_of_1000(width):
     assert outside <= 14  # expected 4, Poisson
 
 
+@pytest.mark.parametrize("unknowns", [6, 13])
+def test_every_tested_innovation_has_a_variance_of_one(unknowns):
+    H, P, N, random = redundancy_case(3, unknowns, width=1e4)
+    H[0] = 0.0
+    H[0, 0] = 1.0
+    H[1:, 0] = 0.0  # nothing else shows the first unknown
+    explained, noise = H @ P @ H.T, np.diag(np.diag(N))
+    root = np.sqrt(noise)
+    found = np.stack([redundant(explained, noise, root @ random.normal(size=14)).normalised for _ in range(4000)])
+    assert np.isnan(found[:, 0]).all()
+    np.testing.assert_allclose(np.std(found[:, 1:], axis=0), 1.0, atol=5.0 / np.sqrt(2.0 * 4000))
+
+
 def test_a_noisy_nuisance_belongs_to_the_noise():
     prior = Belief(np.zeros(COUNT), 1e8 * np.eye(COUNT))
     observed, noise = np.array([1.0, 5.0]), np.full(2, 1e-6)
@@ -118,7 +132,7 @@ def test_a_noisy_nuisance_belongs_to_the_noise():
     ]
     assert [f.freedom for f in found] == [0, 1]
     # the difference of two readings with a sigma of 1 each
-    assert np.sum(found[1].normalised ** 2) == pytest.approx(16.0 / 2.0, rel=1e-5)
+    assert found[1].total == pytest.approx(16.0 / 2.0, rel=1e-5)
 
 
 def test_exactly_known_parameters_do_not_change():

@@ -1,10 +1,13 @@
 """The observability of the run in progress, drawn step by step on the engineer page."""
 
+from types import SimpleNamespace
+
 from PySide6.QtWidgets import QLabel
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.engineer.diagnostics_views import ObservabilityView
-from calstation.sequencer import StageRanked
+from calstation.gui.engineer.result_analysis import ResultAnalysis
+from calstation.sequencer import StageRanked, StateChanged
 
 
 def ranked(step: int, stage: str = "excitation", **strength: float) -> StageRanked:
@@ -38,3 +41,19 @@ def test_a_run_replaces_what_was_shown_and_a_result_the_run(qtbot: QtBot) -> Non
     assert list(view._stages) == ["excitation", "azimuth_flip"]
     view.show_stages({"azimuth_flip": stored})
     assert "gyro_bias_x" in view.findChild(QLabel, "unobservable_label").text()
+
+
+def test_an_opened_result_is_shown_until_a_stage_reports(qtbot: QtBot) -> None:
+    analysis = ResultAnalysis(SimpleNamespace())
+    view = analysis.observability.view
+    qtbot.addWidget(analysis.observability)
+    states = {"gyro_bias_x": {"step": None, "by_step": [1.0]}}
+    view.show_stages({"azimuth_flip": {"segments": [{"step": 7}], "states": states}})
+    for _ in range(2):
+        analysis.follow(StateChanged("preparing", "idle"))  # a register operation begins with it, too
+        assert list(view._stages) == ["azimuth_flip"]
+    analysis.follow(ranked(1, gyro_bias_x=2.0))
+    assert list(view._stages) == ["excitation"]
+    analysis.follow(StateChanged("preparing", "idle"))
+    analysis.follow(ranked(1, "azimuth_flip", gyro_bias_x=2.0))
+    assert list(view._stages) == ["azimuth_flip"]

@@ -177,9 +177,17 @@ def test_excitation_stays_within_any_travel_of_half_a_turn_either_way(travel):
             assert turned(table, before, after) == pytest.approx(angle * BODY[after.label[1]], abs=1e-9)
 
 
+@pytest.mark.parametrize("low", [-10.0, -350.0, -137.0])
+def test_excitation_fits_into_any_travel_of_a_revolution(low):
+    outer = np.deg2rad([low, low + 360.0])
+    travel = JointLimits((outer[0], -4.0), (outer[1], 4.0))
+    steps = steps_of("excitation", TableGeometry(limits=travel), 2)
+    assert_within(travel, steps)
+
+
 def test_excitation_refuses_a_travel_without_room_for_a_revolution():
     with raises_code(ConfigurationError, "plan.revolution_exceeds_travel") as caught:
-        steps_of("excitation", TableGeometry(limits=JointLimits((-1.0, -4.0), (5.5, 4.0))), 1)
+        steps_of("excitation", TableGeometry(limits=JointLimits((-1.0, -4.0), (5.2, 4.0))), 1)
     assert caught.value.values["axis"] == "outer"
 
 

@@ -192,7 +192,28 @@ def test_any_two_positions_are_compared_with_all_motions_between_them(reference)
     assert neighbours.value == pytest.approx(1e-3 * turn, rel=0.01)
     better = checked(rule, solution(evidence, gyro_scale_x=1e-3))["motion_angle"]
     assert better.value < 1e-5
-    assert checked(rule, solution(chain(reference, broken=True))) == {}
+    lost = checked(rule, solution(chain(reference, broken=True)))["motion_angle"]
+    assert (lost.passed, lost.where) == (False, told.where)
+    assert np.isnan(lost.value)
+
+
+@pytest.mark.parametrize(
+    ("rules", "where"),
+    [
+        ({"improvement_at_rest": {"below": 0.9, "positions": [7]}}, "multi_position rest 7"),
+        ({"level": {"vertical_within": 5.0, "horizontal_within": 5.0, "position": 7}}, "multi_position rest 7"),
+        ({"level": {"vertical_within": 5.0, "position": 7, "stage": "multi_position"}}, "multi_position rest 7"),
+        ({"motion_angle": {"within": 1.0, "below": 0.9, "positions": [0, 7]}}, "multi_position rest 0 to 7"),
+    ],
+)
+def test_a_named_rest_that_is_missing_fails_its_checks(rules, where):
+    told = checked(rules, solution(chain()))
+    assert told
+    for check in told.values():
+        assert (check.passed, check.near_miss, str(check.where)) == (False, False, where)
+        assert np.isnan(check.value)
+    other = {name: {**rule, "stage": "six_position"} for name, rule in rules.items()}
+    assert checked(other, solution(chain())) == {}
 
 
 def test_gravity_may_be_the_reference_although_there_are_encoders():

@@ -17,6 +17,8 @@ CONVERGED = 1e-3
 #: Largest variance that unknowns may explain in a tested direction, in units of that of the noise. Near 1, products of
 #: unknowns, which no covariance contains, may be as large as the noise.
 MOST_EXPLAINED = 0.1
+#: An innovation whose share in the tested directions is below this is not tested.
+LEAST_SHARE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,14 @@ class Redundancy:
     """Part of the innovations of a fit that its unknowns cannot explain (`redundant`)."""
 
     freedom: int  #: Number of independent directions of it.
-    normalised: FloatArray  #: The innovations in these directions, decorrelated, in units of sigma, shape (m,).
+    total: float  #: Sum of the squares of the innovations in these directions, in units of sigma.
+    #: This part of each decorrelated innovation in units of its own sigma, shape (m,); NaN if the unknowns explain it.
+    normalised: FloatArray
 
     @property
     def consistency(self) -> "Consistency":
         """Mean square per degree of freedom and its band."""
-        return nis_consistency(float(self.normalised @ self.normalised), self.freedom, 1)
+        return nis_consistency(self.total, self.freedom, 1)
 
 
 @dataclass(frozen=True)
@@ -132,7 +136,8 @@ def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) 
     count as a test that is always passed: twelve free tilts and six parameters leave nothing of 18 observations
     to test. The directions are independent, and their squares are χ² distributed. They are the classical parity space
     (J. E. Potter, M. C. Suman, *Thresholdless redundancy management with arrays of skewed instruments*, AGARDograph
-    224, 1977), in which an unknown with an accurate prior counts as known.
+    224, 1977), in which an unknown with an accurate prior counts as known. `normalised` is the w-test (W. Baarda, *A
+    testing procedure for use in geodetic networks*, 1968): each component has a variance of 1, but they are correlated.
     """
     root = np.linalg.cholesky(noise)
     white = solve_triangular(root, innovation, lower=True)
@@ -140,7 +145,10 @@ def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) 
     size, directions = np.linalg.eigh(solve_triangular(root, half.T, lower=True))
     tested = size < MOST_EXPLAINED
     chosen = directions[:, tested]
-    return Redundancy(int(tested.sum()), chosen @ (chosen.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))))
+    found = chosen.T @ white / np.sqrt(1.0 + np.maximum(size[tested], 0.0))
+    share = np.sum(chosen**2, axis=1)
+    normalised = np.divide(chosen @ found, np.sqrt(share), out=np.full(len(share), np.nan), where=share > LEAST_SHARE)
+    return Redundancy(int(tested.sum()), float(found @ found), normalised)
 
 
 def _jacobian(

@@ -15,7 +15,7 @@ import numpy as np
 from calstation.estimation import Ranking
 from calstation.estimation.common import Belief, SolveContext, StageData, filter_noise
 from calstation.estimation.navigation.filter import POSITION_SIGMA, History
-from calstation.physics import NAMES, STATES, FloatArray, compensation, dynamics, rotation_rate, skew
+from calstation.physics import NAMES, OBSERVABLE, STATES, FloatArray, compensation, dynamics, rotation_rate, skew
 
 STATE_NAMES = (
     *(f"{s}_{a}" for s in ("attitude_error", "velocity_error", "position_error") for a in ("east", "north", "up")),
@@ -25,8 +25,6 @@ STATE_NAMES = (
 LARGEST_TURN = np.deg2rad(5.0)
 #: Number of powers of F used: φ → δv → δp and the biases need four; each additional power adds earth rate times T.
 POWERS = 6
-#: A state is observable when its sigma is below this fraction of its prior sigma.
-OBSERVABLE = 0.9
 
 
 def pieces(data: StageData, history: History) -> Iterator[tuple[int, int]]:

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QToolTip, QWidget
 from calstation.gui.engineer.shared_views import ROW, Band, CellTable, StackedPlots, StageCombo, dashed
 from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import Column, ElidedLabel, EmptyState, ThemedPlot, column, label, row, scroll_area, theme
-from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G, OBSERVABLE, FloatArray
 from calstation.results import Diagnostics, StageDiagnostics
 from calstation.sequencer import StageRanked
 
@@ -83,22 +83,24 @@ class InnovationsView(StackedPlots[Diagnostics]):
         for number, (plot, name) in enumerate(zip(self.plots, self._components(stage), strict=True)):
             values = innovations.normalised[:, number]
             beyond = np.abs(values) > _BOUND
-            inside = np.flatnonzero(~beyond)[:: -(-len(values) // _MAX_POINTS)]
+            inside = np.flatnonzero(np.abs(values) <= _BOUND)[:: -(-len(values) // _MAX_POINTS)]
             for drawn, colour, grow in ((inside, c.accent, 0), (np.flatnonzero(beyond), c.bad, 2)):
                 style = {"size": size + grow, "pen": None, "brush": pg.mkBrush(colour)}
                 self.add(plot, pg.ScatterPlotItem(minutes[drawn], values[drawn], **style))
             for level in (-_BOUND, 0.0, _BOUND):
                 pen = pg.mkPen(c.line) if level == 0.0 else dashed(c.muted)
                 self.add(plot, pg.InfiniteLine(level, 0, pen=pen))
-            reach = max(_MIN_HALF_RANGE, float(np.abs(values).max(initial=0.0)) * 1.05)
+            reach = max(_MIN_HALF_RANGE, float(np.nan_to_num(np.abs(values)).max(initial=0.0)) * 1.05)
             plot.setYRange(-reach, reach, padding=0.0)
             plot.setLabel("left", name)
         self.plots[2].setLabel("bottom", self.tr("time in the stage, min"))
         self.plots[0].setXRange(0.0, max(float(minutes.max(initial=0.0)), 1e-3), padding=0.02)
-        share = 100.0 * float(np.mean(np.abs(innovations.normalised) > _BOUND))
-        self._beyond.setText(
-            self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(len(innovations.seq), share)
-        )
+        tested = np.abs(innovations.normalised[np.isfinite(innovations.normalised)])
+        if not len(tested):
+            self._beyond.setText(say("engineer.nis_untested"))
+            return
+        share, count = 100.0 * float(np.mean(tested > _BOUND)), len(innovations.seq)
+        self._beyond.setText(self.tr("{0} observations, {1:.2f} % beyond ±3 σ (0.27 % expected)").format(count, share))
 
     def _components(self, stage: StageDiagnostics) -> tuple[str, str, str]:
         """Return the names of the components: velocity in the level frame, or along the unit's axes."""
@@ -242,7 +244,7 @@ def _columns(stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, Float
 
 
 #: Strength above which a state counts as observable.
-OBSERVABLE = 1.0 / 0.9
+_OBSERVED = 1.0 / OBSERVABLE
 #: Range of the colour scale in decades: strengths from 1 to 100 000.
 _DECADES = 5
 _NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 5 * theme.GRID
@@ -289,7 +291,7 @@ class ObservabilityView(QWidget):
         states = {}
         for name, strength in ranked.strength.items():
             earlier = before["states"].get(name, {"step": None, "by_step": []})
-            seen = earlier["step"] if earlier["step"] is not None else step if strength > OBSERVABLE else None
+            seen = earlier["step"] if earlier["step"] is not None else step if strength > _OBSERVED else None
             states[name] = {"step": seen, "by_step": [*earlier["by_step"][:kept], strength]}
         self._stages[stage] = {"segments": [*before["segments"][:kept], {"step": step}], "states": states}
         if stage not in self._live:
@@ -358,7 +360,7 @@ class HeatMap(ThemedPlot):
         """Show the strengths of states: prior sigma divided by the sigma after each step, shape (names, steps)."""
         self._names, self._steps, self._strength = names, steps, strength
         self.setMinimumHeight(_ROW * len(names) + _AXIS)
-        lost = strength <= OBSERVABLE
+        lost = strength <= _OBSERVED
         decades = np.log10(np.maximum(strength, 1.0))
         self._image.setImage(np.where(lost, np.nan, decades), levels=(0.0, _DECADES))
         lines, columns = np.nonzero(lost)
@@ -376,7 +378,7 @@ class HeatMap(ThemedPlot):
         if not (0 <= line < len(self._names) and 0 <= step < len(self._steps)):
             return ""
         strength = float(self._strength[line, step])
-        if strength <= OBSERVABLE:
+        if strength <= _OBSERVED:
             text = self.tr("{0} after step {1}: not better known than before")
         else:
             text = self.tr("{0} after step {1}: {2:.3g} times better known than before the stage")

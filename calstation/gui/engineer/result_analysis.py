@@ -228,6 +228,8 @@ class ResultAnalysis(QObject):
         self._path: Path | None = None
         #: Whether the observability shown is that of the run in progress.
         self._following = False
+        #: Whether a run or a register operation has begun, and no stage has reported its observability since.
+        self._starting = False
         #: The log whose diagnostics are shown or being computed.
         self._diagnosed_log: Path | None = None
         self.loading = JobWatch(self, self._loaded, self._not_loaded)
@@ -256,9 +258,11 @@ class ResultAnalysis(QObject):
     def follow(self, event: Event) -> None:
         """Show the observability of the run in progress, unless a run was opened since it started."""
         if isinstance(event, StateChanged) and event.state == "preparing":
-            self._following = True
-            self.observability.view.show_stages({})
+            self._following = self._starting = True
         elif isinstance(event, StageRanked) and self._following:
+            if self._starting:
+                self._starting = False
+                self.observability.view.show_stages({})
             self.observability.view.follow(event)
             self.observability.show_view()
 

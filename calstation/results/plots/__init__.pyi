@@ -1,7 +1,8 @@
 from .compensation import Applied as Applied
-from .compensation import applied as applied
+from .compensation import ImuOutput as ImuOutput
 from .compensation import apply_to_recording as apply_to_recording
 from .compensation import before_and_found as before_and_found
+from .compensation import read_recording as read_recording
 from .corrected import CorrectedTrace as CorrectedTrace
 from .corrected import CorrectedTraceBuilder as CorrectedTraceBuilder
 from .index import LogIndex as LogIndex

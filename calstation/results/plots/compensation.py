@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from calstation.errors import InsufficientDataError
-from calstation.estimation.common import SampleBlock, SolveContext, before_after, find_stillness, joined, stage_data
+from calstation.estimation.common import SampleBlock, before_after, find_stillness, joined, stage_data
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, RATE, FloatArray
-from calstation.records import context_from_meta, open_log
+from calstation.records import LogMeta, context_from_meta, open_log
 from calstation.results import Parameter
 
 _COLUMNS = 2000
@@ -47,25 +47,51 @@ def before_and_found(before: Mapping[str, float], parameters: Mapping[str, Param
     return next(vectors), next(vectors)
 
 
-def apply_to_recording(report: ProgressCallback, path: Path, before: FloatArray, found: FloatArray) -> Applied:
+@dataclass(frozen=True)
+class ImuOutput:
+    """Samples of a unit, recorded or received."""
+
+    meta: LogMeta
+    blocks: list[SampleBlock]
+    corrected: bool  #: Whether registers, other than those under which the solution was found, corrected them.
+    path: Path | None = None  #: Recording; None for samples of the connected unit.
+    named: bool = True  #: Whether the unit itself reported its serial number.
+
+    def applied(self, before: FloatArray, found: FloatArray) -> Applied:
+        """Apply parameters before and after a solution, SI, shape (30,) each; corrected output is left unchanged.
+
+        Raises InsufficientDataError if the unit never rests.
+        """
+        if self.corrected:
+            before = found = np.zeros(len(NAMES))
+        return _applied(self, before, found)
+
+
+def read_recording(path: Path, registers: Mapping[str, float]) -> ImuOutput:
+    """Read all samples of a recording; a solution was found from output corrected by `registers`, SI, {} if by none.
+
+    Raises InputError if it cannot be read.
+    """
+    log = open_log(path)
+    corrected = bool(log.meta.registers) and log.meta.registers != dict(registers)
+    return ImuOutput(log.meta, list(log.blocks()), corrected, path)
+
+
+def apply_to_recording(
+    report: ProgressCallback, path: Path, registers: Mapping[str, float], before: FloatArray, found: FloatArray
+) -> Applied:
     """Job: apply previous and new parameters (SI, shape (30,)) to all valid samples of a recording.
 
-    Raises InputError if the recording cannot be read, or if the unit never rests.
+    `registers` as in `read_recording`. Raises InputError if the recording cannot be read, or if the unit never rests.
     """
     report(0.0)
-    log = open_log(path)
-    blocks = list(log.blocks())
+    output = read_recording(path, registers)
     report(0.5)
-    return applied(blocks, context_from_meta(log.meta), before, found, path)
+    return output.applied(before, found)
 
 
-def applied(
-    blocks: list[SampleBlock], context: SolveContext, before: FloatArray, found: FloatArray, path: Path | None = None
-) -> Applied:
-    """Apply previous and new parameters (SI, shape (30,)) to all valid samples; `path` names the recording in messages.
-
-    Raises InsufficientDataError if the unit never rests.
-    """
+def _applied(output: ImuOutput, before: FloatArray, found: FloatArray) -> Applied:
+    blocks, path, context = output.blocks, output.path, context_from_meta(output.meta)
     data = stage_data(blocks, context.imu)
     whole = joined(blocks)
     rests = find_stillness(data, context.imu, _SHORTEST_REST).rests
@@ -98,4 +124,6 @@ def applied(
         rest_rate=np.array(rates),
         length_rms=(float(length_rms[0]), float(length_rms[1])),
         rate_rms=(float(rate_rms[0]), float(rate_rms[1])),
+        corrected=output.corrected,
+        named=output.named,
     )

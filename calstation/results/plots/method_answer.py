@@ -81,6 +81,7 @@ class Recording:
     rate: float
     duration: float  #: Duration, s.
     truth: Mapping[str, float]  #: True parameters, SI, of a recording of the virtual bench.
+    registers: Mapping[str, float]  #: Registers that corrected it, SI, {} if there are none.
 
 
 @dataclass(frozen=True)
@@ -124,7 +125,7 @@ def solve_method(report: ProgressCallback, path: Path, stage: str) -> MethodAnsw
     schedule = checked.model_dump(mode="json")
     rate = meta.imu.sample_rate_hz
     duration = (samples.last_seq - samples.first_seq + 1) / rate
-    recording = Recording(path, meta.imu.serial, rate, duration, read_truth(path))
+    recording = Recording(path, meta.imu.serial, rate, duration, read_truth(path), meta.registers)
     picture = _plot_data(log, stage, resolved.result, schedule)
     return MethodAnswer(recording, stage, resolved, _before(meta, stage), schedule, picture)
 

@@ -78,7 +78,8 @@ class AppliedView(QWidget):
     def apply(self, path: Path) -> None:
         """Apply the solution to a recording, and show the data before and after it."""
         if self._answer is not None and not self._at_device:
-            self._begin(self._app.job_queue.submit(apply_to_recording, path, *self._vectors(self._answer)))
+            files = path, self._answer.recording.registers
+            self._begin(self._app.job_queue.submit(apply_to_recording, *files, *self._vectors(self._answer)))
 
     def _apply_to_unit(self) -> None:
         """Apply the solution to some seconds of live data of the unit, and show the data before and after it."""
