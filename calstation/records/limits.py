@@ -315,7 +315,7 @@ def check_limits(
 def _changes(prior: Belief, found: Belief, names: Sequence[str]) -> dict[str, float]:
     """Return by how much the data changed each parameter, in standard deviations of the change expected from the prior.
 
-    An estimate that equals its prior in the limit of useless data has a change with the variance by which it improved.
+    The variance of the change is the decrease of the parameter's variance.
     """
     before, after = np.diag(prior.covariance), np.diag(found.covariance)
     found_changes = {}
