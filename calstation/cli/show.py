@@ -84,9 +84,7 @@ def on_line(line: str, action: Callable[[], object]) -> None:
                     action()
 
     if sys.stdin.isatty():
-        if (
-            sys.platform != "win32"
-        ):  # reading in the background would suspend the engine too
+        if sys.platform != "win32":  # reading in the background would suspend the engine too
             signal.signal(signal.SIGTTIN, signal.SIG_IGN)
         threading.Thread(target=listen, name="keyboard", daemon=True).start()
 

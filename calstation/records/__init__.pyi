@@ -21,6 +21,7 @@ from .limits import check_limit_names as check_limit_names
 from .limits import check_limits as check_limits
 from .limits import estimated_stage as estimated_stage
 from .limits import not_compared as not_compared
+from .limits import undetermined as undetermined
 from .limits import unobservable as unobservable
 from .locks import locked as locked
 from .locks import take as take

@@ -227,12 +227,11 @@ def estimated_stage(solutions: Sequence[Solution]) -> dict[str, str]:
     return {name: last[name] for name in NAMES if name in last}
 
 
-def unobservable(prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str] = ()) -> list[str]:
+def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     """Return estimated parameters that the data do not determine.
 
     Their sigma is above 0.9 of the prior sigma; or they lie in the unobservable subspace of every stage that estimated
-    them, so that only a correlation of the prior has reduced it. Those in `calibrated` are already known from the
-    calibration in force.
+    them, so that only a correlation of the prior has reduced it.
     """
     if not solutions:
         return []
@@ -240,11 +239,21 @@ def unobservable(prior: Belief, solutions: Sequence[Solution], calibrated: Colle
     lost = [
         name
         for name in estimated_stage(solutions)
-        if name not in calibrated
-        and before[INDEX[name]] > 0
+        if before[INDEX[name]] > 0
         and (after[INDEX[name]] > OBSERVABLE * before[INDEX[name]] or _not_observed(name, solutions))
     ]
     return lost + [name for s in solutions for name, e in s.found.items() if not e.determined]
+
+
+def undetermined(prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str]) -> list[str]:
+    """Return unobservable parameters that are not known from the calibration in force either.
+
+    Those in `calibrated` are known from it if the data determine at least half of the parameters; a run of which the
+    data contain less, such as a stage ended at its first rest, is no calibration.
+    """
+    lost, estimated = unobservable(prior, solutions), estimated_stage(solutions)
+    known = calibrated if 2 * sum(name in lost for name in estimated) <= len(estimated) else ()
+    return [name for name in lost if name not in known]
 
 
 def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
@@ -253,14 +262,12 @@ def _not_observed(name: str, solutions: Sequence[Solution]) -> bool:
     return all(state is not None and state["step"] is None for state in states)
 
 
-def not_compared(
-    limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str] = ()
-) -> list[str]:
+def not_compared(limits: Mapping[str, Limit], prior: Belief, solutions: Sequence[Solution]) -> list[str]:
     """Return parameters with a limit that no stage estimated, or that the data do not determine.
 
     A partial run is judged only by its own stages, and claims nothing about a parameter that its data do not contain.
     """
-    estimated, lost = estimated_stage(solutions), unobservable(prior, solutions, calibrated)
+    estimated, lost = estimated_stage(solutions), unobservable(prior, solutions)
     limited = [p.name for p in PARAMETERS if p.name in limits or p.group in limits]
     return [name for name in limited if name not in estimated or name in lost]
 
@@ -276,13 +283,13 @@ def check_limits(
 
     A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
     only parameters that were estimated and determined by the data are compared. Innovations, if a stage had any to
-    test, and unobservable parameters are checked without near misses. The change of the parameters in `calibrated`,
+    test, and undetermined parameters are checked without near misses. The change of the parameters in `calibrated`,
     whose prior is the calibration in force, is compared with its sigma.
     """
     if not solutions:
         return []
     belief = solutions[-1].belief
-    sigma, lost = belief.sigma, unobservable(prior, solutions, calibrated)
+    sigma, lost = belief.sigma, unobservable(prior, solutions)
     checks = []
     for name, stage in estimated_stage(solutions).items():
         if name in lost:
@@ -302,7 +309,8 @@ def check_limits(
         c = s.consistency
         if c.count:
             checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
-    checks.append(Check("unobservable", "", float(len(lost)), 0.0, "1", not lost))
+    unknown = undetermined(prior, solutions, calibrated)
+    checks.append(Check("unobservable", "", float(len(unknown)), 0.0, "1", not unknown))
     changes = _changes(prior, belief, [n for n in estimated_stage(solutions) if n in calibrated])
     if changes:
         worst = max(changes, key=lambda name: changes[name])
@@ -313,7 +321,7 @@ def check_limits(
 def _changes(prior: Belief, found: Belief, names: Sequence[str]) -> dict[str, float]:
     """Return by how much the data changed each parameter, in standard deviations of the change expected from the prior.
 
-    An estimate that equals its prior in the limit of useless data has a change with the variance by which it improved.
+    The variance of the change is the decrease of the parameter's variance.
     """
     before, after = np.diag(prior.covariance), np.diag(found.covariance)
     found_changes = {}

@@ -190,8 +190,9 @@ class LogMeta(StrictModel):
 
     @property
     def calibrated(self) -> frozenset[str]:
-        """Names of the parameters whose prior is a joint estimate, such as the calibration in force."""
-        return frozenset(self.prior_correlation).union(*self.prior_correlation.values())
+        """Names of the parameters whose prior is the calibration in force."""
+        used = self.run is not None and self.run.calibration is not None
+        return frozenset(p.name for p in PARAMETERS if used and p.group != "outer_lever")
 
     @model_validator(mode="after")
     def _further_imus(self) -> "LogMeta":

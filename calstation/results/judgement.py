@@ -23,6 +23,7 @@ from calstation.records import (
     context_from_meta,
     estimated_stage,
     not_compared,
+    undetermined,
     unobservable,
 )
 from calstation.results.result import SCHEMA, CalibrationUsed, Parameter, Result, StageConsistency, plain
@@ -59,7 +60,7 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     if not limits and section is None:
         return Judgement(checks, None)
     passed = bool(found) and all(check.passed for check in checks)
-    return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions, meta.calibrated)))
+    return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
 
 
 def is_partial(meta: LogMeta) -> bool:
@@ -146,7 +147,8 @@ def _calibration(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) 
     section = meta.run.calibration if meta.run is not None else None
     if section is None:
         return None
-    names = [name for name in unobservable(prior, solutions) if name in meta.calibrated]
+    unknown = undetermined(prior, solutions, meta.calibrated)
+    names = [name for name in unobservable(prior, solutions) if name not in unknown]
     return CalibrationUsed(**section.model_dump(), not_improved=names)
 
 

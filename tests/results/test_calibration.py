@@ -1,6 +1,5 @@
 """The calibration in force: its joint estimate, its age, its registers, and the prior that it gives."""
 
-import json
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -16,7 +15,7 @@ from calstation.errors import InputError
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief, Consistency
 from calstation.physics import COUNT, INDEX, NAMES, compose, composition, group_indices, parameter_vector
-from calstation.records.limits import check_limits, unobservable
+from calstation.records.limits import Limit, check_limits, not_compared, unobservable
 from calstation.records.meta import (
     CalibrationSection,
     LogMeta,
@@ -102,6 +101,7 @@ def test_the_prior_is_the_aged_joint_estimate(site_folder: SiteFolder) -> None:
     assert aged.run is not None
     assert aged.run.calibration is not None
     assert aged.run.calibration.log == "a.h5"
+    assert aged.calibrated == set(NAMES) - {NAMES[i] for i in lever}
 
 
 def test_a_prior_behind_registers_is_what_they_leave(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,6 +158,7 @@ def test_correlations_are_written_to_toml_and_back(tmp_path: Path) -> None:
     path.write_text(meta.to_toml(), encoding="utf-8")
     again = load_meta(path)
     assert again == meta
+    assert not again.calibrated
     np.testing.assert_array_equal(prior_from_meta(again).covariance, prior_from_meta(meta).covariance)
     np.testing.assert_allclose(prior_from_meta(again).covariance, covariance, rtol=1e-14)
     np.testing.assert_array_equal(covariance_from(sigma, {}), np.diag(sigma**2))
@@ -190,22 +191,29 @@ def solution(prior: Belief, name: str, value: float, sigma: float) -> Solution:
     return Solution("rate", Belief(mean, covariance), (name,), Consistency(1.0, 0.5, 1.5, 100))
 
 
-@pytest.mark.parametrize(
-    ("change", "sigma", "passed"), [(3e-6, 0.5e-6, True), (6e-6, 0.5e-6, False), (0.0, 1e-6, None)]
-)
-def test_a_unit_that_left_its_calibration_fails(change: float, sigma: float, passed: bool | None) -> None:
-    prior = Belief(np.zeros(COUNT), np.eye(COUNT) * 1e-12)
+@pytest.mark.parametrize(("change", "passed"), [(3e-6, True), (6e-6, False)])
+def test_a_unit_that_left_its_calibration_fails(change: float, passed: bool) -> None:
+    prior, sigma = Belief(np.zeros(COUNT), np.eye(COUNT) * 1e-12), 0.5e-6
     found = solution(prior, "gyro_scale_x", change, sigma)
     checks = {check.kind: check for check in check_limits({}, prior, (found,), calibrated=("gyro_scale_x",))}
     assert checks["unobservable"].passed
-    if passed is None:
-        assert "change" not in checks
-    else:
-        expected = change / np.sqrt(1e-12 - sigma**2)
-        assert checks["change"].value == pytest.approx(expected)
-        assert (checks["change"].passed, checks["change"].where.parameter) == (passed, "gyro_scale_x")
-    assert unobservable(prior, (found,)) == ([] if sigma < 0.9e-6 else ["gyro_scale_x"])
-    assert json.loads(json.dumps(checks["unobservable"].to_json()))["value"] == 0.0
+    assert checks["change"].value == pytest.approx(change / np.sqrt(1e-12 - sigma**2))
+    assert (checks["change"].passed, checks["change"].where.parameter) == (passed, "gyro_scale_x")
+
+
+@pytest.mark.parametrize("determined", [0, 1, 2])
+def test_a_partial_run_passes_if_it_determines_at_least_half_of_its_parameters(determined: int) -> None:
+    prior = Belief(np.zeros(COUNT), np.eye(COUNT) * 1e-12)
+    names = ("gyro_bias_x", "gyro_bias_y", "gyro_bias_z", "gyro_scale_x")
+    covariance = prior.covariance.copy()
+    covariance[range(determined), range(determined)] /= 4.0
+    found = Solution("azimuth_flip", Belief(prior.mean, covariance), names, Consistency(1.0, 0.5, 1.5, 100))
+    limits = {name: Limit(sigma_below=1e-3) for name in names}
+    checks = {check.name: check for check in check_limits(limits, prior, (found,), calibrated=NAMES)}
+    assert checks["unobservable parameters"].passed is (determined == 2)
+    assert checks["unobservable parameters"].value == (0 if determined == 2 else 4 - determined)
+    assert [name for name in names if f"{name} sigma below" in checks] == list(names[:determined])
+    assert not_compared(limits, prior, (found,)) == unobservable(prior, (found,)) == list(names[determined:])
 
 
 def test_a_profile_without_stability_ages_by_its_prior(site_folder: SiteFolder) -> None:

@@ -53,6 +53,12 @@ def test_a_partial_run_starts_from_the_calibration_in_force(site_folder: SiteFol
     import_csv(csv, back)
     for path in (log.path, back):
         assert resolve(path).result.to_json()["parameters"] == result["parameters"]
+    begun = next(int(block.seq[0]) for block in log.blocks() if block.stage)
+    short = resolve(log.path, last_seq=begun + 2000).result  # ended in the first dwell
+    assert short.passed is False
+    assert [check.kind for check in short.failed_checks] == ["unobservable"]
+    assert short.undetermined == short.unobservable
+    assert set(short.unobservable) <= set(short.not_compared)
 
 
 def test_a_unit_with_other_registers_starts_from_its_profile(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
@@ -156,4 +162,4 @@ def test_a_group_alone_fails_on_an_uncalibrated_unit(
     code, result = command(tmp_path, product, 1, stages)
     assert (code, result["outcome"]) == (1, "failed")
     assert {c["name"].split()[1] for c in result["checks"] if not c["passed"]} == {"sigma"}
-    assert "No verified calibration of S-1" in capfd.readouterr().err
+    assert "No calibration of S-1" in capfd.readouterr().err
