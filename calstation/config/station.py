@@ -195,6 +195,15 @@ class ProductConfig(StrictModel):
         check_limit_names(limits)
         return limits
 
+    @model_validator(mode="after")
+    def _stages_of_checks(self) -> "ProductConfig":
+        checks = self.checks or ChecksSection()
+        for name in ("improvement_at_rest", "level", "motion_angle"):
+            stage = getattr(getattr(checks, name), "stage", None)
+            if stage is not None and stage not in self.stages:
+                raise EntryError("product.check_stage", "checks", name, "stage", stage=stage, stages=self.stages)
+        return self
+
 
 @contextmanager
 def in_file(path: Path) -> Iterator[None]:

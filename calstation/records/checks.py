@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief, SolveContext
-from calstation.estimation.positions import Evidence, RestEvidence, Turn, angle_errors, turn_between
+from calstation.estimation.positions import Evidence, RestEvidence, angle_errors, turn_between
 from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray
 from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
 from calstation.schema import EntryError, StrictModel, near_miss
@@ -177,7 +177,7 @@ class _Acceptance:
         self._evidence = [s.evidence for s in solutions if s.evidence is not None]
 
     def checks(self, previous: Mapping[str, float]) -> Iterator[Check]:
-        """Yield all checks that the product requires and the evidence permits."""
+        """Yield the checks that the product requires; NaN for a rest or motion that a solved stage lacks."""
         s = self._section
         if s.gravity_at_rest is not None:
             yield from self._gravity_at_rest(s.gravity_at_rest)
@@ -212,15 +212,18 @@ class _Acceptance:
             yield self._check("gravity_at_rest", value, rule.within, "m/s²", where)
 
     def _improvement(self, rule: ImprovementAtRest) -> Iterator[Check]:
-        chosen = [e for e in self._evidence if e.rests and rule.stage in (None, e.stage)]
+        chosen = [e for e in self._evidence if (e.rests or rule.positions) and rule.stage in (None, e.stage)]
         if not chosen:
             return
         evidence = chosen[-1]
         rows = []
         for k in range(len(evidence.rests)) if rule.positions is None else rule.positions:
-            if k < len(evidence.rests):
-                before, after = (self._force_error(evidence.rests[k], p) for p in (evidence.before, self._found.mean))
-                rows.append((before, after, Where(stage=evidence.stage, rest=k)))
+            where = Where(stage=evidence.stage, rest=k)
+            if k >= len(evidence.rests):
+                yield self._check("improvement_at_rest", np.nan, rule.below, "1", where)
+                return
+            before, after = (self._force_error(evidence.rests[k], p) for p in (evidence.before, self._found.mean))
+            rows.append((before, after, where))
         yield from self._improved("improvement_at_rest", rule.below, rule.or_within, "m/s²", rows)
 
     def _improved(
@@ -237,11 +240,13 @@ class _Acceptance:
             yield self._check(_FLOORS[kind], value, floor, unit, where)
 
     def _level(self, rule: Level) -> Iterator[Check]:
-        chosen = [e for e in self._evidence if len(e.rests) > rule.position and rule.stage in (None, e.stage)]
+        chosen = [e for e in self._evidence if rule.stage in (None, e.stage)]
         if not chosen:
             return
-        where = Where(stage=chosen[0].stage, rest=rule.position)
-        _, force = chosen[0].rests[rule.position].compensated(self._found.mean)
+        evidence = next((e for e in chosen if len(e.rests) > rule.position), chosen[0])
+        where, force = Where(stage=evidence.stage, rest=rule.position), np.full(3, np.nan)
+        if len(evidence.rests) > rule.position:
+            _, force = evidence.rests[rule.position].compensated(self._found.mean)
         if rule.horizontal_within is not None:
             value = float(np.abs(force[:2]).max())
             yield self._check("level_horizontal", value, rule.horizontal_within, "m/s²", where)
@@ -253,9 +258,16 @@ class _Acceptance:
         rows = []
         found, axes = self._found.mean, None if rule.reference == "gravity" else self._context.table.geometry
         for evidence in self._evidence:
-            for turn in _turns(evidence, rule.positions, found) if rule.stage in (None, evidence.stage) else ():
-                if turn.path >= LEAST_TURN:
-                    where = Where(stage=evidence.stage, rest=turn.before, to=turn.after)
+            if rule.stage not in (None, evidence.stage):
+                continue
+            for first, second in _pairs(evidence, rule.positions):
+                where = Where(stage=evidence.stage, rest=first, to=second)
+                present = second < len(evidence.rests)
+                turn = turn_between(evidence, first, second, found) if present else None
+                if turn is None and rule.positions is not None:
+                    yield self._check("motion_angle", np.nan, rule.within or np.inf, "rad", where)
+                    return
+                if turn is not None and turn.path >= LEAST_TURN:
                     rows.append((*angle_errors(evidence, turn, found, axes), where))
         if rows and rule.within is not None:
             value, where = max(((after, where) for _, after, where in rows), key=_value_then_where)
@@ -287,14 +299,11 @@ class _Acceptance:
             yield self._check("excitation", ratios[worst], rule.sigma_ratio_below, "1", Where(worst))
 
 
-def _turns(evidence: Evidence, positions: Positions | None, found: FloatArray) -> Iterator[Turn]:
-    """Yield the rotations between neighbouring rests, or between every two of `positions`."""
-    count = len(evidence.rests)
-    chosen = sorted({k for k in positions if k < count}) if positions is not None else None
-    for first, second in itertools.pairwise(range(count)) if chosen is None else itertools.combinations(chosen, 2):
-        turn = turn_between(evidence, first, second, found)
-        if turn is not None:
-            yield turn
+def _pairs(evidence: Evidence, positions: Positions | None) -> Iterator[tuple[int, int]]:
+    """Return the neighbouring rests, or every two of `positions`."""
+    if positions is None:
+        return itertools.pairwise(range(len(evidence.rests)))
+    return itertools.combinations(sorted(set(positions)), 2)
 
 
 def _value_then_where(row: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -14,7 +14,7 @@ from calstation.estimation.common import RestOutput, SampleBlock, Spool, resolve
 from calstation.estimation.navigation import NavigationStage, warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
-from calstation.physics import COUNT, FloatArray
+from calstation.physics import FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
@@ -93,13 +93,18 @@ class StageChain:
         self._solver = None
         if self._kept is not None:
             data = stage_data(list(self._kept.blocks()), self._context.imu)
-            found = gather(self._stage, data, self._context, np.zeros(COUNT), solution.belief.mean)
+            found = gather(self._stage, data, self._context, self._uncalibrated(), solution.belief.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
         self.belief = solution.belief
         self.solutions.append(solution)
         return solution
+
+    def _uncalibrated(self) -> FloatArray:
+        """Return the parameters that restore the output without registers from the stream, SI, shape (30,)."""
+        offset, matrix = composition(self._meta.registers)
+        return np.asarray(np.linalg.solve(matrix, -offset))
 
     def skip_stage(self, reason: Text) -> None:
         """Skip the started stage; the next one begins with the posterior of the previous one."""

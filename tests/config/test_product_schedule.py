@@ -43,6 +43,15 @@ def test_a_value_that_a_file_cannot_leave_out_is_refused(shipped: Path) -> None:
     assert complaint(caught.value) == "schedule.excitation.rounds product.empty_in_file"
 
 
+def test_a_check_of_a_stage_that_the_product_lacks_is_refused(shipped: Path, tmp_path: Path) -> None:
+    path = tmp_path / "product.toml"
+    text = shipped.read_text(encoding="utf-8")
+    path.write_text(text.replace('stage = "six_position"', 'stage = "six_positions"'), encoding="utf-8")
+    with pytest.raises(ConfigurationError) as caught:
+        load_product(path)
+    assert complaint(caught.value) == "checks.improvement_at_rest.stage product.check_stage"
+
+
 def test_a_wrong_value_changes_nothing(shipped: Path) -> None:
     with pytest.raises(ConfigurationError, match="turns"):
         save_schedule(ignore_progress, shipped, {"rate": {"turns": 0}}, "wang")

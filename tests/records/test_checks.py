@@ -192,7 +192,7 @@ def test_any_two_positions_are_compared_with_all_motions_between_them(reference)
     assert neighbours.value == pytest.approx(1e-3 * turn, rel=0.01)
     better = checked(rule, solution(evidence, gyro_scale_x=1e-3))["motion_angle"]
     assert better.value < 1e-5
-    assert checked(rule, solution(chain(reference, broken=True))) == {}
+    assert not checked(rule, solution(chain(reference, broken=True)))["motion_angle"].passed
 
 
 def test_gravity_may_be_the_reference_although_there_are_encoders():
@@ -254,6 +254,21 @@ def test_no_check_without_evidence():
     assert checked(rules, solution()) == {}
     assert ChecksSection.model_validate(rules).need_samples
     assert not ChecksSection.model_validate({"excitation": {"sigma_ratio_below": 0.5}}).need_samples
+
+
+@pytest.mark.parametrize(
+    ("rules", "name", "where"),
+    [
+        ({"improvement_at_rest": {"below": 0.5, "positions": [0, 7]}}, "improvement_at_rest", "rate rest 7"),
+        ({"level": {"horizontal_within": 0.1, "position": 7}}, "level_horizontal", "rate rest 7"),
+        ({"motion_angle": {"within": 0.1, "positions": [0, 2]}}, "motion_angle", "rate rest 0 to 2"),
+        ({"motion_angle": {"within": 0.1, "positions": [0, 7]}}, "motion_angle", "rate rest 0 to 7"),
+    ],
+)
+def test_a_named_rest_or_motion_that_a_solved_stage_lacks_fails(rules: dict, name: str, where: str):
+    found = checked(rules, solution(chain(broken=True)))[name]
+    assert (found.passed, str(found.where)) == (False, f"{chain().stage} {where.removeprefix('rate ')}")
+    assert np.isnan(found.value)
 
 
 def test_a_misspelt_rule_is_refused():
