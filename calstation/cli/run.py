@@ -35,6 +35,9 @@ from calstation.simulation import BenchHooks
 #: What the user enters to end a repeated stage.
 _END_STAGE = "e"
 
+#: Outcome of a stage's innovation test, None if it had nothing to test.
+_CONSISTENCY = {True: "consistent", False: "NOT consistent", None: "consistency not tested"}
+
 
 def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool) -> int:
     """Run a calibration and return the exit code. Raises ConfigurationError for an invalid request."""
@@ -164,8 +167,7 @@ class _Display:
         elif isinstance(event, PositionGuided):
             self._update(event.stage, now=_guided(event))
         elif isinstance(event, StageSolved):
-            consistency = "consistent" if event.consistency["passed"] else "NOT consistent"
-            found = f"{len(event.parameters)} parameters, {consistency}"
+            found = f"{len(event.parameters)} parameters, {_CONSISTENCY[event.consistency['passed']]}"
             self._update(event.stage, completed=1.0, left="done", now=found)
             self._line(f"{event.stage}: {found}")
         elif isinstance(event, Message):

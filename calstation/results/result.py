@@ -48,15 +48,14 @@ class StageConsistency(_Section):
     nis_mean: Number
     nis_low: Number
     nis_high: Number
-    passed: bool
+    passed: bool | None  #: None if the stage had nothing to test.
     warning: bool
 
     @classmethod
     def of(cls, found: Consistency) -> "StageConsistency":
         """Convert the consistency of a solution."""
-        passed, warning = bool(found.passed), bool(found.warning)
         nis = {"nis_mean": found.nis_mean, "nis_low": found.nis_low, "nis_high": found.nis_high}
-        return cls(**nis, passed=passed, warning=warning)
+        return cls(**nis, passed=found.verdict, warning=bool(found.warning))
 
 
 class Temperature(_Section):

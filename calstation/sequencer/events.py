@@ -242,7 +242,7 @@ def solution_events(solution: Solution) -> tuple[StageSolved | Message, ...]:
         for name in solution.estimated
     }
     parameters |= {name: {"value": e.value, "sigma": e.sigma} for name, e in solution.found.items()}
-    names = ("nis_mean", "nis_low", "nis_high", "passed", "warning")
-    innovations = {name: getattr(consistency, name) for name in names}
+    names = ("nis_mean", "nis_low", "nis_high", "warning")
+    innovations = {"passed": consistency.verdict, **{name: getattr(consistency, name) for name in names}}
     remarks = [Message(message_id, dict(values)) for message_id, values in solution.messages]
     return StageSolved(solution.stage, parameters, innovations), *remarks

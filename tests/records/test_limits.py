@@ -11,7 +11,9 @@ from calstation.estimation.common.least_squares import Consistency
 from calstation.estimation.method import Solution
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.records.limits import Limit, check_limits, estimated_stage, not_compared, unobservable
+from calstation.results.result import StageConsistency
 from calstation.schema import validate
+from calstation.sequencer.events import StageSolved, solution_events
 
 PRIOR = Belief(np.zeros(COUNT), np.eye(COUNT))
 GOOD = Consistency(1.0, 0.9, 1.1, 100)
@@ -85,6 +87,10 @@ def test_nothing_is_claimed_about_a_parameter_that_the_data_do_not_determine() -
 def test_a_stage_with_nothing_to_test_has_no_check_of_consistency() -> None:
     found = Solution("six_position", PRIOR, (), Consistency(0.0, 0.0, 0.0, 0))
     assert [c.kind for c in check_limits({}, PRIOR, [found])] == ["unobservable"]
+    assert StageConsistency.of(found.consistency).passed is None
+    (solved,) = solution_events(found)
+    assert isinstance(solved, StageSolved)
+    assert solved.consistency["passed"] is None
 
 
 def test_innovations_above_their_band_fail_and_below_it_pass() -> None:

@@ -65,6 +65,11 @@ class Consistency:
         return self.nis_mean <= self.nis_high
 
     @property
+    def verdict(self) -> bool | None:
+        """Whether the innovations passed, or None without any observation to test."""
+        return bool(self.passed) if self.count else None
+
+    @property
     def warning(self) -> bool:
         """Whether the innovations are smaller than predicted, which means that the model is too conservative."""
         return self.nis_mean < self.nis_low

@@ -250,7 +250,7 @@ class RunStatus(QObject):
             case StageEnded():
                 self._row(event.stage).state = "solving"
             case StageSolved():
-                self._row(event.stage).solve("good" if event.consistency["passed"] else "bad")
+                self._row(event.stage).solve("bad" if event.consistency["passed"] is False else "good")
             case Message():
                 self._handle_message(event.id, event.values)
             case Settled():
