@@ -11,7 +11,7 @@ from calstation.devices.imu import RegisterMap
 from calstation.errors import InputError
 from calstation.estimation.common import Belief
 from calstation.physics import NAMES, FloatArray, composition, group_indices, parameter_vector
-from calstation.records import CalibrationSection, LogMeta, PriorSection, correlation_of, covariance_from
+from calstation.records import CalibrationSection, LogMeta, PriorSection, correlation_of, covariance_from, open_log
 from calstation.results.history import History
 from calstation.results.result import JointEstimate
 from calstation.sequencer import Message
@@ -65,23 +65,23 @@ def calibration_in_force(
     preview, the unit is assumed to hold those of its latest calibration. Return the calibration and the message that
     reports it, which explains why there is None otherwise.
     """
-    entries, serial = RegisterMap(tuple(setup.imu.registers)), setup.request.serial
+    entries, serial, imu = RegisterMap(tuple(setup.imu.registers)), setup.request.serial, setup.log_meta().imu
     none = Message("prior_no_calibration", {"serial": serial})
     for record in history.passed(serial):
         try:
-            result = history.result(record)
+            registers = history.result(record).registers
+            same_imu = open_log(record.log).meta.imu == imu  # the parameters are relative to its nominal scales
         except InputError:
             continue
-        registers, profile = result.registers, result.configuration.get("imu")
         if registers is None or not registers.verified or not registers.new or registers.estimate is None:
             continue
-        if profile is None or profile.name != setup.sources["imu"].section.name:
+        if not same_imu:
             continue
-        if not result.started_utc or (held is not None and entries.differing(registers.new, held)):
+        if held is not None and entries.differing(registers.new, held):
             none = Message("prior_other_registers", {"serial": serial})
             continue
-        section = CalibrationSection(log=record.log.name, started_utc=result.started_utc)
-        found = Message("prior_calibration", {"log": record.log.name, "date": result.started_utc[:10]})
+        section = CalibrationSection(log=record.log.name, started_utc=record.started_utc)
+        found = Message("prior_calibration", {"log": record.log.name, "date": record.started_utc[:10]})
         return Calibration(section, from_estimate(registers.estimate), registers.new), found
     return None, none
 

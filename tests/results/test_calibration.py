@@ -3,6 +3,7 @@
 from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -122,8 +123,12 @@ def test_a_prior_behind_registers_is_what_they_leave(site_folder: SiteFolder, mo
     assert np.abs(prior.mean[written]).max() < 1e-8
 
 
-def test_only_the_registers_of_a_verified_run_are_in_force(site_folder: SiteFolder, tmp_path: Path) -> None:
+def test_only_the_registers_of_a_verified_run_are_in_force(
+    site_folder: SiteFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     configured, runs = setup(site_folder), tmp_path / "history"
+    opened = SimpleNamespace(meta=configured.log_meta())
+    monkeypatch.setattr("calstation.results.calibration.open_log", lambda path: opened)
     runs.mkdir()
     first, second = belief(1), belief(2)
     result(runs, "a", 1, first, held(configured, first))
@@ -143,6 +148,10 @@ def test_only_the_registers_of_a_verified_run_are_in_force(site_folder: SiteFold
     latest, _ = calibration_in_force(history, configured, None)
     assert latest is not None
     assert latest.section.log == "b.h5"
+    rescaled = configured.log_meta()
+    opened.meta = rescaled.model_copy(update={"imu": rescaled.imu.model_copy(update={"gyro_lsb": 1.0})})
+    none, message = calibration_in_force(history, configured, held(configured, second))
+    assert (none, message.id) == (None, "prior_no_calibration")
     other_unit = replace(configured, request=replace(configured.request, serial="SN-000043"))
     none, message = calibration_in_force(history, other_unit, other)
     assert (none, message.id) == (None, "prior_no_calibration")
