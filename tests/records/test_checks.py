@@ -285,7 +285,7 @@ def test_a_misspelt_rule_is_refused():
         ({"improvement_at_rest": {"below": 0.5, "positions": [0, -1]}}, "it must be at least 0"),
         (
             {"gravity_at_rest": {"within": 1e-3}, "improvement_at_rest": {"below": 0.5, "or_within": 2e-3}},
-            r"improvement_at_rest\.or_within.*The floor 0.002 is larger than the limit 'within' = 0.001",
+            r"improvement_at_rest\.or_within.*The absolute limit 0.002 is larger than the limit 'within' = 0.001",
         ),
         ({"motion_angle": {"within": 1e-3, "below": 0.5, "or_within": 2e-3}}, r"motion_angle\.or_within"),
     ):
