@@ -85,6 +85,11 @@ def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | No
     """
     options = command_options(request.station, request.product, request.out)
     display = _Display(Console(stderr=True))
+
+    def end_stage() -> None:
+        engine.send(Command.END_STAGE)
+        display.ending()
+
     with (
         complete_commands(options),
         Engine.start(work or request, BenchHooks) as engine,
@@ -92,7 +97,7 @@ def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | No
         display.progress,
     ):
         if work is None:
-            on_line(_END_STAGE, lambda: engine.send(Command.END_STAGE))
+            on_line(_END_STAGE, end_stage)
         for event in engine.events():
             display.show(event)
             yield event
@@ -125,6 +130,8 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
 
 
 def _outcome(outcome: str, result: Result) -> Text:
+    if outcome == "passed" and result.partial:
+        return Text.of("outcome.partial", stages=result.stages, left=len(result.not_compared))
     if outcome == "passed" and result.registers is not None and result.registers.proved_on == "read_back":
         return Text("outcome.read_back")
     if outcome == "stopped":
@@ -136,6 +143,10 @@ def _outcome(outcome: str, result: Result) -> Text:
 
 class _Display:
     """Shows a bar per stage with the remaining time and the current step, or plain lines without a terminal."""
+
+    def ending(self) -> None:
+        """Confirm that the user has asked for the end of the stage."""
+        show_line(self._console, say("cli.ending_stage"))
 
     def __init__(self, console: Console) -> None:
         self._console = console
