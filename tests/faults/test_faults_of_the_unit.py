@@ -160,10 +160,10 @@ def test_the_verification_detects_a_wrong_latitude(fault_runs: FaultRuns) -> Non
 
 
 def test_an_inconsistent_stage_without_a_latitude_estimate_names_the_latitude(fault_runs: FaultRuns) -> None:
-    ran = fault_runs.run({"kind": "wrong_latitude", "value": -24.25}, stages=("rate",))
+    ran = fault_runs.run({"kind": "wrong_latitude", "value": -24.25}, stages=("azimuth_flip",))
     assert ran.verdict.outcome == "failed"
     (unknown,) = [e.values for e in ran.events if isinstance(e, Message) and e.id == "latitude_untold"]
-    assert unknown == ran.verdict.result["latitude_untold"] == {"stage": "rate", "latitude": 10.0}
+    assert unknown == ran.verdict.result["latitude_untold"] == {"stage": "azimuth_flip", "latitude": 10.0}
     assert resolve(Path(ran.verdict.log)).messages[-1] == ("latitude_untold", unknown)
 
 
