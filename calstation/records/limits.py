@@ -246,7 +246,7 @@ def unobservable(prior: Belief, solutions: Sequence[Solution]) -> list[str]:
 
 
 def undetermined(prior: Belief, solutions: Sequence[Solution], calibrated: Collection[str]) -> list[str]:
-    """Return unobservable parameters that are not known from the calibration in force either.
+    """Return unobservable parameters that are not known from the current calibration either.
 
     Those in `calibrated` are known from it if the data determine at least half of the parameters; a run of which the
     data contain less, such as a stage ended at its first rest, is no calibration.
@@ -284,7 +284,7 @@ def check_limits(
     A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
     only parameters that were estimated and determined by the data are compared. Innovations, if a stage had any to
     test, and undetermined parameters are checked without near misses. The change of the parameters in `calibrated`,
-    whose prior is the calibration in force, is compared with its sigma.
+    whose prior is the current calibration, is compared with its sigma.
     """
     if not solutions:
         return []

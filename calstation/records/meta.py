@@ -137,7 +137,7 @@ class FileSection(StrictModel):
 
 
 class CalibrationSection(StrictModel):
-    """`[run.calibration]`: the run whose calibration is in force and gives the prior of a partial run."""
+    """`[run.calibration]`: the run whose calibration is current and gives the prior of a partial run."""
 
     log: str  #: File name of its log.
     started_utc: str
@@ -190,7 +190,7 @@ class LogMeta(StrictModel):
 
     @property
     def calibrated(self) -> frozenset[str]:
-        """Names of the parameters whose prior is the calibration in force."""
+        """Names of the parameters whose prior is the current calibration."""
         used = self.run is not None and self.run.calibration is not None
         return frozenset(p.name for p in PARAMETERS if used and p.group != "outer_lever")
 

@@ -1,4 +1,4 @@
-from .calibration import calibration_in_force as calibration_in_force
+from .calibration import current_calibration as current_calibration
 from .calibration import estimate_of as estimate_of
 from .corrected import CorrectedOutput as CorrectedOutput
 from .corrected import CorrectedStream as CorrectedStream

@@ -1,4 +1,4 @@
-"""The calibration in force of a unit: the joint estimate of its last verified run, the prior of a partial run."""
+"""The current calibration of a unit: the joint estimate of its last verified run, the prior of a partial run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -56,7 +56,7 @@ class Calibration:
         return meta.model_copy(update={**update, "run": run.model_copy(update={"calibration": self.section})})
 
 
-def calibration_in_force(
+def current_calibration(
     history: History, setup: ResolvedConfiguration, held: Mapping[str, float] | None
 ) -> tuple[Calibration | None, Message]:
     """Find the latest passed run of the unit that wrote and verified the registers that the unit holds.

@@ -53,7 +53,7 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     near = section.near_miss_beyond if section is not None else NEAR
     found = check_limits(limits, prior, solutions, near, meta.calibrated)
     if section is not None:
-        if meta.calibrated:  # the calibration in force, not the run, determines most of the sigmas
+        if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
             section = section.model_copy(update={"excitation": None})
         found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
     checks = (*found, *check_latitude(meta, solutions))

@@ -16,7 +16,7 @@ from calstation.jobs import ProgressCallback
 from calstation.messages import Text
 from calstation.physics import JOINTS, NAMES, Carry, Finish, FloatArray, GimbalTurn, Move, RoundEnd, Step
 from calstation.records import LogMeta, context_from_meta
-from calstation.results.calibration import calibration_in_force
+from calstation.results.calibration import current_calibration
 from calstation.results.history import History
 from calstation.results.judgement import is_partial
 from calstation.results.solver_chain import StageChain, one_blas_thread
@@ -105,7 +105,7 @@ def _expected_meta(setup: ResolvedConfiguration) -> LogMeta:
         return meta
     history = History(folder)
     history.refresh()
-    calibration, _ = calibration_in_force(history, setup, None)
+    calibration, _ = current_calibration(history, setup, None)
     return meta if calibration is None else calibration.prior(setup, meta)
 
 

@@ -75,7 +75,7 @@ class JointEstimate(_Section):
 
 
 class CalibrationUsed(_Section):
-    """The calibration in force from which a partial run began."""
+    """The current calibration from which a partial run began."""
 
     log: str  #: File name of the log of its run.
     started_utc: str
@@ -214,7 +214,7 @@ class Result(_Section):
 
     @property
     def undetermined(self) -> list[str]:
-        """Parameters that neither the run's data nor the calibration in force determine."""
+        """Parameters that neither the run's data nor the current calibration determine."""
         known = self.calibration.not_improved if self.calibration is not None else ()
         return [name for name in self.unobservable if name not in known]
 

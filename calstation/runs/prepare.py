@@ -14,7 +14,7 @@ from calstation.messages import Text, os_reason
 from calstation.physics import INDEX
 from calstation.records import RESERVE, LogMeta, RawLogWriter, free_space
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
-from calstation.results import History, StageChain, calibration_in_force, is_partial, register_pending
+from calstation.results import History, StageChain, current_calibration, is_partial, register_pending
 from calstation.runs.hooks import RunHooks
 from calstation.runs.incomplete import finish_incomplete
 from calstation.runs.resume import Continuation
@@ -44,13 +44,13 @@ class PreparedRun:
         """Return the log's configuration, and a message about the prior of a partial run that is not resumed.
 
         `registers` are those of the unit, SI, or None if they could not be read. The prior of a partial run is the
-        calibration in force. Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
+        current calibration. Raises ConfigurationError or DeviceFaultError if a run to be resumed has changed.
         """
         before, serial, message = self.continuation, self.setup.request.serial, None
         attempt = 1 + self.history.attempts(serial) if before is None else before.attempt
         meta = self.setup.log_meta(self.started, attempt, registers)
         if registers is not None and is_partial(meta):
-            calibration, message = calibration_in_force(self.history, self.setup, registers)
+            calibration, message = current_calibration(self.history, self.setup, registers)
             if calibration is not None:
                 meta = calibration.prior(self.setup, meta)
         if before is not None:

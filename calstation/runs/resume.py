@@ -285,7 +285,7 @@ def _schedule(meta: LogMeta, stage: str) -> dict[str, Any]:
 
 
 def _known(meta: LogMeta) -> Any:
-    """Return what a run knew of its unit: the calibration in force, or else the prior; and the registers it applies."""
+    """Return what a run knew of its unit: the current calibration, or else the prior; and the registers it applies."""
     calibration = meta.run.calibration if meta.run is not None else None
     return meta.registers, meta.prior if calibration is None else calibration.log
 

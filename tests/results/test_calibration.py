@@ -1,4 +1,4 @@
-"""The calibration in force: its joint estimate, its age, its registers, and the prior that it gives."""
+"""The current calibration: its joint estimate, its age, its registers, and the prior that it gives."""
 
 from dataclasses import replace
 from datetime import datetime, timedelta
@@ -25,7 +25,7 @@ from calstation.records.meta import (
     load_meta,
     prior_from_meta,
 )
-from calstation.results.calibration import Calibration, calibration_in_force, estimate_of, from_estimate
+from calstation.results.calibration import Calibration, current_calibration, estimate_of, from_estimate
 from tests.helpers import complaint
 from tests.records.records_samples import META
 from tests.results.test_history import refreshed, write
@@ -123,7 +123,7 @@ def test_a_prior_behind_registers_is_what_they_leave(site_folder: SiteFolder, mo
     assert np.abs(prior.mean[written]).max() < 1e-8
 
 
-def test_only_the_registers_of_a_verified_run_are_in_force(
+def test_only_the_registers_of_a_verified_run_are_current(
     site_folder: SiteFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     configured, runs = setup(site_folder), tmp_path / "history"
@@ -137,23 +137,23 @@ def test_only_the_registers_of_a_verified_run_are_in_force(
     result(runs, "d", 9, second, held(configured, second))
     history = refreshed(runs)
     for found, log in ((first, "a.h5"), (second, "b.h5")):
-        calibration, message = calibration_in_force(history, configured, held(configured, found))
+        calibration, message = current_calibration(history, configured, held(configured, found))
         assert calibration is not None
         assert (calibration.section.log, message.id) == (log, "prior_calibration")
         np.testing.assert_array_equal(calibration.belief.mean, found.mean)
     other = held(configured, first)
     other["gyro_bias_x"] = float(np.nextafter(np.float32(other["gyro_bias_x"]), np.float32(1.0)))
-    none, message = calibration_in_force(history, configured, other)
+    none, message = current_calibration(history, configured, other)
     assert (none, message.id) == (None, "prior_other_registers")
-    latest, _ = calibration_in_force(history, configured, None)
+    latest, _ = current_calibration(history, configured, None)
     assert latest is not None
     assert latest.section.log == "b.h5"
     rescaled = configured.log_meta()
     opened.meta = rescaled.model_copy(update={"imu": rescaled.imu.model_copy(update={"gyro_lsb": 1.0})})
-    none, message = calibration_in_force(history, configured, held(configured, second))
+    none, message = current_calibration(history, configured, held(configured, second))
     assert (none, message.id) == (None, "prior_no_calibration")
     other_unit = replace(configured, request=replace(configured.request, serial="SN-000043"))
-    none, message = calibration_in_force(history, other_unit, other)
+    none, message = current_calibration(history, other_unit, other)
     assert (none, message.id) == (None, "prior_no_calibration")
 
 
