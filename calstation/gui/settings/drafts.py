@@ -30,6 +30,7 @@ class Draft(QObject):
         self.problems: list[Problem] = []
         self._data: Mapping[str, Any] = {}
         self._saved_data: Mapping[str, Any] = {}
+        self._shown: tuple[Path | None, str, str, list[Problem]] | None = None
 
     @property
     def name(self) -> str:
@@ -86,9 +87,12 @@ class Draft(QObject):
             self.rewrite(text)
 
     def _show(self, text: str, problems: list[Problem]) -> None:
-        self.text, self.problems = text, problems
-        self._data, self._saved_data = _parsed(text), _parsed(self.saved)
-        self.changed.emit()
+        shown = (self.path, self.saved, text, problems)
+        if shown != self._shown:
+            self._shown = shown
+            self.text, self.problems = text, problems
+            self._data, self._saved_data = _parsed(text), _parsed(self.saved)
+            self.changed.emit()
 
 
 class Drafts(QObject):

@@ -106,8 +106,9 @@ class TravelPlot(ThemedPlot):
 
     def show_travel(self, travel: dict[str, tuple[Any, Any]]) -> None:
         """Show the lowest and highest angle, degrees, of each joint by its name; an invalid range has no bar."""
-        self._travel = travel
-        self._draw()
+        if travel != self._travel:
+            self._travel = travel
+            self._draw()
 
     def _draw(self) -> None:
         travel = self._travel
