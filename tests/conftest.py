@@ -61,6 +61,20 @@ def site_folder(tmp_path: Path) -> SiteFolder:
     return SiteFolder(tmp_path)
 
 
+@pytest.fixture
+def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
+    """A unit whose registers are applied to its samples."""
+    from calstation.config import library
+    from tests.site_folder import behind_registers
+
+    home = site_folder.folder / "home"
+    (home / "imus").mkdir(parents=True)
+    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
+    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    return site_folder
+
+
 @pytest.fixture(scope="session")
 def shared_runs(tmp_path_factory: pytest.TempPathFactory) -> SharedRuns:
     """Runs made once for all tests that only read what they left."""

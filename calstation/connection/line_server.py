@@ -23,8 +23,8 @@ logger = logging.getLogger(__name__)
 class LineServer:
     """Listens on ``HOST:PORT``; port 0 stands for any free one. Every client first receives `greeting`.
 
-    A client that falls behind by `buffered` lines is waited for, at most `patience` s per line; then it loses lines and
-    is told how many. Raises ConfigurationError if the address cannot be used.
+    A client that falls behind by `buffered` lines is waited for, at most `patience` s per line; then it loses lines
+    and receives their number. Raises ConfigurationError if the address cannot be used.
     """
 
     def __init__(self, address: str, patience: float = 0.0, buffered: int = BUFFERED) -> None:

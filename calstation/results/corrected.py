@@ -154,7 +154,7 @@ class CorrectedOutput:
 
 
 def _rows(rate: FloatArray, force: FloatArray) -> dict[str, list[list[float] | None]]:
-    """Return one row per sample and sensor, None where it is missing."""
+    """Return one row per sample and sensor, None for missing values."""
     missing = np.flatnonzero(np.isnan(np.hstack([rate, force])).any(axis=1)).tolist()
     found: dict[str, list[list[float] | None]] = {
         "gyro": np.round(rate, _RATE_PLACES).tolist(),

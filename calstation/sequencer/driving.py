@@ -12,7 +12,14 @@ import numpy as np
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.physics import Move
 from calstation.sequencer.acquisition import Acquisition
-from calstation.sequencer.capture import Restarted, VerificationData, carried_data, verification_data
+from calstation.sequencer.capture import (
+    Restarted,
+    VerificationData,
+    VerificationPath,
+    carried_data,
+    verification_data,
+    verification_path,
+)
 from calstation.sequencer.context import Output, RunContext
 from calstation.sequencer.control import State, StopReason, StopRequested, transition
 from calstation.sequencer.control_loop import ControlLoop
@@ -22,7 +29,6 @@ from calstation.sequencer.guard import check_limits, check_travel, reason_of, sa
 from calstation.sequencer.preflight import Preflight
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import UnitStream
-from calstation.sequencer.verification_moves import VerificationPath, verification_path
 
 #: Fraction of the gyro range used by the verification turns.
 _RANGE_FRACTION = 0.5

@@ -223,9 +223,9 @@ def alive(pid):
     ("config", "message"),
     [
         ('{"grade": "toy"}', "grade"),
-        ("[1]", "configuration"),
-        ("nowhere.json", "nowhere.json"),
-        ("{", "bench"),
+        pytest.param("[1]", "configuration", marks=pytest.mark.exhaustive),
+        pytest.param("nowhere.json", "nowhere.json", marks=pytest.mark.exhaustive),
+        pytest.param("{", "bench", marks=pytest.mark.exhaustive),
     ],
 )
 def test_a_wrong_configuration_is_reported_in_one_line(config, message):

@@ -4,6 +4,8 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
+import pytest
+
 from calstation.estimation.common.context import StoredPair
 from calstation.records.meta import load_pair, store_pair
 from tests.cli.conftest import Done, six_position_rows, write_log
@@ -52,6 +54,7 @@ def test_a_sensor_whose_primary_is_off_is_neither_calibrated_nor_its_figure_stor
     assert "secondary_gyro_bias_x" not in kept.values
 
 
+@pytest.mark.long
 def test_a_full_disk_or_the_log_itself_as_the_file_of_corrected_data(calstation: Run, tmp_path: Path) -> None:
     log = tmp_path / "pair.h5"
     assert calstation("record", "pair", "-o", log, "--seed", 3).code == 0

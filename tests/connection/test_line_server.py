@@ -1,4 +1,4 @@
-"""Lines to TCP clients: several at once, a slow one loses lines and is told, and nobody waits for it."""
+"""Lines to TCP clients: several at once, a slow one loses lines, receives their number, and delays nobody."""
 
 import json
 import socket

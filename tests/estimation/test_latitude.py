@@ -29,7 +29,7 @@ def six_positions(grade: str, seed: int) -> tuple[BenchTruth, SampleBlock]:
     return truth, block_of(simulate(Simulator(truth, seed), truth, "six_position", dwell_s=25.0))
 
 
-@pytest.mark.parametrize("grade", ["nav", "tactical"])
+@pytest.mark.parametrize("grade", ["nav", pytest.param("tactical", marks=pytest.mark.long)])
 def test_latitude_agrees_with_its_sigma(grade: str) -> None:
     off = []
     for seed in range(UNITS):
@@ -47,7 +47,7 @@ def replace_gyros(truth: BenchTruth) -> Belief:
     return Belief(truth.imu.parameters, prior_of(truth).covariance * 1e-6)
 
 
-@pytest.mark.parametrize("grade", ["nav", "tactical"])
+@pytest.mark.parametrize("grade", [pytest.param("nav", marks=pytest.mark.long), "tactical"])
 def test_uncertain_gyro_matrix_enlarges_the_sigma(grade: str) -> None:
     for seed in range(UNITS):
         truth, block = six_positions(grade, seed)

@@ -108,7 +108,7 @@ def test_the_band_of_the_redundancy_holds_999_of_1000(width):
 
 @pytest.mark.parametrize("unknowns", [6, 13])
 def test_every_tested_innovation_has_a_variance_of_one(unknowns):
-    H, P, N, random = redundancy_case(3, unknowns, width=1e4)
+    H, P, N, _ = redundancy_case(3, unknowns, width=1e4)
     H[0] = 0.0
     H[0, 0] = 1.0
     H[1:, 0] = 0.0  # nothing else shows the first unknown

@@ -34,7 +34,7 @@ def test_every_sigma_is_much_smaller_than_before(nav_stage, solution):
     assert np.all(solution.belief.sigma < 0.1 * nav_stage.prior.sigma)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_solution_is_bit_identical_for_any_blocks(nav_stage, solution, seed):
     random = np.random.default_rng(seed)
     places = sorted(random.choice(len(nav_stage.block), 300, replace=False).tolist())

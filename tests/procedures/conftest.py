@@ -44,7 +44,9 @@ def nav_chain(solve_chain):
     return solve_chain("nav", 31, instability=False)
 
 
-@pytest.fixture(scope="session", params=["nav", "tactical", "mems"])
+@pytest.fixture(
+    scope="session", params=["tactical", *(pytest.param(grade, marks=pytest.mark.long) for grade in ("nav", "mems"))]
+)
 def chain(request, solve_chain):
     """A unit of each grade with bias instability."""
     return solve_chain(request.param, 31)

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from calstation.cli.app import run_app
-from calstation.config import library
 from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.registers.journal import FOLDER, history
 from calstation.registers.unit_registers import UnitRegisters, compose, read_unit, wanted_registers
 from calstation.results.result import Result
 from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import Errands
-from tests.site_folder import SiteFolder, behind_registers
+from tests.site_folder import SiteFolder
 
 SERIAL = "SN-000042"
 
@@ -114,21 +113,14 @@ def test_no_journal_no_write(unit: SiteFolder) -> None:
 
 
 @pytest.mark.long
-def test_a_result_after_the_registers_is_composed_with_them(
-    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    home = site_folder.folder / "home"
-    (home / "imus").mkdir(parents=True)
-    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
-    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
-    monkeypatch.setenv("CALSTATION_HOME", str(home))
-    result = dict(site_folder.run("six_position").result)
-    wanted = wanted_registers(ignore_progress, site_folder.request(), Result.from_json(result))
+def test_a_result_after_the_registers_is_composed_with_them(behind: SiteFolder) -> None:
+    result = dict(behind.run("six_position").result)
+    wanted = wanted_registers(ignore_progress, behind.request(), Result.from_json(result))
     found = {name: row["value"] for name, row in result["parameters"].items()}
     expected = compose(result["registers"]["old"], found)
     for name, value in wanted.values.items():
         assert value == pytest.approx(np.float32(expected[name]), abs=1e-12)
-    moved = replace(site_folder.request(), out=Path("elsewhere"))
+    moved = replace(behind.request(), out=Path("elsewhere"))
     Path(result["log"]["file"]).unlink()
     again = wanted_registers(ignore_progress, moved, Result.from_json(result))
     assert again.values == wanted.values, "as the run wrote them"

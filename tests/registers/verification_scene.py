@@ -26,8 +26,7 @@ from calstation.physics.parameters import NAMES, PARAMETERS
 from calstation.physics.table import JointLimits, TableGeometry
 from calstation.registers.verification import AppliedRegisters, VerificationCheck, verify_output
 from calstation.schema import validate
-from calstation.sequencer.capture import SHORT_REST, Turned, VerificationData, mean_at_rest
-from calstation.sequencer.verification_moves import verification_path
+from calstation.sequencer.capture import SHORT_REST, Turned, VerificationData, mean_at_rest, verification_path
 
 IMUS = Path(__file__).parents[2] / "data" / "imus"
 GRADES = ("nav", "tactical", "mems")

@@ -106,6 +106,7 @@ def test_a_stage_without_any_samples_left_is_not_skipped(log: Damaged) -> None:
     assert resolve(log.path, ("rate",)).result.to_json()["stages"] == ["rate"]
 
 
+@pytest.mark.long
 def test_the_command_line_reports_missing_data(log: Damaged, capsys: pytest.CaptureFixture[str]) -> None:
     log.hurt(log.rest("six_position"))
     assert run_app(["resolve", str(log.path), "--json", "-"]) == 0

@@ -11,7 +11,6 @@ import pytest
 
 from calstation.bench.config import BenchConfig
 from calstation.cli.app import run_app
-from calstation.config import library
 from calstation.physics import INDEX
 from calstation.records.convert import export_csv, import_csv
 from calstation.records.log import open_log
@@ -21,7 +20,7 @@ from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Message, StepStarted
 from tests.helpers import sampled
 from tests.shared_runs import SharedRuns
-from tests.site_folder import SiteFolder, behind_registers
+from tests.site_folder import SiteFolder
 
 GRADES = {"nav_a": "nav", "tactical_b": "tactical", "mems_c": "mems"}
 GROUPS = ("azimuth_flip", "rate,six_position", "excitation")
@@ -61,6 +60,7 @@ def test_a_partial_run_starts_from_the_current_calibration(site_folder: SiteFold
     assert set(short.unobservable) <= set(short.not_compared)
 
 
+@pytest.mark.long
 def test_a_unit_with_other_registers_starts_from_its_profile(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
     shared_runs.passed(site_folder.folder)
     shutil.rmtree(site_folder.folder / "runs" / "bench")  # as if another unit had its serial number
@@ -103,17 +103,10 @@ def test_a_stopped_partial_run_is_resumed_with_its_prior(site_folder: SiteFolder
 
 
 @pytest.mark.long
-def test_a_partial_run_behind_registers_starts_from_what_they_leave(
-    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    home = site_folder.folder / "home"
-    (home / "imus").mkdir(parents=True)
-    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
-    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
-    monkeypatch.setenv("CALSTATION_HOME", str(home))
-    first = site_folder.run()
-    site_folder.events.clear()
-    second = site_folder.run("azimuth_flip")
+def test_a_partial_run_behind_registers_starts_from_what_they_leave(behind: SiteFolder) -> None:
+    first = behind.run()
+    behind.events.clear()
+    second = behind.run("azimuth_flip")
     assert (first.outcome, second.outcome) == ("passed", "passed")
     assert second.result["registers"]["old"] == first.result["registers"]["new"]
     before, after = (run.result["registers"]["estimate"] for run in (first, second))

@@ -22,7 +22,7 @@ from calstation.sequencer.control import Command, Control
 from calstation.sequencer.events import Event, Message, StageSolved, StateChanged, StepStarted, Verdict
 from tests.helpers import raises_code
 from tests.shared_runs import SharedRuns
-from tests.site_folder import SiteFolder, behind_registers
+from tests.site_folder import SiteFolder
 
 
 def test_a_short_full_run_passes_and_solves_again_to_the_same_bits(tmp_path: Path, shared_runs: SharedRuns) -> None:
@@ -146,17 +146,6 @@ def test_a_run_needs_limits(site_folder: SiteFolder) -> None:
     site_folder.write({"limits": {}})
     with pytest.raises(ConfigurationError, match="limits"):
         site_folder.run("rate")
-
-
-@pytest.fixture
-def behind(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
-    """A unit whose registers are applied to its samples."""
-    home = site_folder.folder / "home"
-    (home / "imus").mkdir(parents=True)
-    shipped = library.find("imus", "bench_nav").read_text(encoding="utf-8")
-    (home / "imus" / "bench_nav.toml").write_text(behind_registers(shipped), encoding="utf-8")
-    monkeypatch.setenv("CALSTATION_HOME", str(home))
-    return site_folder
 
 
 @pytest.mark.long
