@@ -16,10 +16,10 @@ from rich.console import Console
 from rich.table import Table
 
 from calstation.errors import ConfigurationError
-from calstation.messages import Value, known, render
+from calstation.messages import Value, known, render, sentence
 from calstation.physics import DEGREE, display, number
 from calstation.records import Check
-from calstation.results import Result, write_json
+from calstation.results import Result, cause_text, write_json
 
 
 def say(code: str, **values: Value) -> str:
@@ -109,6 +109,8 @@ def result_table(console: Console, result: Result) -> None:
     for check in result.checks:
         if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
             console.print(_check_line(check), highlight=False)
+            if cause := cause_text(check):
+                console.print(f"  {sentence(cause)}", highlight=False)
 
 
 def _check_line(check: Check) -> str:

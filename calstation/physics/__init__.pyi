@@ -60,4 +60,5 @@ from .units import DISPLAY as DISPLAY
 from .units import MICRO_G as MICRO_G
 from .units import aligned as aligned
 from .units import display as display
+from .units import display_by_unit as display_by_unit
 from .units import number as number

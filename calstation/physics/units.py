@@ -33,6 +33,32 @@ DISPLAY: dict[str, tuple[str, float]] = {
 }
 
 
+#: Display unit of a quantity that is not a parameter, and its size in SI, by its SI unit.
+_BY_UNIT: dict[str, tuple[str, float]] = {
+    "rad": ("″", ARCSECOND),
+    "rad/s": ("°/h", DEGREE_PER_HOUR),
+    "rad/s²": ("°/h/h", DEGREE_PER_HOUR / 3600.0),
+    "m/s²": ("µg", MICRO_G),
+    "m/s³": ("µg/h", MICRO_G / 3600.0),
+    "1/s": ("ppm/h", 1e-6 / 3600.0),
+    "rad·s/m": ("°/h/g", DEGREE_PER_HOUR / STANDARD_GRAVITY),
+    "s/rad": ("ppm at 100 °/s", 1e-6 / (100.0 * DEGREE)),
+    "s²/rad²": ("ppm at 100 °/s", 1e-6 / (100.0 * DEGREE) ** 2),
+    "s²/m": ("µg/g²", MICRO_G / STANDARD_GRAVITY**2),
+    "s⁴/m²": ("µg/g³", MICRO_G / STANDARD_GRAVITY**3),
+    "m": ("mm", 1e-3),
+    "m/s": ("mm/s", 1e-3),
+    "s": ("ms", 1e-3),
+    "ppm": ("ppm", 1e-6),
+}
+
+
+def display_by_unit(unit: str, value: float) -> tuple[float, str]:
+    """Convert an SI value that is not a parameter to the display unit of its SI unit; return both."""
+    shown, size = _BY_UNIT.get(unit, (unit if unit != "1" else "", 1.0))
+    return value / size, shown
+
+
 def display(name: str, value: float) -> tuple[float, str]:
     """Convert an SI value to the parameter's display unit; return both. Raises KeyError for an unknown name."""
     parameter = PARAMETERS[INDEX[name]] if name in INDEX else pair_parameter(name)

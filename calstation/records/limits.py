@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
 from pydantic import Field, field_validator
 
-from calstation.estimation import Estimate, Solution
+from calstation.estimation import Estimate, Misfit, ModelTest, Solution
 from calstation.estimation.common import Belief
 from calstation.physics import GROUPS, INDEX, NAMES, OBSERVABLE, PAIR_PARAMETERS, PARAMETERS, pair_parameter
 from calstation.schema import EntryError, StrictModel, near_miss
@@ -90,8 +90,26 @@ CheckKind = Literal[
     "previous",
     "excitation",
     "change",
+    "agreement",
+    "effects",
+    "table_noise",
+    "imu_noise",
+    "clipping",
+    "sample_clock",
+    "temperature",
     "other",
 ]
+
+#: Kinds of the tests of the model, one for a stage each.
+MODEL_KINDS: tuple[CheckKind, ...] = (
+    "agreement",
+    "effects",
+    "table_noise",
+    "imu_noise",
+    "clipping",
+    "sample_clock",
+    "temperature",
+)
 
 #: Names in the result JSON that differ from the kind; the braces are replaced by the subject.
 _NAMES: dict[CheckKind, str] = {
@@ -101,6 +119,7 @@ _NAMES: dict[CheckKind, str] = {
     "unobservable": "unobservable parameters",
     "previous": "previous {}",
     "change": "change since calibration",
+    **{kind: f"{{}} {kind.replace('_', ' ')}" for kind in MODEL_KINDS},
     "other": "{}",
 }
 
@@ -143,6 +162,14 @@ class Check:
     passed: bool
     near_miss: bool = False  #: Whether the value is within the limit, but with little margin.
     where: Where = Where()  #: Origin of the value.
+    misfit: Misfit | None = None  #: What the failure of a test of the model shows.
+
+    @classmethod
+    def of_model(cls, stage: str, test: ModelTest) -> "Check":
+        """Return the check for a test of the model against the data of a stage."""
+        kind = next(kind for kind in MODEL_KINDS if kind == test.kind)
+        check = cls.compare(kind, test.value, test.limit, test.unit, subject=stage, near=1.0)
+        return check if check.passed else replace(check, misfit=test.misfit)
 
     @classmethod
     def compare(
@@ -184,8 +211,11 @@ class Check:
             "margin": self.margin,
             "near_miss": self.near_miss,
         }
-        where = str(self.where)
-        return {**row, "where": where} if where else row
+        if where := str(self.where):
+            row["where"] = where
+        if self.misfit is not None:
+            row |= self.misfit.to_json()
+        return row
 
     @classmethod
     def from_json(cls, row: Mapping[str, Any]) -> "Check":
@@ -201,6 +231,7 @@ class Check:
             bool(row["passed"]),
             bool(row.get("near_miss")),
             Where.from_json(row.get("where", "")),
+            Misfit.from_json(row) if "cause" in row else None,
         )
 
 
@@ -309,6 +340,7 @@ def check_limits(
         c = s.consistency
         if c.count:
             checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
+        checks += [Check.of_model(s.stage, test) for test in s.tests]
     unknown = undetermined(prior, solutions, calibrated)
     checks.append(Check("unobservable", "", float(len(unknown)), 0.0, "1", not unknown))
     changes = _changes(prior, belief, [n for n in estimated_stage(solutions) if n in calibrated])

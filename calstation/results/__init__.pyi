@@ -1,5 +1,6 @@
 from .calibration import current_calibration as current_calibration
 from .calibration import estimate_of as estimate_of
+from .causes import cause_text as cause_text
 from .corrected import CorrectedOutput as CorrectedOutput
 from .corrected import CorrectedStream as CorrectedStream
 from .diagnostics import Diagnostics as Diagnostics

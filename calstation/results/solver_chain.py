@@ -9,8 +9,15 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation import Progress, Ranking, Solution, StageSolver
-from calstation.estimation.common import RestOutput, SampleBlock, Spool, resolves_earth_rate, stage_data
+from calstation.estimation import Misfit, ModelTest, Progress, Ranking, Solution, StageSolver
+from calstation.estimation.common import (
+    RestOutput,
+    SampleBlock,
+    Spool,
+    resolves_earth_rate,
+    stage_agreement,
+    stage_data,
+)
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
@@ -18,6 +25,9 @@ from calstation.physics import FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
+
+#: A change of the posterior less probable than this contradicts the stages before.
+LEAST_PROBABILITY = 1e-6
 
 #: Type of a function that starts reading the samples of a log from the beginning.
 Blocks = Callable[[], Iterable[SampleBlock]]
@@ -100,9 +110,20 @@ class StageChain:
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
+        solution = replace(solution, tests=(*solution.tests, *self._agreement(solution)))
         self.belief = solution.belief
         self.solutions.append(solution)
         return solution
+
+    def _agreement(self, solution: Solution) -> list[ModelTest]:
+        """Test whether a stage agrees with those before it."""
+        last = {name: s.stage for s in self.solutions for name in s.estimated}
+        found = stage_agreement(self.belief, solution.belief, [name for name in solution.estimated if name in last])
+        if found is None:
+            return []
+        values = {"other": last[next(iter(found.moves))], "group": found.group, "probability": found.probability}
+        misfit = Misfit("stages_disagree", moves=found.moves, values=values)
+        return [ModelTest("agreement", found.probability, (LEAST_PROBABILITY, 1.0), "1", misfit)]
 
     def skip_stage(self, reason: Text) -> None:
         """Skip the started stage; the next one begins with the posterior of the previous one."""

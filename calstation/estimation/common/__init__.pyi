@@ -1,3 +1,5 @@
+from .agreement import Agreement as Agreement
+from .agreement import stage_agreement as stage_agreement
 from .alignment import AMBIGUOUS_AZIMUTH_SIGMA as AMBIGUOUS_AZIMUTH_SIGMA
 from .alignment import FREE_AZIMUTH_SIGMA as FREE_AZIMUTH_SIGMA
 from .alignment import SHORTEST_REST as SHORTEST_REST

@@ -3,10 +3,10 @@
 import math
 from dataclasses import dataclass
 
-from calstation.gui.text import check_name, check_text, of_parameter, of_product, parameter_text, say
+from calstation.gui.text import check_name, check_text, of_parameter, of_product, parameter_text, say, show
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
-from calstation.results import Parameter, Result
+from calstation.results import Parameter, Result, cause_text
 
 #: Maximum number of figures, which fit beside the verdict on a small screen.
 _MAX_FIGURES = 10
@@ -84,6 +84,9 @@ def failed_check_text(check: Check, result: Result) -> str:
     if check.kind == "unobservable":
         names = ", ".join(parameter_text(name) for name in result.undetermined)
         return say("advice.undetermined", names=names)
+    cause = cause_text(check)
+    if cause is not None:
+        return show(cause)
     row, name = check_text(check), parameter_text(check.subject)
     if check.kind == "change":
         return say("advice.changed", name=parameter_text(check.where.parameter), value=row.value, limit=row.limit)

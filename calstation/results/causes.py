@@ -1,0 +1,21 @@
+"""Sentences about failed tests of the model."""
+
+from calstation.messages import Text
+from calstation.physics import display_by_unit
+from calstation.records import Check
+
+#: Number of parameters that a sentence lists.
+_MOST_MOVES = 3
+
+
+def cause_text(check: Check) -> Text | None:
+    """Return the message about the cause of a failed test of the model; None for any other check."""
+    found = check.misfit
+    if found is None:
+        return None
+    size, unit = display_by_unit(found.unit, found.size)
+    sigma, _ = display_by_unit(found.unit, found.sigma)
+    worst = sorted(found.moves, key=lambda name: -abs(found.moves[name]))[:_MOST_MOVES]
+    moves = ", ".join(f"{name} {found.moves[name]:+.0f} σ" for name in worst)
+    shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": check.subject}
+    return Text(f"cause.{found.cause}", {**shown, **found.values})
