@@ -38,6 +38,7 @@ from calstation.records import (
     FileSection,
     ImuSection,
     LogMeta,
+    ModelSection,
     PriorSection,
     ProductSection,
     RunSection,
@@ -146,6 +147,7 @@ class ResolvedConfiguration:
             site=self.station.site.place,
             imu=_section(ImuSection, self.imu.stream, self.imu.noise, serial=self.request.serial),
             table=_section(TableSection, self.table, self.table.accuracy),
+            model=ModelSection(states=self.imu.states) if self.imu.states else None,
             prior={
                 name: PriorSection(value=self._prior_mean(held.get(name, 0.0), sigma), sigma=sigma)
                 for name, sigma in self.imu.prior_sigmas().items()

@@ -7,6 +7,7 @@ Values are relative to the nominal scale in the IMU's profile.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -59,8 +60,8 @@ PARAMETERS: tuple[Parameter, ...] = tuple(
 
 
 @dataclass(frozen=True)
-class PairParameter:
-    """A scalar parameter of a secondary IMU relative to the primary: `secondary measured = C · primary + b`."""
+class FurtherParameter:
+    """A scalar parameter that is not one of the 30."""
 
     name: str  #: Contract name without the number of the IMU, e.g. ``secondary_gyro_matrix_xy``.
     unit: str  #: SI unit as written in files.
@@ -68,18 +69,40 @@ class PairParameter:
     neutral: float = 0.0  #: Value for a secondary that is identical to the primary.
 
 
-#: Parameters of cross-calibration, in the order used in tables.
-PAIR_PARAMETERS: tuple[PairParameter, ...] = (
+#: Parameters of a secondary IMU relative to the primary, `secondary measured = C · primary + b`, in table order.
+PAIR_PARAMETERS: tuple[FurtherParameter, ...] = (
     *(
-        PairParameter(f"secondary_{sensor}_{what}", unit, f"secondary_{sensor}_{kind}", neutral)
+        FurtherParameter(f"secondary_{sensor}_{what}", unit, f"secondary_{sensor}_{kind}", neutral)
         for sensor, bias_unit in (("gyro", "rad/s"), ("accel", "m/s²"))
         for kind, what, unit, neutral in (
             *(("bias", f"bias_{a}", bias_unit, 0.0) for a in AXES),
             *(("matrix", f"matrix_{r}{c}", "1", float(r == c)) for r in AXES for c in AXES),
         )
     ),
-    *(PairParameter(f"secondary_lever_{a}", "m", "secondary_lever") for a in AXES),
-    PairParameter("clock_offset", "s", "clock_offset"),
+    *(FurtherParameter(f"secondary_lever_{a}", "m", "secondary_lever") for a in AXES),
+    FurtherParameter("clock_offset", "s", "clock_offset"),
+)
+
+
+_PAIRS = tuple(f"{a}{b}" for a in AXES for b in AXES if a != b)
+
+EffectName = Literal["g_sensitivity", "gyro_asymmetry", "accel_cubic", "accel_cross", "accel_off_axis", "time_skew"]
+
+#: Parameters of effects that a unit's model may contain beyond the 30: SI unit, components, and the sigma expected.
+EFFECTS: dict[EffectName, tuple[str, tuple[str, ...], float]] = {
+    "g_sensitivity": ("rad·s/m", tuple(f"{a}{b}" for a in AXES for b in AXES), 1e-4),
+    "gyro_asymmetry": ("1", tuple(AXES), 1e-2),
+    "accel_cubic": ("s⁴/m²", tuple(AXES), 1e-5),
+    "accel_cross": ("s²/m", _PAIRS, 1e-4),
+    "accel_off_axis": ("m", _PAIRS, 0.1),
+    "time_skew": ("s", ("",), 0.02),
+}
+
+#: The parameters of all these effects, in the order used in tables.
+EFFECT_PARAMETERS: tuple[FurtherParameter, ...] = tuple(
+    FurtherParameter(f"{effect}_{component}".rstrip("_"), unit, effect)
+    for effect, (unit, components, _) in EFFECTS.items()
+    for component in components
 )
 
 
@@ -90,13 +113,13 @@ def pair_name(name: str, number: int) -> str:
     return name.replace("secondary_", f"secondary{number}_", 1) if "secondary" in name else f"{name}{number}"
 
 
-def pair_parameter(name: str) -> PairParameter | None:
-    """Return the pair parameter for a name with or without IMU number; None if the name is unknown."""
-    return _PAIR.get(name.translate(_NO_DIGITS))
+def further_parameter(name: str) -> FurtherParameter | None:
+    """Return the parameter outside the 30 for a name, of a pair also with IMU number; None if the name is unknown."""
+    return _FURTHER.get(name.translate(_NO_DIGITS))
 
 
 _NO_DIGITS = str.maketrans("", "", "0123456789")
-_PAIR = {p.name: p for p in PAIR_PARAMETERS}
+_FURTHER = {p.name: p for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)}
 
 COUNT = len(PARAMETERS)
 NAMES: tuple[str, ...] = tuple(p.name for p in PARAMETERS)

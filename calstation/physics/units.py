@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calstation.physics.parameters import INDEX, PARAMETERS, pair_parameter
+from calstation.physics.parameters import INDEX, PARAMETERS, further_parameter
 
 DEGREE = np.pi / 180.0
 ARCSECOND = DEGREE / 3600.0
@@ -30,6 +30,12 @@ DISPLAY: dict[str, tuple[str, float]] = {
     "secondary_accel_matrix": ("1", 1.0),
     "secondary_lever": ("mm", 1e-3),
     "clock_offset": ("µs", 1e-6),
+    "g_sensitivity": ("°/h/g", DEGREE_PER_HOUR / STANDARD_GRAVITY),
+    "gyro_asymmetry": ("ppm", 1e-6),
+    "accel_cubic": ("µg/g³", MICRO_G / STANDARD_GRAVITY**3),
+    "accel_cross": ("µg/g²", MICRO_G / STANDARD_GRAVITY**2),
+    "accel_off_axis": ("mm", 1e-3),
+    "time_skew": ("ms", 1e-3),
 }
 
 
@@ -61,7 +67,7 @@ def display_by_unit(unit: str, value: float) -> tuple[float, str]:
 
 def display(name: str, value: float) -> tuple[float, str]:
     """Convert an SI value to the parameter's display unit; return both. Raises KeyError for an unknown name."""
-    parameter = PARAMETERS[INDEX[name]] if name in INDEX else pair_parameter(name)
+    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
     if parameter is None:
         raise KeyError(name)
     unit, size = DISPLAY[parameter.group]

@@ -34,6 +34,7 @@ from .meta import CalibrationSection as CalibrationSection
 from .meta import FileSection as FileSection
 from .meta import ImuSection as ImuSection
 from .meta import LogMeta as LogMeta
+from .meta import ModelSection as ModelSection
 from .meta import PriorSection as PriorSection
 from .meta import ProductSection as ProductSection
 from .meta import RunSection as RunSection

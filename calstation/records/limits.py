@@ -10,10 +10,20 @@ from pydantic import Field, field_validator
 
 from calstation.estimation import Estimate, Misfit, ModelTest, Solution
 from calstation.estimation.common import Belief
-from calstation.physics import GROUPS, INDEX, NAMES, OBSERVABLE, PAIR_PARAMETERS, PARAMETERS, pair_parameter
+from calstation.physics import (
+    EFFECT_PARAMETERS,
+    GROUPS,
+    INDEX,
+    NAMES,
+    OBSERVABLE,
+    PAIR_PARAMETERS,
+    PARAMETERS,
+    further_parameter,
+)
 from calstation.schema import EntryError, StrictModel, near_miss
 
-PAIR_GROUPS = tuple(dict.fromkeys(p.group for p in PAIR_PARAMETERS))
+_FURTHER = (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)
+FURTHER_GROUPS = tuple(dict.fromkeys(p.group for p in _FURTHER))
 #: A value above this fraction of its limit is a near miss, unless the product specifies another fraction.
 NEAR = 0.8
 #: Change of a parameter, in its standard deviations, beyond which the unit is not that of its calibration any more.
@@ -64,9 +74,9 @@ class Limit(StrictModel):
 
 def check_limit_names(limits: Mapping[str, Limit]) -> None:
     """Raise EntryError for a key that is neither a parameter nor a group."""
-    known = (*NAMES, *GROUPS, *(p.name for p in PAIR_PARAMETERS), *PAIR_GROUPS)
+    known = (*NAMES, *GROUPS, *(p.name for p in _FURTHER), *FURTHER_GROUPS)
     for name in limits:
-        if name not in known and pair_parameter(name) is None:
+        if name not in known and further_parameter(name) is None:
             raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, known))
 
 
@@ -332,7 +342,7 @@ def check_limits(
             checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near)
     for s in solutions:
         for name, estimate in s.found.items():
-            parameter = pair_parameter(name)
+            parameter = further_parameter(name)
             limit = limits.get(name, limits.get(parameter.group if parameter else ""))
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near)

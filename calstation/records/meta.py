@@ -17,7 +17,7 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, ImuModel, Secondary, Site, SolveContext, StoredPair, TableModel
 from calstation.messages import os_reason
-from calstation.physics import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, FloatArray, group_indices
+from calstation.physics import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, EffectName, FloatArray, group_indices
 from calstation.records.atomic import write_atomic
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
@@ -158,12 +158,19 @@ class RunSection(StrictModel):
     calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
 
 
+class ModelSection(StrictModel):
+    """`[model]`: effects beyond the 30 parameters that are estimated too."""
+
+    states: list[EffectName]
+
+
 class LogMeta(StrictModel):
     """All sections of the configuration of a log; `imu2` to `imu9` are numbered without gaps."""
 
     site: SiteSection
     imu: ImuSection
     table: TableSection = TableSection()
+    model: ModelSection | None = None
     prior: dict[str, PriorSection] = Field(default_factory=dict)
     #: Prior correlation coefficients of a parameter with others; 0 for pairs that are not listed.
     prior_correlation: dict[str, dict[str, float]] = Field(default_factory=dict)

@@ -9,30 +9,22 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation import Misfit, ModelTest, Progress, Ranking, Solution, StageSolver
+from calstation.estimation import Progress, Ranking, Solution, StageSolver
 from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
     Spool,
     resolves_earth_rate,
-    stage_agreement,
     stage_data,
 )
-from calstation.estimation.effects import EffectTests
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
 from calstation.physics import FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
+from calstation.results.model_tests import ModelTests
 from calstation.schema import validate
 from procedures import method
-
-#: A change of the posterior less probable than this contradicts the stages before.
-LEAST_PROBABILITY = 1e-6
-
-#: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect moves a parameter by
-#: more than `LEAST_MOVE` of its sigmas.
-MOST_EXCESS, LEAST_MOVE = 30.0, 3.0
 
 #: Type of a function that starts reading the samples of a log from the beginning.
 Blocks = Callable[[], Iterable[SampleBlock]]
@@ -57,6 +49,8 @@ class StageChain:
         self.prior = prior_from_meta(meta)
         #: Posterior of the last completed stage.
         self.belief = self.prior
+        #: The same without the effects in the model of the unit, from which the next stage starts.
+        self._solved = self.prior
         self.solutions: list[Solution] = []
         #: Reason why a stage was skipped, by stage.
         self.missing_data: dict[str, Text] = {}
@@ -69,7 +63,7 @@ class StageChain:
         #: Parameters that compensate the effect of the registers, which leaves the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
-        self._effects = EffectTests(self.prior.sigma)
+        self._model = ModelTests(self.prior, meta.model.states if meta.model is not None else ())
         self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
 
     def warm(self) -> None:
@@ -81,7 +75,7 @@ class StageChain:
         chosen = method(stage)
         self._stage = stage
         schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
-        self._solver = chosen.solver(self._context, self.belief, schedule)
+        self._solver = chosen.solver(self._context, self._solved, schedule)
         self._kept = Spool() if self._gather else None
 
     def feed(self, block: SampleBlock) -> None:
@@ -116,34 +110,11 @@ class StageChain:
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
-        tests = (*solution.tests, *self._agreement(solution), *self._effects_outside(solution))
-        solution = replace(solution, tests=tests, sensitivity=None)
+        self._solved = solution.belief
+        solution = self._model.tested(solution, self.solutions, self.belief)
         self.belief = solution.belief
         self.solutions.append(solution)
         return solution
-
-    def _agreement(self, solution: Solution) -> list[ModelTest]:
-        """Test whether a stage agrees with those before it."""
-        last = {name: s.stage for s in self.solutions for name in s.estimated}
-        found = stage_agreement(self.belief, solution.belief, [name for name in solution.estimated if name in last])
-        if found is None:
-            return []
-        values = {"other": last[next(iter(found.moves))], "group": found.group, "probability": found.probability}
-        misfit = Misfit("stages_disagree", moves=found.moves, values=values)
-        return [ModelTest("agreement", found.probability, (LEAST_PROBABILITY, 1.0), "1", misfit)]
-
-    def _effects_outside(self, solution: Solution) -> list[ModelTest]:
-        """Test for effects outside the error model with all stages so far."""
-        if solution.sensitivity is None:
-            return []
-        self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
-        found = [f for f in self._effects.found(solution.belief) if f.largest_move > LEAST_MOVE]
-        if not found:
-            return []
-        first = found[0]
-        values = {"component": first.component, "parameter": first.parameter, "during": first.stage}
-        misfit = Misfit(first.cause, first.size, first.sigma, first.unit, first.moves, values)
-        return [ModelTest("effects", first.excess, MOST_EXCESS, "1", misfit)]
 
     def skip_stage(self, reason: Text) -> None:
         """Skip the started stage; the next one begins with the posterior of the previous one."""

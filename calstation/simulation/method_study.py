@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from calstation.errors import ConfigurationError
-from calstation.physics import INDEX, PARAMETERS, pair_parameter
+from calstation.physics import INDEX, PARAMETERS, further_parameter
 from calstation.results import resolve
 from calstation.simulation.bench_recordings import GradeName, Kind, make_recording
 
@@ -70,7 +70,7 @@ def _unit(stage: str, grade: GradeName, seed: int, nis: list[float]) -> dict[str
     nis.append(result.consistency[stage].nis_mean)
     found: dict[str, list[tuple[float, float]]] = {}
     for name, row in result.parameters.items():
-        pair = pair_parameter(name)
+        pair = further_parameter(name)
         group = pair.group if pair is not None else PARAMETERS[INDEX[name]].group
         found.setdefault(group, []).append((row.value - truth[name], row.sigma))
     return found

@@ -113,3 +113,28 @@ def test_a_sound_unit_has_no_effect(seed: int) -> None:
     assert found[0].excess < 20.0
     assert np.abs(errors).max() < 4.5
     assert np.all(nis < 3.2)
+
+
+@pytest.mark.long
+def test_effects_in_the_model_are_estimated_with_the_parameters() -> None:
+    truth, context = draw_unit("nav", 5, "estimated", instability=False)
+    data = simulate_stages(truth, 5, list(DEFAULT_STAGES), {})
+    belief = study_prior("nav", "estimated")
+    tests = EffectTests(belief.sigma, ("accel_cubic", "time_skew"))
+    for stage in DEFAULT_STAGES:
+        m = method(stage)
+        solver = m.solver(context, belief, m.schedule())
+        solver.feed(with_effect(data[stage], context, truth.parameters, "accel_cubic", 1e-6))
+        solution = solver.finish()
+        belief = solution.belief
+        assert solution.sensitivity is not None
+        tests.add(stage, solution.sensitivity, solution.estimated)
+    known, wrong = tests.estimated(), (belief.mean - truth.parameters) / belief.sigma
+    assert np.abs(wrong).max() > 100.0
+    size = dict(zip(known.names, known.size, strict=True))
+    sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)), strict=True))
+    assert abs(size["accel_cubic_x"] - 1e-6) < 4.5 * sigma["accel_cubic_x"]
+    assert all(abs(size[name]) < 4.5 * sigma[name] for name in known.names if name != "accel_cubic_x")
+    corrected = known.corrected(belief)
+    assert np.abs((corrected.mean - truth.parameters) / corrected.sigma).max() < 4.5
+    assert tests.found(corrected)[0].excess < 20.0

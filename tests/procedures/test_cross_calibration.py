@@ -28,7 +28,7 @@ from calstation.estimation.pairs.calibration import PairCalibration, compensate_
 from calstation.estimation.pairs.schedule import PairSchedule, Threshold
 from calstation.estimation.pairs.watch import PairWatch, call_now
 from calstation.physics.imu_model import compensation
-from calstation.physics.parameters import PAIR_PARAMETERS, group_indices, pair_name, pair_parameter
+from calstation.physics.parameters import PAIR_PARAMETERS, further_parameter, group_indices, pair_name
 from calstation.physics.table import TableGeometry
 from calstation.results.resolving import resolve
 from procedures import method
@@ -108,7 +108,7 @@ def test_several_secondaries_have_names_of_their_own():
         for k, p in enumerate(PAIR_PARAMETERS):
             estimate = found.found[pair_name(p.name, number)]
             assert abs(estimate.value - truth[k]) < 5.0 * estimate.sigma, (number, p.name)
-            assert pair_parameter(pair_name(p.name, number)) is p
+            assert further_parameter(pair_name(p.name, number)) is p
 
 
 def test_secondary_data_are_compensated_with_the_stored_error_and_then_with_the_primarys_own(mems):

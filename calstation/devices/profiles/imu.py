@@ -24,7 +24,7 @@ from calstation.devices.profiles.imu_sections import (
 )
 from calstation.devices.profiles.registers import RegisterEntry, check_registers
 from calstation.devices.profiles.serial_settings import SerialSettings
-from calstation.physics import GROUPS, NAMES, PARAMETERS, FloatArray
+from calstation.physics import GROUPS, NAMES, PARAMETERS, EffectName, FloatArray
 from calstation.schema import EntryError, StrictModel, entry, load_once, near_miss
 
 #: The section that each protocol requires.
@@ -65,6 +65,7 @@ class ImuProfile(StrictModel):
     without_register : parameters and groups for which the unit has no register
     flash_cycles_max : number of commits that its data sheet allows
     stability : change of the parameters from power-up to power-up and over time
+    states : effects beyond the 30 parameters that are estimated too
     corrected : how to switch from the stream before the registers are applied to the one after
     """
 
@@ -85,6 +86,7 @@ class ImuProfile(StrictModel):
     without_register: list[str] = Field(default_factory=list)
     prior: dict[str, PriorSigma] = Field(default_factory=dict)
     stability: dict[str, Stability] = Field(default_factory=dict)
+    states: list[EffectName] = Field(default_factory=list)
 
     @field_validator("frame")
     @classmethod

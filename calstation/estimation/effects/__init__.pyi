@@ -4,6 +4,7 @@ from .candidates import Motion as Motion
 from .candidates import changing as changing
 from .score import EffectFound as EffectFound
 from .score import EffectTests as EffectTests
+from .score import Estimated as Estimated
 from .sensitivity import Sensitivity as Sensitivity
 from .sensitivity import all_errors as all_errors
 from .sensitivity import batch_sensitivity as batch_sensitivity

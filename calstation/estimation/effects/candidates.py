@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.physics import AXES, FloatArray
+from calstation.physics import AXES, EFFECTS, EffectName, FloatArray
 
 #: Times within a stage at which a bias or scale factor may jump, as fractions of its duration.
 JUMPS = tuple((k + 1) / 8.0 for k in range(7))
@@ -83,20 +83,26 @@ def _skew(m: Motion) -> FloatArray:
 
 #: Axis of an accelerometer and another axis.
 _PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
-_PAIR_NAMES = tuple(f"{AXES[i]}{AXES[j]}" for i, j in _PAIRS)
 _AXES = tuple(AXES)
+
+
+def _optional(cause: EffectName, errors: Callable[[Motion], FloatArray]) -> Candidate:
+    """Return an effect that the model of a unit may contain."""
+    unit, components, plausible = EFFECTS[cause]
+    return Candidate(cause, unit, plausible, components, errors)
+
 
 #: Effects that are there all the time.
 CONSTANT: tuple[Candidate, ...] = (
-    Candidate("g_sensitivity", "rad·s/m", 1e-4, tuple(f"{a}{b}" for a in AXES for b in AXES), _g_sensitivity),
-    Candidate("gyro_asymmetry", "1", 1e-2, _AXES, lambda m: _diagonal(0, np.abs(m.rate))),
+    _optional("g_sensitivity", _g_sensitivity),
+    _optional("gyro_asymmetry", lambda m: _diagonal(0, np.abs(m.rate))),
     Candidate("gyro_square", "s/rad", 1e-2, _AXES, lambda m: _diagonal(0, m.rate**2)),
     Candidate("gyro_cubic", "s²/rad²", 1e-2, _AXES, lambda m: _diagonal(0, m.rate**3)),
-    Candidate("accel_cubic", "s⁴/m²", 1e-5, _AXES, lambda m: _diagonal(1, m.force**3)),
-    Candidate("accel_cross", "s²/m", 1e-4, _PAIR_NAMES, _cross),
+    _optional("accel_cubic", lambda m: _diagonal(1, m.force**3)),
+    _optional("accel_cross", _cross),
     Candidate("accel_asymmetry", "1", 1e-2, _AXES, lambda m: _diagonal(1, np.abs(m.force))),
-    Candidate("accel_off_axis", "m", 0.1, _PAIR_NAMES, _off_axis),
-    Candidate("time_skew", "s", 0.02, ("",), _skew),
+    _optional("accel_off_axis", _off_axis),
+    _optional("time_skew", _skew),
 )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from calstation.estimation.common import Belief
 from calstation.estimation.effects.candidates import CONSTANT, Candidate
 from calstation.estimation.effects.sensitivity import Sensitivity
-from calstation.physics import COUNT, INDEX, NAMES, FloatArray
+from calstation.physics import COUNT, INDEX, NAMES, FloatArray, IntArray
 
 #: Jumps between two stages are looked for in these groups.
 _JUMPING = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
@@ -48,34 +48,70 @@ class _Tested:
     stage: str
     score: FloatArray
     information: FloatArray
+    cross: FloatArray  #: Information shared with the components of `CONSTANT`, shape (k, components).
     error: FloatArray
 
-    def found(self, before: FloatArray, sigma: FloatArray, names: Sequence[str]) -> EffectFound:
-        """Evaluate the test with the standard deviations of the 30 parameters before calibration, and now."""
+    def found(self, known: "Estimated", before: FloatArray, sigma: FloatArray, names: Sequence[str]) -> EffectFound:
+        """Evaluate the test beside the effects in the model; `before` and `sigma` belong to the 30 parameters."""
+        shared = self.cross[:, known.columns]
+        score = self.score - shared @ known.size
+        information = self.information - shared @ known.covariance @ shared.T
+        error = self.error - known.error @ known.covariance @ shared.T
         plausible = self.candidate.plausible or float(before[INDEX[self.candidate.parameter]])
-        covariance = np.linalg.inv(plausible**2 * self.information + np.eye(len(self.score))) * plausible**2
-        size, own = covariance @ self.score, np.sqrt(np.diag(covariance))
-        freedom = float(np.sum(covariance * self.information))
+        covariance = np.linalg.inv(plausible**2 * information + np.eye(len(score))) * plausible**2
+        size, own = covariance @ score, np.sqrt(np.diag(covariance))
+        freedom = float(np.sum(covariance * information))
         best = int(np.argmax(np.abs(size) / own))
-        moved = self.error @ size / np.where(sigma > 0.0, sigma, np.inf)
+        moved = error @ size / np.where(sigma > 0.0, sigma, np.inf)
         c = self.candidate
         return EffectFound(
-            c.cause, c.components[best], c.parameter, self.stage, float(self.score @ size) - freedom,
+            c.cause, c.components[best], c.parameter, self.stage, float(score @ size) - freedom,
             float(size[best]), float(own[best]), c.unit, {name: float(moved[INDEX[name]]) for name in names},
         )  # fmt: skip
 
 
-class EffectTests:
-    """The tests of all effects over the stages so far."""
+@dataclass(frozen=True)
+class Estimated:
+    """Estimate of the effects in the model of the unit."""
 
-    def __init__(self, before: FloatArray) -> None:
-        """Begin with the standard deviations of the 30 parameters before calibration, shape (30,)."""
+    columns: IntArray  #: Their components among those of `CONSTANT`, shape (k,).
+    names: tuple[str, ...]  #: Contract names of the components.
+    units: tuple[str, ...]
+    size: FloatArray  #: Shape (k,).
+    covariance: FloatArray  #: Shape (k, k).
+    error: FloatArray  #: Error that each leaves in the parameters per unit of its size, shape (30, k).
+    explained: float  #: Part of the last stage's sum of squared innovations that they explain.
+
+    def corrected(self, belief: Belief) -> Belief:
+        """Return the posterior of the parameters with the effects in the model."""
+        mean = belief.mean + self.error @ self.size
+        return Belief(mean, belief.covariance + self.error @ self.covariance @ self.error.T)
+
+
+class EffectTests:
+    """The tests of all effects over the stages so far, and the estimate of those in the model of the unit.
+
+    The stages are solved without any effect. Given what an effect adds to the innovations and leaves in the parameters,
+    its size and the parameters beside it follow without solving again (B. Friedland, *Treatment of bias in recursive
+    filtering*, IEEE TAC 14(4), 1969).
+    """
+
+    def __init__(self, before: FloatArray, states: Sequence[str] = ()) -> None:
+        """Begin with the sigmas of the 30 parameters before calibration, shape (30,), and the effects in the model."""
         self._before = before
-        count = sum(len(c.components) for c in CONSTANT)
+        causes = [(c, k) for c in CONSTANT for k in range(len(c.components))]
+        self._states = tuple(states)
+        self._columns = np.array([i for i, (c, _) in enumerate(causes) if c.cause in states], dtype=np.int64)
+        chosen = [causes[i] for i in self._columns]
+        self._names = tuple(f"{c.cause}_{c.components[k]}".rstrip("_") for c, k in chosen)
+        self._units = tuple(c.unit for c, _ in chosen)
+        self._plausible = np.array([c.plausible or np.nan for c, _ in chosen])
+        count = len(causes)
         self._score, self._information = np.zeros(count), np.zeros((count, count))
+        self._last = self._score, self._information
         self._error = np.zeros((COUNT, count))
         self._changes: list[_Tested] = []
-        self._names: dict[str, None] = {}
+        self._parameters: dict[str, None] = {}
 
     def add(self, stage: str, s: Sensitivity, estimated: Sequence[str]) -> None:
         """Add a stage that estimated some parameters."""
@@ -83,35 +119,56 @@ class EffectTests:
         prior, constant = slice(0, COUNT), slice(COUNT, COUNT + count)
         into = np.vstack([self._error, np.eye(count)])
         both = slice(0, COUNT + count)
-        self._score += into.T @ s.score[both]
-        self._information += into.T @ s.information[both, both] @ into
+        self._last = into.T @ s.score[both], into.T @ s.information[both, both] @ into
+        self._score = self._score + self._last[0]
+        self._information = self._information + self._last[1]
         self._error = s.error[:, prior] @ self._error + s.error[:, constant]
-        if self._names:  # before the first stage, a jump is an error of the prior
-            self._changes += [_before(stage, name) for name in NAMES if name.rpartition("_")[0] in _JUMPING]
+        if self._parameters:  # before the first stage, a jump is an error of the prior
+            self._changes += [_before(stage, name, count) for name in NAMES if name.rpartition("_")[0] in _JUMPING]
         for change in self._changes:
             change.score = change.score + change.error.T @ s.score[prior]
             change.information = change.information + change.error.T @ s.information[prior, prior] @ change.error
+            change.cross = change.cross + change.error.T @ s.information[prior, both] @ into
             change.error = s.error[:, prior] @ change.error
         at = COUNT + count
         for candidate in s.changing:
             own = slice(at, at := at + len(candidate.components))
             error = s.error[:, own].copy()
             error[INDEX[candidate.parameter]] += candidate.change(s.duration)
-            self._changes.append(_Tested(candidate, stage, s.score[own], s.information[own, own], error))
-        self._names |= dict.fromkeys(estimated)
+            cross = s.information[own, both] @ into
+            self._changes.append(_Tested(candidate, stage, s.score[own], s.information[own, own], cross, error))
+        self._parameters |= dict.fromkeys(estimated)
+
+    def estimated(self) -> Estimated:
+        """Return the estimate of the effects in the model."""
+        at = self._columns
+        information = self._information[np.ix_(at, at)]
+        covariance: FloatArray = np.linalg.inv(information + np.diag(self._plausible**-2.0)).astype(np.float64)
+        size = np.asarray(covariance @ self._score[at], np.float64)
+        score, last = self._last[0][at], self._last[1][np.ix_(at, at)]
+        explained = float(2.0 * score @ size - size @ last @ size)
+        return Estimated(at, self._names, self._units, size, covariance, self._error[:, at], explained)
 
     def found(self, belief: Belief) -> list[EffectFound]:
-        """Return what the data say about every effect, the most significant first; `belief` is the latest posterior."""
+        """Return what the data say about every other effect, the most significant first.
+
+        `belief` is the latest posterior.
+        """
         tests, at = list(self._changes), 0
         for c in CONSTANT:
             own = slice(at, at := at + len(c.components))
-            tests.append(_Tested(c, "", self._score[own], self._information[own, own], self._error[:, own]))
-        names = tuple(self._names)
-        return sorted((t.found(self._before, belief.sigma, names) for t in tests), key=lambda f: -f.excess)
+            parts = self._score[own], self._information[own, own], self._information[own], self._error[:, own]
+            if c.cause not in self._states:
+                tests.append(_Tested(c, "", *parts))
+        known, names = self.estimated(), tuple(self._parameters)
+        found = (t.found(known, self._before, belief.sigma, names) for t in tests)
+        return sorted(found, key=lambda f: -f.excess)
 
 
-def _before(stage: str, name: str) -> _Tested:
+def _before(stage: str, name: str, count: int) -> _Tested:
     """Return the test for a jump of a parameter before a stage."""
     unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(name.rpartition("_")[0], "1")
     candidate = Candidate("jump_before", unit, None, ("",), lambda motion: np.empty(0), name)
-    return _Tested(candidate, stage, np.zeros(1), np.zeros((1, 1)), np.eye(COUNT)[:, [INDEX[name]]])
+    return _Tested(
+        candidate, stage, np.zeros(1), np.zeros((1, 1)), np.zeros((1, count)), np.eye(COUNT)[:, [INDEX[name]]]
+    )

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from calstation.gui.text.messages import say, term
-from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, pair_parameter
+from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter
 from calstation.records import Check, Where
 
 #: Kinds of the checks that a product's ``[checks]`` section can request.
@@ -96,7 +96,7 @@ def _unit(check: Check) -> tuple[str, float]:
     name = check.subject
     if check.kind == "previous":
         name = next((p.name for p in PARAMETERS if p.group == name), name)
-    if name in INDEX or pair_parameter(name) is not None:
+    if name in INDEX or further_parameter(name) is not None:
         factor, unit = display(name, 1.0)
         return unit if unit != "1" else "", 1.0 / factor
     return _DISPLAY_UNITS.get(check.unit, (check.unit, 1.0))

@@ -1,0 +1,68 @@
+"""Tests of the error model along a chain of stages, and the effects that the model of a unit contains."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from calstation.estimation import Estimate, Misfit, ModelTest, Solution
+from calstation.estimation.common import Belief, stage_agreement
+from calstation.estimation.effects import EffectTests
+
+#: A change of the posterior less probable than this contradicts the stages before.
+LEAST_PROBABILITY = 1e-6
+#: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect moves a parameter by
+#: more than `LEAST_MOVE` of its sigmas.
+MOST_EXCESS, LEAST_MOVE = 30.0, 3.0
+
+
+class ModelTests:
+    """Adds the tests of the model, and the effects in it, to the solution of every stage."""
+
+    def __init__(self, prior: Belief, states: Sequence[str]) -> None:
+        self._effects = EffectTests(prior.sigma, states)
+        self._states = bool(states)
+
+    def tested(self, solution: Solution, before: Sequence[Solution], posterior: Belief) -> Solution:
+        """Return a solution with its tests; `before` are the stages before, and `posterior` is that of the last one."""
+        tests = list(solution.tests)
+        if solution.sensitivity is not None:
+            self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
+            solution = self._with_effects(replace(solution, sensitivity=None))
+            tests += self._effects_outside(solution)
+        tests += _agreement(solution, before, posterior)
+        return replace(solution, tests=tuple(tests))
+
+    def _with_effects(self, solution: Solution) -> Solution:
+        """Return a solution whose model contains the effects of the IMU profile."""
+        if not self._states:
+            return solution
+        known, c = self._effects.estimated(), solution.consistency
+        sizes = zip(known.names, known.size, known.covariance.diagonal() ** 0.5, known.units, strict=True)
+        found = {name: Estimate(float(size), float(sigma), unit) for name, size, sigma, unit in sizes}
+        nis = c.nis_mean - known.explained / c.count if c.count else c.nis_mean
+        return replace(
+            solution,
+            belief=known.corrected(solution.belief),
+            consistency=replace(c, nis_mean=max(nis, 0.0)),
+            found={**solution.found, **found},
+        )
+
+    def _effects_outside(self, solution: Solution) -> list[ModelTest]:
+        """Test for effects outside the error model with all stages so far."""
+        found = [f for f in self._effects.found(solution.belief) if f.largest_move > LEAST_MOVE]
+        if not found:
+            return []
+        first = found[0]
+        values = {"component": first.component, "parameter": first.parameter, "during": first.stage}
+        misfit = Misfit(first.cause, first.size, first.sigma, first.unit, first.moves, values)
+        return [ModelTest("effects", first.excess, MOST_EXCESS, "1", misfit)]
+
+
+def _agreement(solution: Solution, before: Sequence[Solution], posterior: Belief) -> list[ModelTest]:
+    """Test whether a stage agrees with those before it."""
+    last = {name: s.stage for s in before for name in s.estimated}
+    found = stage_agreement(posterior, solution.belief, [name for name in solution.estimated if name in last])
+    if found is None:
+        return []
+    values = {"other": last[next(iter(found.moves))], "group": found.group, "probability": found.probability}
+    misfit = Misfit("stages_disagree", moves=found.moves, values=values)
+    return [ModelTest("agreement", found.probability, (LEAST_PROBABILITY, 1.0), "1", misfit)]
