@@ -94,7 +94,7 @@ EFFECTS: dict[EffectName, tuple[str, tuple[str, ...], float]] = {
     "gyro_asymmetry": ("1", tuple(AXES), 1e-2),
     "accel_cubic": ("s⁴/m²", tuple(AXES), 1e-5),
     "accel_cross": ("s²/m", _PAIRS, 1e-4),
-    "accel_off_axis": ("m", _PAIRS, 0.1),
+    "accel_off_axis": ("m", tuple(AXES), 0.1),
     "time_skew": ("s", ("",), 0.02),
 }
 

@@ -68,12 +68,17 @@ def _cross(m: Motion) -> FloatArray:
 
 
 def _off_axis(m: Motion) -> FloatArray:
-    """Return the force at an accelerometer displaced along another axis: ω̇×d + ω×(ω×d), of which it senses its own."""
-    errors = np.zeros((len(m.rate), 6, 6))
-    for k, (i, j) in enumerate(_PAIRS):
-        unit = np.eye(3)[j]
+    """Return the errors of two accelerometers that lie apart along the axis of the third, by half of that each.
+
+    The force at a displacement d is ω̇×d + ω×(ω×d), of which an accelerometer senses its own component. What the two
+    displacements have in common is a lever arm.
+    """
+    errors = np.zeros((len(m.rate), 6, 3))
+    for axis in range(3):
+        unit = np.eye(3)[axis]
         force = np.cross(m.angular_acceleration, unit) + np.cross(m.rate, np.cross(m.rate, unit))
-        errors[:, 3 + i, k] = force[:, i]
+        for i, half in (((axis + 1) % 3, 0.5), ((axis + 2) % 3, -0.5)):
+            errors[:, 3 + i, axis] = half * force[:, i]
     return errors
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import solve_triangular
 
 from calstation.estimation.common import SolveContext, StageData, Start
@@ -21,6 +22,11 @@ from calstation.physics import (
     group_vector,
     rotation_rate,
 )
+
+#: A rotation between two observations slower than this, rad/s, is rest.
+AT_REST = np.deg2rad(0.1)
+#: Number of observation intervals over which slopes are smoothed.
+SMOOTHED = 5
 
 
 def filter_sensitivity(
@@ -78,7 +84,8 @@ def _motion(
     """Return the motion in every interval between observations.
 
     The force is that of gravity and of the lever arm: the measured one contains the vibration of the base, which is the
-    noise of the observations.
+    noise of the observations. At rest the rate is that of the earth, and slopes are smoothed: the noise of the gyros is
+    also in the observations, by way of the lever arm.
     """
     earth, gravity = rotation_rate(context.site.latitude), context.site.local_gravity
     constants, lever = compensation(point), group_vector(point, "outer_lever")
@@ -96,8 +103,19 @@ def _motion(
         acceleration = np.diff(arm, axis=0, prepend=arm[:1]) / T + gravity * UP
         before = np.concatenate([C[:1], C[:-1]])
         force = 0.5 * np.einsum("nji,nj->ni", C + before, acceleration)
-        time = (data.seq[index - 1] - data.seq[0]) * data.dt
+        turned = np.linalg.norm(np.einsum("nij,nik->njk", before, C) - np.eye(3), axis=(1, 2)) / np.sqrt(2.0)
+        still = turned < AT_REST * T
+        omega[still] = np.einsum("nji,j->ni", C[still], earth)
         several = len(index) > 1
-        slopes = (np.gradient(x, T, axis=0) if several else np.zeros_like(x) for x in (omega, force))
+        slopes = [np.gradient(_smooth(x), T, axis=0) if several else np.zeros_like(x) for x in (omega, force)]
+        for slope in slopes:
+            slope[still] = 0.0
+        time = (data.seq[index - 1] - data.seq[0]) * data.dt
         parts.append((omega, force, *slopes, time))
     return Motion(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _smooth(values: FloatArray) -> FloatArray:
+    """Return moving means over `SMOOTHED` rows, shape (n, 3)."""
+    padded = np.pad(values, ((SMOOTHED // 2, SMOOTHED // 2), (0, 0)), mode="edge")
+    return np.asarray(sliding_window_view(padded, SMOOTHED, axis=0).mean(axis=2))

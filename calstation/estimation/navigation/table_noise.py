@@ -1,4 +1,4 @@
-"""Solves a stage with the vibration of the table that its innovations show, instead of that in the table's profile."""
+"""Solves a stage with the vibration of the table that its innovations show, if that exceeds the table's profile."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from calstation.estimation.navigation.filter import History
 from calstation.estimation.navigation.relinearise import NavigationResult, solve_navigation
 from calstation.physics import BoolArray, FloatArray
 
-#: The profile's noise is used if the median of the normalised innovation squared is within this factor of its own.
+#: The profile's noise is used unless the median of the normalised innovation squared exceeds this many of its own.
 _AGREES = 1.25
 #: Median of the χ² distribution with 3 degrees of freedom.
 _MEDIAN = 2.366
@@ -29,15 +29,16 @@ def solve_with_table_noise(
     estimated: BoolArray,
     progress: Progress | None = None,
 ) -> tuple[NavigationResult, SolveContext]:
-    """Solve a stage, and again with the velocity noise that its innovations show if that differs from the profile's.
+    """Solve a stage, and again with the velocity noise that its innovations show if that exceeds the profile's.
 
-    Returns the result and the context with that noise. The median does not notice an effect in a part of the stage, and
-    the larger one of rests and motions counts. Raises InsufficientDataError if no segment contains a rest.
+    Returns the result and the context with that noise. On a quieter table the profile's noise stands: it also covers
+    what a table does only in some moves. The median does not notice an effect in a part of the stage, and the larger
+    one of rests and motions counts. Raises InsufficientDataError if no segment contains a rest.
     """
     result = solve_navigation(stage, data, context, prior, estimated, progress)
     for _ in range(_MOST_ADJUSTMENTS):
         ratio = _ratio(result.history, data.dt)
-        if 1.0 / _AGREES < ratio < _AGREES:
+        if ratio < _AGREES:
             break
         sigma = context.table.velocity_sigma * float(np.sqrt(ratio))
         context = replace(context, table=replace(context.table, velocity_sigma=sigma))
