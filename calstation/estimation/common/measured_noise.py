@@ -14,6 +14,8 @@ from calstation.physics import CHANNELS, FloatArray
 MOST_NOISE = 3.0
 #: Averaging time at which the angle random walk dominates, s.
 _GYRO_TIME = 1.0
+#: Median of the χ² distribution with 1 degree of freedom; the median ignores what creeps after a move.
+_MEDIAN = 0.4549
 #: An excess below this many of its own standard deviations, or below this ratio, is the scatter of the measurement.
 _SIGMAS, _LEAST_EXCESS = 5.0, 1.05
 
@@ -28,7 +30,7 @@ class RestNoise:
 
     def excess(self, ratio: float) -> float:
         """Return a ratio that is significantly larger than 1, otherwise 1."""
-        return ratio if ratio > max(_LEAST_EXCESS, 1.0 + _SIGMAS * np.sqrt(0.75 / max(self.count, 1))) else 1.0
+        return ratio if ratio > max(_LEAST_EXCESS, 1.0 + _SIGMAS * np.sqrt(2.0 / max(self.count, 1))) else 1.0
 
     @property
     def noisiest(self) -> str:
@@ -55,7 +57,7 @@ def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_si
     steps, products = np.concatenate(gyro), np.concatenate(velocity)
     if len(steps) < 2:
         return RestNoise(np.ones(3), 1.0, 0)
-    allan = 0.5 * np.mean(steps**2, axis=0) * wide * data.dt
+    allan = 0.5 * np.median(steps**2, axis=0) / _MEDIAN * wide * data.dt
     variance = max(float(-np.mean(products)), 0.0)
     return RestNoise(np.sqrt(allan / noise.rate), float(np.sqrt(variance / noise.velocity)), len(steps))
 
