@@ -7,6 +7,7 @@ import argparse
 import json
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from itertools import product
@@ -35,7 +36,11 @@ SOUND = "none"
 
 @dataclass(frozen=True)
 class Case:
-    """One calibration. `effect` is a setting of `[bench.effects]` or else of `[bench]`, `settings` are more of them."""
+    """One calibration.
+
+    `effect` is a setting of `[bench.effects]` or else of `[bench]`; with `.x`, `.y` or `.z` it is that axis alone.
+    `settings` are more of them.
+    """
 
     effect: str = SOUND
     magnitude: float = 0.0
@@ -44,7 +49,7 @@ class Case:
     table: Literal["profile", "quiet"] = "profile"
     simulator: Literal["bench", "plain"] = "bench"
     sample_rate_hz: float | None = None  #: None for that of the profile.
-    settings: dict[str, float] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -62,7 +67,10 @@ class Outcome:
 
 def bench_settings(case: Case, settings: dict[str, Any]) -> dict[str, Any]:
     """Return the bench's configuration for a case from that of its station."""
-    chosen = {**case.settings, **({} if case.effect == SOUND else {case.effect: case.magnitude})}
+    chosen = dict(case.settings)
+    if case.effect != SOUND:
+        name, _, axis = case.effect.partition(".")
+        chosen[name] = [case.magnitude * (axis == each) for each in "xyz"] if axis else case.magnitude
     effects = {name: value for name, value in chosen.items() if name in Effects.model_fields}
     others = {name: value for name, value in chosen.items() if name not in effects}
     quiet = {"velocity_sigma": QUIET} if case.table == "quiet" else {}
@@ -157,10 +165,9 @@ def summary(found: list[Outcome]) -> str:
         passed = [outcome for outcome in group if outcome.passed]
         worst = max(passed, key=lambda o: o.worst, default=None)
         missed = "" if worst is None else f"{worst.worst:.1f} {worst.parameter}"
-        first = sorted({o.cause or o.failed[0] for o in group if o.failed})
-        lines.append(
-            f"{effect:30} {magnitude:9.4g} {f'{len(passed)}/{len(group)}':>7} {missed:>24}  {'; '.join(first)}"
-        )
+        causes = Counter(o.cause or o.failed[0] for o in group if o.failed)
+        shown = "; ".join(f"{count} × {cause}" for cause, count in causes.most_common())
+        lines.append(f"{effect:30} {magnitude:9.4g} {f'{len(passed)}/{len(group)}':>7} {missed:>24}  {shown}")
     return "\n".join(lines)
 
 
@@ -179,7 +186,7 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
-    settings = {name: float(value) for name, value in (each.split("=") for each in args.settings)}
+    settings = {name: json.loads(value) for name, value in (each.split("=") for each in args.settings)}
     named = [each.split("=") for each in args.effect]
     effects = [(name, float(value)) for name, values in named for value in values.split(",")] or [(SOUND, 0.0)]
     seeds = range(args.first_seed, args.first_seed + args.seeds)
