@@ -1,15 +1,17 @@
 """Configuration of a virtual bench: unit, site, table, transports, planned faults."""
 
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from calstation.bench.table import TableLimits
 from calstation.bench.truth import (
     BenchTruth,
+    Effects,
     EncoderTruth,
     GimbalStream,
     GradeName,
@@ -91,6 +93,7 @@ class BenchConfig(BaseModel):
     outer_lever: Literal["estimated", "fixed"] = "estimated"
     instability: bool = True
     out_of_limits: bool = False
+    effects: Effects = Effects()
 
     latitude_deg: Annotated[float, Field(ge=-90.0, le=90.0)] = 34.25
     height_m: float = 400.0
@@ -141,6 +144,12 @@ class BenchConfig(BaseModel):
     orders: tuple[Order, ...] = ()
     report_file: Path | None = None
 
+    @model_validator(mode="after")
+    def _effects_on_a_table(self) -> "BenchConfig":
+        if self.effects != Effects() and (self.body is not None or self.table_protocol in ("hand", "gimbal")):
+            raise EntryError("bench.effects_without_table", "effects")
+        return self
+
     def truth(self, earlier: int = 0) -> BenchTruth:
         """Draw the true values of the bench from this configuration and its seed.
 
@@ -164,6 +173,12 @@ class BenchConfig(BaseModel):
             imu.parameters[INDEX[name]] = value
         if self.body is not None:
             imu.parameters[[i for group in _NOT_ON_A_BODY for i in group_indices(group)]] = 0.0
+        imu = replace(
+            imu,
+            gyro_arw=imu.gyro_arw * self.effects.gyro_noise,
+            accel_vrw=imu.accel_vrw * self.effects.accel_noise,
+            effects=self.effects.drawn(np.random.default_rng([self.seed, 3])),
+        )
         random = np.random.default_rng(table_seed)
         direction = random.standard_normal(3)
         mount = direction / np.linalg.norm(direction) * random.uniform(*_radians(self.mount_deg))

@@ -1,4 +1,4 @@
-"""docs/reference/bench.md and docs/reference/faults.md describe every setting, order and kind of fault."""
+"""docs/reference/bench.md and docs/reference/faults.md describe every setting, effect, order and kind of fault."""
 
 import re
 import subprocess
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from calstation.bench.config import BenchConfig, OrderName
+from calstation.bench.truth import Effects
 from calstation.simulation.fault_plan import HOST, KINDS, SET_UP
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference"
@@ -18,9 +19,10 @@ def rows(text: str) -> str:
     return "\n".join(line for line in text.splitlines() if line.startswith("|"))
 
 
-def test_every_setting_and_order_is_documented() -> None:
+def test_every_setting_effect_and_order_is_documented() -> None:
     documented = set(re.findall(r"`(\w+)`", rows(BENCH)))
     assert set(BenchConfig.model_fields) <= documented
+    assert set(Effects.model_fields) <= documented
     assert set(get_args(OrderName)) <= documented
 
 

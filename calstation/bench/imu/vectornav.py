@@ -56,7 +56,8 @@ class VectorNavUnit(ImuUnit):
             return b""
         frames = np.zeros(int(awake.sum()), dtype=SAMPLES)
         frames["head"] = np.void(_COMPENSATED_HEAD if self.corrected else _HEAD)
-        frames["time"] = np.rint((ends[awake] - self._started) * 1e9).astype(np.uint64)
+        nanoseconds = 1e9 + 1e3 * self._config.effects.sample_clock_ppm
+        frames["time"] = np.rint((ends[awake] - self._started) * nanoseconds).astype(np.uint64)
         values = np.clip(output.counts[awake] * self.scale, -_RANGES, _RANGES)
         heat = np.full((len(values), 1), self.temperature(float(ends[-1])))
         if self.corrected:

@@ -3,6 +3,8 @@ from .body import BodyStream as BodyStream
 from .body import draw_mounting as draw_mounting
 from .drive import EncoderTruth as EncoderTruth
 from .drive import TableDrive as TableDrive
+from .effects import Effects as Effects
+from .effects import EffectTruth as EffectTruth
 from .free_unit import Field as Field
 from .free_unit import Mounting as Mounting
 from .free_unit import SecondaryTruth as SecondaryTruth

@@ -1,9 +1,10 @@
 """Measurements of the unit: the contract's error model applied to the true motion, noise, quantisation."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from calstation.bench.truth.effects import EffectTruth
 from calstation.bench.truth.kinematics import compiled, joint_state
 from calstation.bench.truth.noise import draw_instability, instability_steps
 from calstation.bench.truth.table import body_motion, to_body
@@ -29,11 +30,20 @@ class ImuTruth:
     accel_bias_instability: float = 0.0
     gyro_range: float = 17.5
     accel_range: float = 400.0
+    effects: EffectTruth = field(default_factory=EffectTruth)
+
+    @property
+    def interval(self) -> float:
+        """True duration of a sample, s."""
+        return 1.0 / (self.sample_rate * (1.0 + self.effects.clock))
 
     def error_model(self) -> FloatArray:
-        """Return rows I + M_g (3), I + M_a (3), b_g, b_a, K2, positions of the accelerometers (3); shape (12, 3)."""
+        """Return rows I + M_g (3), I + M_a (3), b_g, b_a, K2, positions of the accelerometers (3), and `effects.terms`.
+
+        The shape is (23, 3).
+        """
         p = self.parameters
-        sites = group_vector(p, "outer_lever") + np.diag(group_vector(p, "inner_lever"))
+        sites = group_vector(p, "outer_lever") + np.diag(group_vector(p, "inner_lever")) + self.effects.off_axis
         return np.vstack(
             [
                 np.eye(3) + group_matrix(p, "gyro_scale", "gyro_misalign"),
@@ -42,6 +52,7 @@ class ImuTruth:
                 group_vector(p, "accel_bias"),
                 group_vector(p, "accel_quadratic"),
                 sites,
+                self.effects.terms,
             ]
         )
 
@@ -75,11 +86,13 @@ def _measured_rates(
         euler = a[j] * model[9 + i, k] - a[k] * model[9 + i, j]
         force[i] += centripetal + euler
     for i in range(3):
-        rates[i] = model[6, i]
+        rates[i] = model[6, i] + model[14, i] * abs(w[i]) + (model[15, i] + model[16, i] * w[i]) * w[i] * w[i]
         rates[3 + i] = model[7, i] + model[8, i] * force[i] * force[i]
+        rates[3 + i] += model[12, i] * force[i] * force[i] * force[i] + model[13, i] * abs(force[i])
         for j in range(3):
-            rates[i] += model[i, j] * w[j]
+            rates[i] += model[i, j] * w[j] + model[17 + i, j] * force[j]
             rates[3 + i] += model[3 + i, j] * force[j]
+            rates[3 + i] += model[20 + i, j] * force[(j + 1) % 3] * force[(j + 2) % 3]
 
 
 @compiled
@@ -213,12 +226,14 @@ class Digitiser:
     """
 
     def __init__(self, imu: ImuTruth, *, instability: bool = True) -> None:
-        self._interval = 1.0 / imu.sample_rate
+        self._interval = imu.interval
         self._as_rate = imu.output == "rate"
         self._white = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * np.sqrt(self._interval)
         self._lsb = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
-        reach = np.repeat([imu.gyro_range, imu.accel_range], 3) * (1.0 if self._as_rate else self._interval)
-        self._limit = np.floor(reach / self._lsb)
+        seconds = 1.0 if self._as_rate else self._interval
+        ranges, clip = [imu.gyro_range, imu.accel_range], [imu.effects.gyro_clip, np.inf]
+        self._range, limit = (np.floor(np.repeat(reach, 3) * seconds / self._lsb) for reach in (ranges, clip))
+        self._limit = np.minimum(self._range, limit)
         self._remainder = np.zeros(6)
         self._instability = np.repeat([imu.gyro_bias_instability, imu.accel_bias_instability], 3)
         if instability:
@@ -237,4 +252,6 @@ class Digitiser:
         lsb, limit, remainder = self._lsb, self._limit, self._remainder
         noise = (self._white, self._decay, self._driven, self._bias)
         counts, saturated = digitise(increments, normals, *noise, lsb, limit, self._interval, self._as_rate, remainder)
+        if np.any(self._limit < self._range):  # clipped below their range, the gyros do not report it
+            saturated = np.any(np.abs(counts) >= self._range, axis=1)
         return StreamOutput(counts, saturated)

@@ -43,8 +43,8 @@ class BenchTruth:
 class Simulated:
     """Samples of one stage, with the timestamps of an ideal acquisition.
 
-    `time` is the end of each sample, s. `angles` are the encoder angles at these times, rad, NaN between polls, shape
-    (n, 2). `step` is the number of moves so far.
+    `time` is the end of each sample by the unit's clock, s. `angles` are the encoder angles at these ends, rad, NaN
+    between polls, shape (n, 2). `step` is the number of moves so far.
     """
 
     stage: str
@@ -67,6 +67,7 @@ class Simulator:
         stream_seed, encoder_seed = root.spawn(2)
         self._stream = SensorStream(truth.imu, truth.table, stream_seed)
         self._drive = TableDrive(truth.encoder, seed=encoder_seed)
+        self._nominal = 1.0 / truth.imu.sample_rate
         self._poll_every = max(1, round(POLL_INTERVAL * truth.imu.sample_rate))
         self._step = 0
 
@@ -74,6 +75,11 @@ class Simulator:
     def time(self) -> float:
         """End of the last sample, s."""
         return self._stream.time
+
+    @property
+    def parameters(self) -> FloatArray:
+        """The unit's 30 parameters at the end of the last sample, SI, shape (30,)."""
+        return self._stream.parameters
 
     def run(self, steps: Iterable[Step], stage: str, rounds: int | None = None) -> Simulated:
         """Simulate one stage; an endless plan needs `rounds`.
@@ -97,7 +103,15 @@ class Simulator:
         if not parts:
             parts.append(self._produce(0.0))
         counts, angles, numbers = (np.concatenate(column) for column in zip(*parts, strict=True))
-        return Simulated(stage, seq, self._ends(seq), counts, angles, numbers, np.full(len(seq), TEMPERATURE))
+        return Simulated(
+            stage,
+            seq,
+            np.asarray((seq + 1) * self._nominal, np.float64),
+            counts,
+            angles,
+            numbers,
+            np.full(len(seq), TEMPERATURE),
+        )
 
     def _ends(self, seq: IntArray) -> FloatArray:
         return np.asarray((seq + 1) * self._stream.interval, dtype=np.float64)

@@ -2,19 +2,27 @@
 
 import numpy as np
 
+from calstation.bench.truth.effects import Changes
 from calstation.bench.truth.imu import Digitiser, ImuTruth, StreamOutput, true_increments
 from calstation.bench.truth.kinematics import JointProfile
 from calstation.bench.truth.noise import Vibration
 from calstation.bench.truth.table import TableTruth
+from calstation.physics import FloatArray
 
 
 class SensorStream:
-    """Samples of one unit on one table; they do not depend on the sizes of the requests."""
+    """Samples of one unit on one table; they do not depend on the sizes of the requests.
+
+    `interval` is the true duration of a sample, s, which differs from the nominal one if the unit's clock is wrong.
+    """
 
     def __init__(self, imu: ImuTruth, table: TableTruth, seed: int | np.random.SeedSequence) -> None:
-        self.interval = 1.0 / imu.sample_rate
+        self.interval = imu.interval
         self.produced = 0
-        self._random = np.random.Generator(np.random.PCG64(seed))
+        root = seed if isinstance(seed, np.random.SeedSequence) else np.random.SeedSequence(seed)
+        self._random = np.random.Generator(np.random.PCG64(root))
+        self._imu = imu
+        self._changes = Changes(imu.effects, self.interval, np.random.default_rng(root.spawn(1)[0]))
         self._model = imu.error_model()
         self._chain = table.chain()
         self._field = np.array([table.up_force_n, table.earth_rate_n])
@@ -35,9 +43,21 @@ class SensorStream:
         normals = self._random.standard_normal((count, self._columns))
         vibration = self._vibration
         velocity = vibration.velocities(normals[:, -6:]) if vibration.active else np.zeros((count + 1, 3))
-        joints = (outer.segments, outer.still, inner.segments, inner.still)
-        increments = true_increments(
-            self._model, self._chain, self._field, *joints, self.produced, self.interval, velocity
-        )
+        increments = self._increments(velocity, outer, inner)
+        if self._imu.effects.accel_delay:
+            late = np.array([self._imu.effects.accel_delay, 0.0, 0.0, 0.0, 0.0, 0.0])
+            before = (JointProfile(profile.segments + late) for profile in (outer, inner))
+            increments[:, 3:] = self._increments(velocity, *before)[:, 3:]
+        if self._imu.effects.changing:
+            self._changes.apply(increments, self.produced)
         self.produced += count
         return self._digitiser.digitise(increments, normals)
+
+    @property
+    def parameters(self) -> FloatArray:
+        """The unit's 30 parameters at the end of the last sample produced, SI, shape (30,)."""
+        return self._changes.parameters(self._imu.parameters, self.time)
+
+    def _increments(self, velocity: FloatArray, outer: JointProfile, inner: JointProfile) -> FloatArray:
+        joints = (outer.segments, outer.still, inner.segments, inner.still)
+        return true_increments(self._model, self._chain, self._field, *joints, self.produced, self.interval, velocity)

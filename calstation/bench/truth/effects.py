@@ -1,0 +1,161 @@
+"""Errors of a unit outside the model of 30 parameters: further terms, delays, changes over time."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from calstation.physics import PARAMETERS, FloatArray
+
+_Row = tuple[float, float, float]
+#: One value for all axes, or one for each axis.
+Axes = float | _Row
+#: Magnitude of the coefficients, whose signs are drawn, or the coefficients by sensor (row).
+Coefficients = float | tuple[_Row, _Row, _Row]
+NonNegative = Annotated[float, Field(ge=0.0)]
+Positive = Annotated[float, Field(gt=0.0)]
+
+_G = 9.80665
+_DEGREE_PER_HOUR = np.deg2rad(1.0) / 3600.0
+_PPM = 1e-6
+#: Rate at which the nonlinearity of the gyros is given, rad/s.
+_RATE = np.deg2rad(100.0)
+
+_SENSORS = ("gyro", "accel")
+
+
+@dataclass(frozen=True)
+class EffectTruth:
+    """The errors of one unit outside the model, SI; arrays of shape (6,) are gyros x, y, z, then accelerometers.
+
+    `terms` are coefficients, shape (11, 3), with f and ω sensed by the same unit: rows f_i³ (s⁴/m²), |f_i| (1),
+    |ω_i| (1), ω_i² (s/rad), ω_i³ (s²/rad²), the gyros' matrix of f (3, s/m), and the accelerometers' matrix of
+    (f_y f_z, f_z f_x, f_x f_y) (3, s²/m). Row i of `off_axis` is the displacement of accelerometer i, m, shape
+    (3, 3). The accelerometers are `accel_delay` s late. The unit samples at (1 + `clock`) times the nominal rate. The
+    gyros clip at `gyro_clip`, rad/s. Since time 0, the scale factors have changed by (1 − e^(−t/`warm_up_time`))
+    `warm_up_scale`, and the biases by the same fraction of `warm_up_bias`, by `jump` from `jump_time` on, and by a
+    random walk of intensity `walk` per √s.
+    """
+
+    terms: FloatArray = field(default_factory=lambda: np.zeros((11, 3)))
+    off_axis: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+    accel_delay: float = 0.0
+    clock: float = 0.0
+    gyro_clip: float = np.inf
+    warm_up_time: float = 300.0
+    warm_up_scale: FloatArray = field(default_factory=lambda: np.zeros(6))
+    warm_up_bias: FloatArray = field(default_factory=lambda: np.zeros(6))
+    jump: FloatArray = field(default_factory=lambda: np.zeros(6))
+    jump_time: float = 0.0
+    walk: FloatArray = field(default_factory=lambda: np.zeros(6))
+
+    @property
+    def changing(self) -> bool:
+        """Whether the errors change over time."""
+        return bool(np.any([self.warm_up_scale, self.warm_up_bias, self.jump, self.walk]))
+
+
+class Changes:
+    """The changes of a unit over time, continued from call to call."""
+
+    def __init__(self, effects: EffectTruth, interval: float, random: np.random.Generator) -> None:
+        self._effects, self._interval, self._random = effects, interval, random
+        self._walk = np.zeros((1, 6))
+
+    def apply(self, increments: FloatArray, first: int) -> None:
+        """Change the increments of the samples from number `first` on, rad and m/s, shape (n, 6), in place."""
+        effects, interval = self._effects, self._interval
+        times = np.asarray((first + 0.5 + np.arange(len(increments)))[:, None] * interval, dtype=np.float64)
+        steps = effects.walk * np.sqrt(interval) * self._random.standard_normal(increments.shape)
+        walk = np.cumsum(np.vstack([self._walk, steps]), axis=0)
+        self._walk = walk[-1:]
+        increments *= 1.0 + self._grown(times) * effects.warm_up_scale
+        increments += (self._bias(times) + walk[1:]) * interval
+
+    def parameters(self, parameters: FloatArray, time: float) -> FloatArray:
+        """Return what the unit's 30 parameters at time 0 have become at `time`, the end of the last sample, s."""
+        scale, bias = self._grown(time) * self._effects.warm_up_scale, self._bias(time) + self._walk[0]
+        found = parameters.copy()
+        for i, p in enumerate(PARAMETERS):
+            if p.sensor in _SENSORS:
+                channel = 3 * _SENSORS.index(p.sensor) + p.row
+                added = scale if p.group.endswith("_scale") else bias if p.group.endswith("_bias") else np.zeros(6)
+                found[i] = found[i] * (1.0 + scale[channel]) + added[channel]
+        return found
+
+    def _grown(self, times: FloatArray | float) -> FloatArray:
+        return np.asarray(-np.expm1(-times / self._effects.warm_up_time))
+
+    def _bias(self, times: FloatArray | float) -> FloatArray:
+        effects = self._effects
+        return np.asarray(self._grown(times) * effects.warm_up_bias + (times > effects.jump_time) * effects.jump)
+
+
+class Effects(BaseModel):
+    """Settings of the errors outside the model; `docs/reference/bench.md` explains every entry."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    accel_cubic_ug_g3: Axes = 0.0
+    accel_cross_ug_g2: Coefficients = 0.0
+    accel_asymmetry_ppm: Axes = 0.0
+    accel_off_axis_mm: Coefficients = 0.0
+    accel_delay_ms: float = 0.0
+    accel_noise: NonNegative = 1.0
+    accel_random_walk_ug_sqrt_h: Axes = 0.0
+    gyro_square_ppm: Axes = 0.0
+    gyro_cubic_ppm: Axes = 0.0
+    gyro_asymmetry_ppm: Axes = 0.0
+    gyro_clip_dps: Positive = np.inf
+    gyro_noise: NonNegative = 1.0
+    gyro_random_walk_dph_sqrt_h: Axes = 0.0
+    g_sensitivity_dph_g: Coefficients = 0.0
+    sample_clock_ppm: float = 0.0
+    warm_up_gyro_scale_ppm: Axes = 0.0
+    warm_up_accel_scale_ppm: Axes = 0.0
+    warm_up_gyro_bias_dph: Axes = 0.0
+    warm_up_accel_bias_ug: Axes = 0.0
+    warm_up_s: Positive = 300.0
+    gyro_jump_dph: Axes = 0.0
+    accel_jump_ug: Axes = 0.0
+    jump_at_s: float = 600.0
+
+    def drawn(self, random: np.random.Generator) -> EffectTruth:
+        """Return the effects of one unit, SI; `random` decides signs that are not set."""
+        signs = random.choice([-1.0, 1.0], (3, 3, 3))
+        signs[1:] *= 1.0 - np.eye(3)
+        terms = [
+            _axes(self.accel_cubic_ug_g3, _PPM / _G**2),
+            _axes(self.accel_asymmetry_ppm, _PPM),
+            _axes(self.gyro_asymmetry_ppm, _PPM),
+            _axes(self.gyro_square_ppm, _PPM / _RATE),
+            _axes(self.gyro_cubic_ppm, _PPM / _RATE**2),
+            _coefficients(self.g_sensitivity_dph_g, signs[0], _DEGREE_PER_HOUR / _G),
+            _coefficients(self.accel_cross_ug_g2, signs[1], _PPM / _G),
+        ]
+        return EffectTruth(
+            terms=np.vstack(terms),
+            off_axis=_coefficients(self.accel_off_axis_mm, signs[2], 1e-3),
+            accel_delay=1e-3 * self.accel_delay_ms,
+            clock=_PPM * self.sample_clock_ppm,
+            gyro_clip=float(np.deg2rad(self.gyro_clip_dps)),
+            warm_up_time=self.warm_up_s,
+            warm_up_scale=_both(self.warm_up_gyro_scale_ppm, self.warm_up_accel_scale_ppm, _PPM, _PPM),
+            warm_up_bias=_both(self.warm_up_gyro_bias_dph, self.warm_up_accel_bias_ug),
+            jump=_both(self.gyro_jump_dph, self.accel_jump_ug),
+            jump_time=self.jump_at_s,
+            walk=_both(self.gyro_random_walk_dph_sqrt_h, self.accel_random_walk_ug_sqrt_h) / 60.0,
+        )
+
+
+def _axes(values: Axes, unit: float) -> FloatArray:
+    return np.asarray(np.broadcast_to(values, 3) * unit)
+
+
+def _both(gyro: Axes, accel: Axes, gyro_unit: float = _DEGREE_PER_HOUR, accel_unit: float = _PPM * _G) -> FloatArray:
+    return np.concatenate([_axes(gyro, gyro_unit), _axes(accel, accel_unit)])
+
+
+def _coefficients(values: Coefficients, signs: FloatArray, unit: float) -> FloatArray:
+    return np.asarray((values * signs if isinstance(values, float) else np.array(values)) * unit)

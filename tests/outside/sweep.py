@@ -1,0 +1,215 @@
+"""Calibrations of units with an error outside the model: what still passes, and how wrong it is.
+
+python -m tests.outside.sweep --effect accel_cubic_ug_g3=1,3,10 --grade nav --table quiet --seeds 4
+"""
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field
+from itertools import product
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from calstation.bench import BenchConfig
+from calstation.bench.truth import GRADES, Effects, Simulator
+from calstation.config import RunRequest, resolve_configuration
+from calstation.errors import CalstationError
+from calstation.estimation.common import SampleBlock
+from calstation.physics import INDEX, NAMES, FloatArray, parameter_vector
+from calstation.records import Check, estimated_stage
+from calstation.results import StageChain, judge, one_blas_thread
+from procedures import method
+from tests.outside.plain_bench import PlainBench, Site, Unit
+
+PRODUCTS = {"nav": "nav_a", "tactical": "tactical_b", "mems": "mems_c"}
+#: Rms velocity of a table that is quieter than its profile says, m/s.
+QUIET = 1e-5
+SOUND = "none"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One calibration.
+
+    `effect` is a setting of `[bench.effects]` or else of `[bench]`; with `.x`, `.y` or `.z` it is that axis alone.
+    `settings` are more of them.
+    """
+
+    effect: str = SOUND
+    magnitude: float = 0.0
+    seed: int = 1
+    grade: str = "nav"
+    table: Literal["profile", "quiet"] = "profile"
+    simulator: Literal["bench", "plain"] = "bench"
+    sample_rate_hz: float | None = None  #: None for that of the profile.
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Verdict of a case; `worst` is the largest error over sigma of the estimated parameters, that of `parameter`."""
+
+    case: Case
+    passed: bool
+    worst: float
+    parameter: str
+    failed: tuple[str, ...]  #: Names of the failed checks, or the code of the error that ended the calibration.
+    cause: str  #: First failed check that has a cause, and this cause.
+    seconds: float  #: Processor time.
+
+
+def bench_settings(case: Case, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return the bench's configuration for a case from that of its station."""
+    chosen = dict(case.settings)
+    if case.effect != SOUND:
+        name, _, axis = case.effect.partition(".")
+        chosen[name] = [case.magnitude * (axis == each) for each in "xyz"] if axis else case.magnitude
+    effects = {name: value for name, value in chosen.items() if name in Effects.model_fields}
+    others = {name: value for name, value in chosen.items() if name not in effects}
+    quiet = {"velocity_sigma": QUIET} if case.table == "quiet" else {}
+    rate = {} if case.sample_rate_hz is None else {"sample_rate_hz": case.sample_rate_hz}
+    return {**settings, "seed": case.seed, "flash_file": None, **quiet, **rate, **others, "effects": effects}
+
+
+def run(case: Case) -> Outcome:
+    """Simulate the default stages of the grade's product, solve and judge them as a run does."""
+    begin = time.process_time()
+    product_file = Path("data/products") / f"{PRODUCTS[case.grade]}.toml"
+    resolved = resolve_configuration(RunRequest("SN-000001", product=product_file))
+    meta = resolved.log_meta()
+    settings = resolved.bench_config()
+    assert settings is not None
+    config = BenchConfig.model_validate(bench_settings(case, settings))
+    meta = meta.model_copy(update={"imu": meta.imu.model_copy(update={"sample_rate_hz": config.sample_rate_hz})})
+    simulator = Simulator(config.truth(), case.seed) if case.simulator == "bench" else plain_bench_of(config)
+    chain = StageChain(meta)
+    failed: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
+    try:
+        with one_blas_thread():
+            for stage, schedule in resolved.schedules.items():
+                steps = method(stage).plan(resolved.table.geometry(), schedule)
+                s = simulator.run(steps, stage, getattr(schedule, "rounds", None))
+                valid = np.ones(len(s.seq), dtype=np.bool_)
+                block = SampleBlock(stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
+                chain.start(stage)
+                chain.feed(block)
+                chain.finish()
+        checks = judge(meta, chain.prior, tuple(chain.solutions)).checks
+        failed = tuple(check.name for check in checks if not check.passed)
+    except CalstationError as exc:
+        failed = (exc.code,)
+    causes = [f"{check.name}: {check.misfit.cause}" for check in checks if check.misfit is not None]
+    found = simulator.parameters
+    worst, parameter = worst_error(chain, found if isinstance(found, np.ndarray) else parameter_vector(found))
+    return Outcome(case, not failed, worst, parameter, failed, causes[0] if causes else "", time.process_time() - begin)
+
+
+def plain_bench_of(config: BenchConfig) -> PlainBench:
+    """Return the second simulator with the unit and the table that the bench draws."""
+    truth = config.truth()
+    imu, table = truth.imu, truth.table
+    site = Site(
+        table.latitude,
+        float(table.up_force_n[2]),
+        table.azimuth,
+        table.base_tilt,
+        table.mount,
+        table.outer_axis,
+        table.inner_axis,
+        table.non_orthogonality,
+        table.velocity_sigma,
+        truth.encoder.stop_sigma,
+    )
+    grade = GRADES[config.grade]
+    parameters = dict(zip(NAMES, truth.parameters.tolist(), strict=True))
+    output = (imu.sample_rate, imu.output, imu.gyro_lsb, imu.accel_lsb, grade.gyro_arw, grade.accel_vrw)
+    return PlainBench(site, Unit(parameters, *output, effects=config.effects.model_dump()), config.seed)
+
+
+def worst_error(chain: StageChain, truth: FloatArray) -> tuple[float, str]:
+    """Return the largest error over sigma of the estimated parameters, and its parameter."""
+    sigma = chain.belief.sigma
+    errors = {
+        name: float(abs(chain.belief.mean[i] - truth[i]) / sigma[i])
+        for name in estimated_stage(chain.solutions)
+        if sigma[i := INDEX[name]] > 0.0
+    }
+    parameter = max(errors, key=lambda name: errors[name], default="")
+    return errors.get(parameter, float("nan")), parameter
+
+
+def outcomes(cases: list[Case], workers: int = 2) -> Iterator[Outcome]:
+    """Yield the outcomes in the order of completion."""
+    if workers == 1:
+        yield from map(run, cases)
+        return
+    with get_context("spawn").Pool(workers) as pool:
+        yield from pool.imap_unordered(run, cases)
+
+
+def summary(found: list[Outcome]) -> str:
+    """Return a table with a row for each effect and magnitude."""
+    groups: dict[tuple[str, float], list[Outcome]] = {}
+    for outcome in sorted(found, key=lambda o: (o.case.effect, abs(o.case.magnitude))):
+        groups.setdefault((outcome.case.effect, outcome.case.magnitude), []).append(outcome)
+    lines = [f"{'effect':30} {'magnitude':>9} {'passed':>7} {'worst if passed':>24}  first failed check with a cause"]
+    for (effect, magnitude), group in groups.items():
+        passed = [outcome for outcome in group if outcome.passed]
+        worst = max(passed, key=lambda o: o.worst, default=None)
+        missed = "" if worst is None else f"{worst.worst:.1f} {worst.parameter}"
+        causes = Counter(o.cause or o.failed[0] for o in group if o.failed)
+        shown = "; ".join(f"{count} × {cause}" for cause, count in causes.most_common())
+        lines.append(f"{effect:30} {magnitude:9.4g} {f'{len(passed)}/{len(group)}':>7} {missed:>24}  {shown}")
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Run the command."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
+    about = "setting of [bench.effects] or [bench] and its values, separated by commas; sound units without"
+    parser.add_argument("--effect", action="append", default=[], metavar="NAME=VALUES", help=about)
+    parser.add_argument("--with", dest="settings", action="append", default=[], metavar="NAME=VALUE")
+    parser.add_argument("--grade", choices=PRODUCTS, default="nav")
+    parser.add_argument("--table", choices=("profile", "quiet"), default="profile")
+    parser.add_argument("--simulator", choices=("bench", "plain"), default="bench")
+    parser.add_argument("--sample-rate", type=float, help="Hz; that of the profile without")
+    parser.add_argument("--seeds", type=int, default=1, help="number of units")
+    parser.add_argument("--first-seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--json", type=Path)
+    args = parser.parse_args()
+    settings = {name: json.loads(value) for name, value in (each.split("=") for each in args.settings)}
+    named = [each.split("=") for each in args.effect]
+    effects = [(name, float(value)) for name, values in named for value in values.split(",")] or [(SOUND, 0.0)]
+    seeds = range(args.first_seed, args.first_seed + args.seeds)
+    cases = [
+        Case(effect, magnitude, seed, args.grade, args.table, args.simulator, args.sample_rate, settings)
+        for seed, (effect, magnitude) in product(seeds, effects)
+    ]
+    begin, found = time.monotonic(), []
+    for outcome in outcomes(cases, args.workers):
+        found.append(outcome)
+        left = (time.monotonic() - begin) / len(found) * (len(cases) - len(found))
+        c = outcome.case
+        what = "passed" if outcome.passed else f"failed: {', '.join(outcome.failed[:3])} [{outcome.cause}]"
+        print(
+            f"{len(found)}/{len(cases)}, {left:.0f} s left: {c.effect} {c.magnitude:g}, seed {c.seed}: {what}, "
+            f"{outcome.worst:.1f} sigma {outcome.parameter}, {outcome.seconds:.1f} s",
+            file=sys.stderr,
+        )
+    if args.json:
+        args.json.write_text(json.dumps([asdict(outcome) for outcome in found], indent=1), encoding="utf-8")
+    print(summary(found))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,118 @@
+"""The virtual bench and the second simulator agree, sample by sample and in what a calibration makes of them."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.bench import BenchConfig
+from calstation.bench.truth import Effects
+from calstation.bench.truth.kinematics import JointProfile
+from calstation.bench.truth.stream import SensorStream
+from calstation.config import resolve_configuration
+from calstation.physics import INDEX
+from calstation.results import load_result
+from tests.outside.sweep import Case, plain_bench_of, run
+from tests.site_folder import SiteFolder
+
+RATE, COUNT = 1000.0, 4000
+MATRIX = [[0.0, 0.3, -0.2], [0.5, 0.0, 0.4], [-0.1, 0.6, 0.0]]
+#: Every effect that acts without noise, large enough to be seen in one sample.
+EFFECTS: dict[str, Any] = {
+    "accel_cubic_ug_g3": [1e3, -2e3, 3e3],
+    "accel_cross_ug_g2": (1e3 * np.array(MATRIX)).tolist(),
+    "accel_asymmetry_ppm": [4e3, -2e3, 1e3],
+    "accel_off_axis_mm": (1e1 * np.array(MATRIX)).tolist(),
+    "accel_delay_ms": 2.0,
+    "gyro_square_ppm": 2e3,
+    "gyro_cubic_ppm": -3e3,
+    "gyro_asymmetry_ppm": [1e3, 2e3, -3e3],
+    "gyro_clip_dps": 50.0,
+    "g_sensitivity_dph_g": (1e3 * np.array(MATRIX)).tolist(),
+    "sample_clock_ppm": 2e3,
+    "warm_up_gyro_scale_ppm": 5e3,
+    "warm_up_accel_scale_ppm": [1e3, 2e3, 3e3],
+    "warm_up_gyro_bias_dph": 1e3,
+    "warm_up_accel_bias_ug": 1e3,
+    "warm_up_s": 2.0,
+    "gyro_jump_dph": [1e3, 2e3, 3e3],
+    "accel_jump_ug": -2e3,
+    "jump_at_s": 2.0005,
+}
+OTHERS = {"accel_noise", "gyro_noise", "accel_random_walk_ug_sqrt_h", "gyro_random_walk_dph_sqrt_h"}
+NOISE = {"instability": False, "velocity_sigma": 0.0, "wobble_arcsec": 0.0, "sample_rate_hz": RATE}
+
+
+class Profile:
+    """A joint of the second simulator that moves like one of the virtual bench."""
+
+    def __init__(self, profile: JointProfile) -> None:
+        self.states = lambda times: tuple(profile.states(times).T)
+
+
+@pytest.mark.parametrize(
+    "effect", ["all", *(pytest.param(name, marks=[pytest.mark.long]) for name in ("none", *EFFECTS))]
+)
+def test_the_simulators_agree_on_every_sample(effect: str) -> None:
+    assert {*EFFECTS, *OTHERS} == set(Effects.model_fields)
+    constants = {name: EFFECTS[name] for name in ("warm_up_s", "jump_at_s")}
+    effects = {"none": {}, "all": EFFECTS}.get(effect, {effect: EFFECTS.get(effect), **constants})
+    unit = {"base_tilt_deg": 0.5, "mount_deg": (0.6, 1.2), "non_orthogonality_arcsec": 900.0, "azimuth_deg": 40.0}
+    config = BenchConfig.model_validate({**NOISE, **unit, "seed": 3, "effects": effects})
+    truth, plain = config.truth(), plain_bench_of(config)
+    values = {**vars(truth.imu), "gyro_arw": 0.0, "accel_vrw": 0.0, "gyro_lsb": 1e-15, "accel_lsb": 1e-13}
+    outer = JointProfile.rest(0.3, -1.0).move(0.1, 2.5, 0.9, 1.5)
+    inner = JointProfile.rest(-0.5, -1.0).move(0.1, -3.0, 1.1, 2.0)
+    stream = SensorStream(type(truth.imu)(**values), truth.table, 0)
+    got = stream.produce(COUNT, outer, inner).counts * np.repeat([1e-15, 1e-13], 3)
+    plain.joints = (Profile(outer), Profile(inner))
+    expected = plain.increments(0, COUNT)
+    if "gyro_clip_dps" in effects:
+        clip = np.deg2rad(50.0) / RATE / (1.0 + 1e-6 * effects.get("sample_clock_ppm", 0.0))
+        expected[:, :3] = np.clip(expected[:, :3], -clip, clip)
+    jump = int(EFFECTS["jump_at_s"] / plain.interval)  # during a sample, of which each simulator takes another fraction
+    got[jump] = expected[jump]
+    largest = np.abs(got - expected).max(axis=0) * RATE
+    assert largest[:3].max() < 2e-6, "rad/s"
+    assert largest[3:].max() < 2e-4, "m/s²"
+    assert np.abs((got - expected).sum(axis=0)).max() < 2e-7, "rad and m/s in 4 s"
+    assert stream.parameters == pytest.approx(list(plain_at(plain, stream.time).values()), rel=1e-9, abs=1e-15)
+
+
+def plain_at(plain: Any, time: float) -> dict[str, float]:
+    """Parameters of the second simulator at a time."""
+    plain.produced = round(time / plain.interval)
+    return dict(plain.parameters)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("simulator", ["bench", "plain"])
+def test_sound_units_pass_with_either_simulator(simulator: Any) -> None:
+    outcome = run(Case(simulator=simulator, seed=3))
+    assert outcome.passed, outcome.failed
+    assert outcome.worst < 4.0
+
+
+@pytest.mark.long
+def test_the_simulators_show_the_same_error_of_an_effect() -> None:
+    cases = [Case("accel_delay_ms", 1.0, table="quiet", simulator=simulator) for simulator in ("bench", "plain")]
+    bench, plain = (run(case) for case in cases)
+    assert plain.parameter == bench.parameter
+    assert plain.worst == pytest.approx(bench.worst, rel=0.1)
+    assert plain.failed == bench.failed
+
+
+@pytest.mark.long
+def test_a_run_through_the_protocols_shows_the_effect(site_folder: SiteFolder) -> None:
+    site_folder.write(effects={"accel_cubic_ug_g3": [0.0, 3000.0, 0.0]})
+    verdict = site_folder.run("rate", "six_position")
+    result = load_result(Path(verdict.result_file))
+    assert result.passed is False
+    found = result.parameters
+    configured = resolve_configuration(site_folder.request()).bench_config()
+    truth = BenchConfig.model_validate(configured).truth().parameters
+    # At the faces, f³ is f times g².
+    for axis, expected in (("x", 0.0), ("y", 3e-3), ("z", 0.0)):
+        name = f"accel_scale_{axis}"
+        assert found[name].value - truth[INDEX[name]] == pytest.approx(expected, abs=5e-4), name
