@@ -35,6 +35,7 @@ from .samples import SampleBlock as SampleBlock
 from .samples import Spool as Spool
 from .samples import joined as joined
 from .samples import since as since
+from .samples import has_gyros as has_gyros
 from .samples import snap_angles as snap_angles
 from .sequence import SequenceError as SequenceError
 from .sequence import SequenceUnwrapper as SequenceUnwrapper
