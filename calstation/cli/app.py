@@ -136,14 +136,23 @@ def resolve(
 
 @app.command(name="import")
 def import_(
-    source: Annotated[Path, typer.Argument(metavar="FILE.csv", help="CSV, also .csv.gz.")],
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="CSV or columns of text, also .gz; or a raw capture.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write.", metavar="LOG")],
-    meta: Annotated[Path | None, typer.Option(help="TOML of the CSV; default: beside it.")] = None,
+    meta: Annotated[Path | None, typer.Option(help="TOML of the file; default: beside it.")] = None,
+    imu: Annotated[
+        Path | None,
+        typer.Option(help="Decode a raw capture with this IMU profile; file or name.", callback=_given("imus")),
+    ] = None,
+    station: Annotated[
+        Path | None,
+        typer.Option(help="Station whose site a capture without [site] has; default: the virtual bench.",
+                     callback=_given("stations")),
+    ] = None,
 ) -> None:
-    """Turn a CSV into a raw log."""
+    """Turn a CSV, or a raw capture of an IMU's bytes, into a raw log."""
     from calstation.cli.logs import import_command
 
-    raise typer.Exit(import_command(source, out, meta))
+    raise typer.Exit(import_command(source, out, meta, imu, station))
 
 
 @app.command()

@@ -94,6 +94,11 @@ class RecordingMeta(LogMeta):
     columns: dict[str, ColumnSection] = Field(default_factory=dict)
 
     @property
+    def stage(self) -> str:
+        """Stage of the whole recording; empty if it is not given."""
+        return (self.columns["stage"].value or "") if "stage" in self.columns else ""
+
+    @property
     def log_meta(self) -> LogMeta:
         """The configuration of the log, without the columns of the file."""
         return LogMeta.model_validate({name: getattr(self, name) for name in LogMeta.model_fields})
