@@ -281,11 +281,12 @@ def try_link(
 @app.command()
 def check(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE.toml", help="Station, table, IMU or product file, or its name.")
+        Path,
+        typer.Argument(metavar="FILE", help="Station, table, IMU or product file, or its name; or a recording."),
     ],
     json: JsonOption = None,
 ) -> None:
-    """Show all that is wrong in a file, with lines and remedies; exit code 2 if anything is."""
+    """Show all that is wrong in a file, or what a recording contains and can be solved with; exit code 2 if not."""
     from calstation.cli.devices import check_command
 
     raise typer.Exit(check_command(file, json))
