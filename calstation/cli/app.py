@@ -145,8 +145,10 @@ def import_(
     ] = None,
     station: Annotated[
         Path | None,
-        typer.Option(help="Station whose site a capture without [site] has; default: the virtual bench.",
-                     callback=_given("stations")),
+        typer.Option(
+            help="Station whose site a capture without [site] has; default: the virtual bench.",
+            callback=_given("stations"),
+        ),
     ] = None,
 ) -> None:
     """Turn a CSV, or a raw capture of an IMU's bytes, into a raw log."""

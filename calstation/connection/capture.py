@@ -11,7 +11,7 @@ from calstation.devices.profiles import ImuProfile, load_imu_profile, span
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import os_reason
-from calstation.records import LogFacts, LogMeta, RecordingMeta, SiteSection, write_log
+from calstation.records import LogFacts, RecordingMeta, SiteSection, write_log
 from calstation.schema import read_toml, validate
 
 #: Number of bytes decoded at a time.

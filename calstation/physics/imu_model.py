@@ -41,7 +41,8 @@ def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return angular rate, rad/s, and specific force, m/s², at the reference point from raw mean rates, shape (n, 3).
 
-    Without gyros, whose output is then NaN, the specific force is that without rotation. The second-order term is found by three fixed-point iterations, whose relative error is (2 K2 f)³.
+    Without gyros, whose output is then NaN, the specific force is that without rotation. The second-order term is
+    found by three fixed-point iterations, whose relative error is (2 K2 f)³.
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
     linear = accel - c.accel_bias

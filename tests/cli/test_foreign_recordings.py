@@ -85,7 +85,9 @@ def without_gyros(columns: str = "") -> tuple[list[str], str, str]:
         rows.append(";".join(f"{v:.3f}".replace(".", ",") for v in (20.0 * k, *force)))
     map_ = '\n[columns]\ntime_s = { from = "t", unit = "ms" }\n'
     map_ += "".join(f'accel_{a} = {{ from = "a{a}", unit = "mg" }}\n' for a in "xyz")
-    meta = META.replace("[imu]", "gravity_mps2 = 9.7969\n[imu]").replace("gyro_lsb = 1e-7\n", "").replace("gyro_arw = 1e-5\n", "").replace("accel_lsb = 1e-6\n", "")
+    meta = META.replace("[imu]", "gravity_mps2 = 9.7969\n[imu]")
+    for entry in ("gyro_lsb = 1e-7\n", "gyro_arw = 1e-5\n", "accel_lsb = 1e-6\n"):
+        meta = meta.replace(entry, "")
     return rows[1:], rows[0], meta + map_ + columns
 
 

@@ -25,7 +25,9 @@ COLUMNS = {
 NAMES = ["t [ms]", "AccX", "AccY", "AccZ", "GyrX", "GyrY", "GyrZ", "note"]
 
 
-def foreign(folder: Path, text: str, columns: dict[str, str] | None = None, imu: str = IMU, name: str = "a.csv") -> Path:
+def foreign(
+    folder: Path, text: str, columns: dict[str, str] | None = None, imu: str = IMU, name: str = "a.csv"
+) -> Path:
     """A file of another program beside its TOML."""
     path = folder / name
     path.write_text(text, encoding="utf-8")
@@ -134,7 +136,11 @@ def test_a_row_of_units_after_the_header_is_skipped(tmp_path: Path) -> None:
         ({"gyro_x": '{ from = "GyrX", unit = "deg/sec" }'}, "entry.in_file", "unit 'deg/sec' is unknown. Did you mean"),
         ({"gyro_x": '{ from = "GyrX", unit = "furlong" }'}, "entry.in_file", "Choose from: rad/s, mrad/s"),
         ({"gyr_x": '{ from = "GyrX" }'}, "entry.in_file", "columns.gyr_x: 'gyr_x' is unknown. Did you mean 'gyro_x'?"),
-        ({"step": '{ from = "note", unit = "s" }'}, "entry.in_file", "columns.step.unit: The unit 's' is unknown. Remove"),
+        (
+            {"step": '{ from = "note", unit = "s" }'},
+            "entry.in_file",
+            "columns.step.unit: The unit 's' is unknown.",
+        ),
         ({"step": '{ value = "3" }'}, "entry.in_file", "step needs one entry: from"),
         ({"time_s": '{ form = "t [ms]" }'}, "entry.in_file", "columns.time_s.form: The entry is unknown."),
     ],
