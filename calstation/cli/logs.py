@@ -63,10 +63,11 @@ def import_command(source: Path, target: Path, meta: Path | None, imu: Path | No
         facts = write_log(target, log.meta, log.blocks())
         notes = f", arrival jitter {1e3 * log.jitter:.3g} ms rms" if log.jitter else ""
     else:
-        site = load_station(station)[1].site.place
-        found = import_capture(source, target, imu, meta, site)
+        there = load_station(station)[1]
+        found = import_capture(source, target, imu, meta, there.site.place)
         facts = found.facts
         notes = f", {found.failed} packets failed their check, {found.skipped} bytes skipped"
+        notes += "" if found.has_site else f"; no [site] given, so that of station '{there.name}' is used"
     show_line(console, f"{target}: {facts.samples} samples, {facts.gaps} gaps{notes}")
     return 0
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ class Capture:
     """What a raw capture contained."""
 
     facts: LogFacts
+    has_site: bool  #: Whether the TOML has a `[site]`.
     failed: int  #: Number of packets that failed their check.
     skipped: int  #: Number of bytes that belong to no packet.
 
@@ -35,22 +37,25 @@ def import_capture(source: Path, target: Path, imu: Path, meta_file: Path | None
     """
     beside = source.with_suffix(".toml")
     profile = load_imu_profile(imu)
-    meta = _meta(profile, source, meta_file or (beside if beside.is_file() else None), site)
+    meta_file = meta_file or (beside if beside.is_file() else None)
+    data = {} if meta_file is None else read_toml(meta_file, InputError)
+    has_site = "site" in data
+    meta = validate(RecordingMeta, _completed(data, profile, source, site), meta_file or source, InputError)
     decoder = FrameDecoder(profile.frame, profile.commands)
     facts = write_log(target, meta.log_meta, _blocks(source, profile, decoder, meta.stage))
-    return Capture(facts, decoder.crc_errors, decoder.skipped)
+    return Capture(facts, has_site, decoder.crc_errors, decoder.skipped)
 
 
-def _meta(profile: ImuProfile, source: Path, meta_file: Path | None, site: SiteSection) -> RecordingMeta:
-    data = {} if meta_file is None else read_toml(meta_file, InputError)
+def _completed(data: dict[str, Any], profile: ImuProfile, source: Path, site: SiteSection) -> dict[str, Any]:
+    """Return the content of a TOML file, completed by the profile and the site."""
     known = {**profile.stream.model_dump(exclude={"order"}), **profile.noise.model_dump()}
     known["serial"] = source.stem
     prior = {name: {"sigma": sigma} for name, sigma in profile.prior_sigmas().items()}
-    data.setdefault("site", site.model_dump(exclude_none=True))
+    data = {"site": site.model_dump(exclude_none=True), **data}
     for section, values in (("imu", known), ("prior", prior)):
         if isinstance(given := data.get(section, {}), dict):
             data[section] = {**values, **given}
-    return validate(RecordingMeta, data, meta_file or source, InputError)
+    return data
 
 
 def _blocks(source: Path, profile: ImuProfile, decoder: FrameDecoder, stage: str) -> Iterator[SampleBlock]:
