@@ -21,7 +21,7 @@ ANGLES = ("outer_deg", "inner_deg")
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
 COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
-#: Columns that may be absent: a manual rig has no table, and the others have trivial values.
+#: Columns that may be absent without a table, and those but the angles in a file of another program.
 _OPTIONAL = (*ANGLES, "seq", "stage", "step")
 _GYROS = CHANNELS[:3]
 
@@ -275,7 +275,8 @@ def _check_names(path: Path, names: list[str], *, mapped: bool, further: Collect
     for name in REQUIRED:
         if name in names:
             continue
-        optional = (name in _OPTIONAL and not (table and name in ANGLES)) or (name in _GYROS and not gyros)
+        trivial = not table or (mapped and name not in ANGLES)
+        optional = (name in _OPTIONAL and trivial) or (name in _GYROS and not gyros)
         if optional and mapped:
             continue
         near = difflib.get_close_matches(name, free, n=1)
