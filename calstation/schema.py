@@ -189,9 +189,10 @@ def field_name(place: KeyPath) -> str:
 
 def near_miss(name: str, known: Iterable[str], otherwise: Text | None = None) -> Text:
     """Return the remedy for an unknown name: the most similar known name, else `otherwise` (default: remove it)."""
-    near = difflib.get_close_matches(name, list(known), n=1)
+    names = {other.lower(): other for other in known}
+    near = difflib.get_close_matches(name.lower(), list(names), n=1)
     if near:
-        return Text.of("entry.did_you_mean", near=near[0])
+        return Text.of("entry.did_you_mean", near=names[near[0]])
     return otherwise or Text("entry.remove_it")
 
 

@@ -11,10 +11,15 @@ DEFAULT_STAGES = ("rate", "six_position", "excitation", "azimuth_flip")
 
 
 @cache
+def names() -> list[str]:
+    """Return the names of all methods, those of the default stages first."""
+    return sorted((m.name for m in iter_modules(__path__)), key=lambda n: (n not in DEFAULT_STAGES, n))
+
+
+@cache
 def method(name: str) -> Method:
     """Return the method `name`. Raises ConfigurationError, which lists the known methods, if there is none."""
-    names = sorted((m.name for m in iter_modules(__path__)), key=lambda n: (n not in DEFAULT_STAGES, n))
-    if name not in names:
-        raise ConfigurationError("plan.no_such_stage", stage=name, known=names)
+    if name not in names():
+        raise ConfigurationError("plan.no_such_stage", stage=name, known=names())
     found: Method = import_module(f"{__name__}.{name}").METHOD
     return found

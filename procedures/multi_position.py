@@ -113,16 +113,17 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
     still = find_stillness(data, context.imu, shortest)
     links = valid_links(data, still, context.imu, context.site.local_gravity, prior, shortest)
     rests = positions(data, still, context)
-    mask = np.array([name in ESTIMATED for name in NAMES])
+    estimated = ESTIMATED if data.has_gyros else tuple(n for n in ESTIMATED if n.startswith("accel"))
+    mask = np.array([name in estimated for name in NAMES])
     fit = fit_positions(data, rests, links, context, prior, mask)
     return Solution(
         stage="multi_position",
         belief=restricted(prior, fit.belief, mask),
-        estimated=ESTIMATED,
+        estimated=estimated,
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,
         details=_details(data, still, rests, links, fit),
-        messages=_messages(still, links, fit),
+        messages=_messages(data, still, links, fit),
     )
 
 
@@ -154,7 +155,9 @@ def _details(
     }
 
 
-def _messages(still: Stillness, links: tuple[Link, ...], fit: PositionFit) -> tuple[tuple[str, dict[str, Any]], ...]:
+def _messages(
+    data: StageData, still: Stillness, links: tuple[Link, ...], fit: PositionFit
+) -> tuple[tuple[str, dict[str, Any]], ...]:
     stage = {"stage": "multi_position"}
     messages: list[tuple[str, dict[str, Any]]] = []
     if not fit.converged:
@@ -163,7 +166,9 @@ def _messages(still: Stillness, links: tuple[Link, ...], fit: PositionFit) -> tu
         messages.append(("recording_cut", {**stage, "count": len(still.cuts)}))
     if len(links) < len(still.links):
         messages.append(("motions_left_out", {**stage, "count": len(still.links) - len(links)}))
-    if not links:
+    if not data.has_gyros:
+        messages.append(("accelerometers_alone", stage))
+    elif not links:
         messages.append(("no_motion_between_rests", stage))
     if fit.scatter != Scatter():
         s = fit.scatter
@@ -171,4 +176,4 @@ def _messages(still: Stillness, links: tuple[Link, ...], fit: PositionFit) -> tu
     return tuple(messages)
 
 
-METHOD = batch_method("multi_position", Schedule, plan, solve, ESTIMATED, needs_no_table=True)
+METHOD = batch_method("multi_position", Schedule, plan, solve, ESTIMATED, needs_no_table=True, without_gyros=True)

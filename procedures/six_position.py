@@ -19,6 +19,7 @@ from calstation.estimation.common import (
     StageData,
     filter_noise,
     find_rests,
+    find_stillness,
     gauss_newton,
     mean_angles,
     rest_mean_variance,
@@ -106,10 +107,12 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
 def find_positions(data: StageData, context: SolveContext, prior: Belief) -> list[Position]:
     """Find the rests of a stage in its data and compute their mean force."""
     bias = group_indices("gyro_bias")
+    alone = () if data.has_gyros else find_stillness(data, context.imu, SHORTEST_REST).rests
     stride = max(round(filter_noise(context).interval / data.dt), 1)
     found = []
     for segment in data.segments:
-        for a, b in find_rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max())):
+        rests = find_rests(data, segment, context.imu, prior.mean[bias], float(prior.sigma[bias].max()))
+        for a, b in rests if data.has_gyros else (r for r in alone if segment[0] <= r[0] < segment[1]):
             if (b - a) * data.dt >= SHORTEST_REST:
                 force = slope_weights(b - a, stride) @ data.accel[a:b]
                 variance = rest_mean_variance(context, (b - a) * data.dt)
@@ -195,4 +198,4 @@ def _tangents(direction: FloatArray) -> FloatArray:
     return np.vstack([first, np.cross(direction, first)])
 
 
-METHOD = batch_method("six_position", Schedule, plan, solve, ESTIMATED)
+METHOD = batch_method("six_position", Schedule, plan, solve, ESTIMATED, without_gyros=True)

@@ -136,14 +136,25 @@ def resolve(
 
 @app.command(name="import")
 def import_(
-    source: Annotated[Path, typer.Argument(metavar="FILE.csv", help="CSV, also .csv.gz.")],
+    source: Annotated[Path, typer.Argument(metavar="FILE", help="CSV or columns of text, also .gz; or a raw capture.")],
     out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write.", metavar="LOG")],
-    meta: Annotated[Path | None, typer.Option(help="TOML of the CSV; default: beside it.")] = None,
+    meta: Annotated[Path | None, typer.Option(help="TOML of the file; default: beside it.")] = None,
+    imu: Annotated[
+        Path | None,
+        typer.Option(help="Decode a raw capture with this IMU profile; file or name.", callback=_given("imus")),
+    ] = None,
+    station: Annotated[
+        Path | None,
+        typer.Option(
+            help="Station whose site a capture without [site] has; default: the virtual bench.",
+            callback=_given("stations"),
+        ),
+    ] = None,
 ) -> None:
-    """Turn a CSV into a raw log."""
+    """Turn a CSV, or a raw capture of an IMU's bytes, into a raw log."""
     from calstation.cli.logs import import_command
 
-    raise typer.Exit(import_command(source, out, meta))
+    raise typer.Exit(import_command(source, out, meta, imu, station))
 
 
 @app.command()
@@ -272,11 +283,12 @@ def try_link(
 @app.command()
 def check(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE.toml", help="Station, table, IMU or product file, or its name.")
+        Path,
+        typer.Argument(metavar="FILE", help="Station, table, IMU or product file, or its name; or a recording."),
     ],
     json: JsonOption = None,
 ) -> None:
-    """Show all that is wrong in a file, with lines and remedies; exit code 2 if anything is."""
+    """Show all that is wrong in a file, or what a recording contains and can be solved with; exit code 2 if not."""
     from calstation.cli.devices import check_command
 
     raise typer.Exit(check_command(file, json))

@@ -1,5 +1,6 @@
 """`test`, `table` and `check`: test links and show or reset the table without motion, and check configuration files."""
 
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -20,7 +21,9 @@ from calstation.connection import (
     station_conflicts,
 )
 from calstation.errors import ConfigurationError, DeviceFaultError
-from calstation.messages import render
+from calstation.messages import render, sentence
+from calstation.records import SUFFIX, is_text
+from calstation.results import inspect_recording
 
 _TESTS = {"table": check_table_link, "imu": check_imu_link}
 _MARKS = {"ok": "ok", "told": "", "look": "LOOK", "wrong": "WRONG"}
@@ -57,8 +60,13 @@ def link_command(device: str, station: Path | None, product: Path | None, json: 
 
 
 def check_command(path: Path, json: str | None) -> int:
-    """Show every error in a station, table, IMU or product file; return 0 or the exit code of a configuration error."""
+    """Show what a recording contains, or every error in a station, table, IMU or product file.
+
+    Returns 0, or the exit code of a configuration error if anything is wrong or no method can solve the recording.
+    """
     check_json(json)
+    if path.suffix == SUFFIX or is_text(path):
+        return _check_recording(path, json)
     path = library.locate_any(path)
     text = read_text(path)
     kind = detect_kind(path, text)
@@ -70,6 +78,45 @@ def check_command(path: Path, json: str | None) -> int:
     valid = [say("cli.file_valid", path=path, kind=kind)]
     report({"file": str(path), "kind": kind, "problems": rows}, json, lines or valid)
     return ConfigurationError.exit_code if problems else 0
+
+
+def _check_recording(path: Path, json: str | None) -> int:
+    found = inspect_recording(path)
+    facts, solvable = found.facts, [name for name, reason in found.methods.items() if reason is None]
+    reasons = {name: None if reason is None else sentence(reason) for name, reason in found.methods.items()}
+    row = {
+        "file": str(path),
+        "kind": "recording",
+        "serial": found.serial,
+        "samples": facts.samples,
+        "first_seq": facts.first_seq,
+        "last_seq": facts.last_seq,
+        "rate_hz": None if math.isnan(found.rate) else found.rate,
+        "sample_rate_hz": found.configured_rate,
+        "jitter_s": found.jitter,
+        "gaps": facts.gaps,
+        "missing": found.missing,
+        "invalid": found.invalid,
+        "damaged": facts.damaged,
+        "channels": list(found.channels),
+        "temperature_c": facts.temperature,
+        "stages": found.stages,
+        "methods": {name: {"solvable": reason is None, "reason": reason} for name, reason in reasons.items()},
+    }
+    seconds = (facts.last_seq - facts.first_seq + 1) / found.configured_rate
+    times = "sample clock" if not found.jitter else f"times of arrival, jitter {1e3 * found.jitter:.3g} ms rms"
+    lines = [
+        f"unit       {found.serial}",
+        f"samples    {facts.samples}, from {facts.first_seq} to {facts.last_seq}, {seconds:.1f} s",
+        f"rate       {found.rate:.6g} Hz ({found.configured_rate:g} Hz configured), {times}",
+        f"gaps       {facts.gaps}, {found.missing} samples missing",
+        f"invalid    {found.invalid}" + (f", {facts.damaged} damaged rows left out" if facts.damaged else ""),
+        f"channels   {', '.join(found.channels)}",
+        f"stages     {', '.join(f'{stage} ({count})' for stage, count in found.stages.items()) or 'none'}",
+        *(f"{name:<18} {reason or 'can be solved'}" for name, reason in reasons.items()),
+    ]
+    report(row, json, lines)
+    return 0 if solvable else ConfigurationError.exit_code
 
 
 def status_command(station: Path | None, product: Path | None, json: str | None) -> int:

@@ -8,9 +8,11 @@ from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.show import check_json, emit_json, result_table, say, show_line
+from calstation.config import load_station
+from calstation.connection import import_capture
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.messages import event_text, sentence
-from calstation.records import SUFFIX, export_csv, import_csv, truth_path
+from calstation.records import SUFFIX, export_csv, open_log, truth_path, write_log
 from calstation.results import resolve, write_json
 from calstation.simulation import GradeName, Kind, make_recording
 
@@ -53,10 +55,20 @@ def resolve_command(
     return 1 if passed is False else 0
 
 
-def import_command(source: Path, target: Path, meta: Path | None) -> int:
-    """Write the raw log `target` from a CSV."""
-    facts = import_csv(source, target, meta)
-    show_line(Console(stderr=True), f"{target}: {facts.samples} samples, {facts.gaps} gaps")
+def import_command(source: Path, target: Path, meta: Path | None, imu: Path | None, station: Path | None) -> int:
+    """Write the raw log `target` from a CSV, or from a raw capture with the profile `imu`."""
+    console = Console(stderr=True)
+    if imu is None:
+        log = open_log(source, meta)
+        facts = write_log(target, log.meta, log.blocks())
+        notes = f", arrival jitter {1e3 * log.jitter:.3g} ms rms" if log.jitter else ""
+    else:
+        there = load_station(station)[1]
+        found = import_capture(source, target, imu, meta, there.site.place)
+        facts = found.facts
+        notes = f", {found.failed} packets failed their check, {found.skipped} bytes skipped"
+        notes += "" if found.has_site else f"; no [site] given, so that of station '{there.name}' is used"
+    show_line(console, f"{target}: {facts.samples} samples, {facts.gaps} gaps{notes}")
     return 0
 
 

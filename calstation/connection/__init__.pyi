@@ -1,3 +1,5 @@
+from .capture import Capture as Capture
+from .capture import import_capture as import_capture
 from .clock import BenchClock as BenchClock
 from .compatibility import incompatibilities as incompatibilities
 from .compatibility import station_conflicts as station_conflicts

@@ -127,6 +127,7 @@ class Method:
     #: method can be solved as a whole.
     needs_no_table: bool = False
     on_gimbal: bool = False  #: Whether the plan is for a gimbal instead of a table.
+    without_gyros: bool = False  #: Whether the solver can use recordings of accelerometers alone.
 
 
 class BatchStage:
@@ -167,10 +168,11 @@ def batch_method(
     estimated: tuple[str, ...],
     needs_no_table: bool = False,
     on_gimbal: bool = False,
+    without_gyros: bool = False,
 ) -> Method:
     """Return a method that solves a stage in one batch; `solve` is called with data, context, prior and schedule."""
 
     def solver(context: SolveContext, prior: Belief, chosen: Any) -> BatchStage:
         return BatchStage(context, prior, lambda data, context, prior: solve(data, context, prior, chosen))
 
-    return Method(name, schedule, plan, solver, lambda context: estimated, needs_no_table, on_gimbal)
+    return Method(name, schedule, plan, solver, lambda context: estimated, needs_no_table, on_gimbal, without_gyros)

@@ -41,14 +41,15 @@ def _inverse(parameters: FloatArray, *groups: str) -> FloatArray:
 def compensate(c: Compensation, gyro: FloatArray, accel: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return angular rate, rad/s, and specific force, m/s², at the reference point from raw mean rates, shape (n, 3).
 
-    The second-order term is found by three fixed-point iterations, whose relative error is (2 K2 f)³.
+    Without gyros, whose output is then NaN, the specific force is that without rotation. The second-order term is
+    found by three fixed-point iterations, whose relative error is (2 K2 f)³.
     """
     omega = (gyro - c.gyro_bias) @ c.gyro_inverse.T
     linear = accel - c.accel_bias
     force = linear @ c.accel_inverse.T
     for _ in range(3):
         force = (linear - c.quadratic * force**2) @ c.accel_inverse.T
-    square = omega**2
+    square = np.nan_to_num(omega) ** 2
     return omega, force + c.inner_lever * (square.sum(axis=1, keepdims=True) - square)
 
 

@@ -8,10 +8,13 @@ from .checked_lines import read_lines as read_lines
 from .checks import ChecksSection as ChecksSection
 from .checks import acceptance as acceptance
 from .checks import offline_online as offline_online
+from .columns import RecordingMeta as RecordingMeta
 from .convert import export_corrected as export_corrected
 from .convert import export_csv as export_csv
 from .convert import import_csv as import_csv
 from .convert import partial_path as partial_path
+from .convert import write_log as write_log
+from .csv_log import is_text as is_text
 from .facts import LogFacts as LogFacts
 from .limits import NEAR as NEAR
 from .limits import Check as Check

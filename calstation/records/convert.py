@@ -23,12 +23,19 @@ def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> Log
 
     The configuration is the TOML file beside the CSV or `meta_file`. Raises InputError or ConfigurationError.
     """
+    log = open_log(source, meta_file)
+    return write_log(target, log.meta, log.blocks())
+
+
+def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> LogFacts:
+    """Write blocks, of which there is one at least, to the raw log `target`; an error leaves no log.
+
+    Raises InputError if the target is not named as a log, ConfigurationError if it cannot be written.
+    """
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)
-    log = open_log(source, meta_file)
-    blocks = log.blocks()
     first = next(blocks)  # raises for a log without samples
-    writer = RawLogWriter(target, log.meta, joints=first.joints.shape[1] > 0)
+    writer = RawLogWriter(target, meta, joints=first.joints.shape[1] > 0)
     try:
         for block in itertools.chain([first], blocks):
             writer.append(block)

@@ -1,83 +1,128 @@
 """Reader and writer of the CSV format of docs/contract.md: chunks of checked cells as blocks, and exact export."""
 
 import csv
-import difflib
 import gzip
 import io
 import itertools
 import math
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
 from calstation.errors import InputError
-from calstation.estimation.common import SampleBlock, SequenceError, SequenceUnwrapper, snap_angles
+from calstation.estimation.common import SampleBlock, SequenceError, SequenceUnwrapper, has_gyros, snap_angles
 from calstation.messages import os_reason
 from calstation.physics import AXES, CHANNELS, BoolArray, FloatArray, IntArray
+from calstation.records.arrival import SampleTimes, are_arrivals, sample_period, sample_times
+from calstation.records.columns import (
+    ANGLES,
+    JOINTS,
+    ColumnMap,
+    Layout,
+    RecordingMeta,
+    further_channels,
+    is_increment,
+    min_step,
+    read_layout,
+    unit_factor,
+    unit_factors,
+)
 from calstation.records.meta import FURTHER_IMUS, LogMeta
+from calstation.schema import read_toml, validate
 
-ANGLES = ("outer_deg", "inner_deg")
-#: Both columns of `ANGLES` may be absent, because a recording on a manual rig has no table.
-REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
-JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
-COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
-
-
-def further_channels(number: int) -> tuple[str, ...]:
-    """Return the columns of a secondary IMU on the same body: gyro2_x, ..., accel2_z."""
-    return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in AXES)
-
-
+#: Endings of the names of recordings as text; .gz may follow.
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat")
 _CHUNK_BYTES = 1 << 17
 
 
 def meta_path(path: Path) -> Path:
     """Return NAME.toml beside NAME.csv or NAME.csv.gz."""
-    name = path.name.removesuffix(".gz").removesuffix(".csv")
-    return path.with_name(name + ".toml")
+    name = Path(path.name.removesuffix(".gz"))
+    return path.with_name((name.stem if name.suffix in TEXT_SUFFIXES else name.name) + ".toml")
 
 
-def csv_blocks(path: Path, meta: LogMeta) -> Iterator[SampleBlock]:
+def is_text(path: Path) -> bool:
+    """Whether the name of a file is that of a CSV or of a text file with columns."""
+    return Path(path.name.removesuffix(".gz")).suffix in TEXT_SUFFIXES
+
+
+def load_recording(path: Path, meta_file: Path) -> tuple[LogMeta, Layout]:
+    """Read the TOML of a CSV and find the layout of the CSV. Raises InputError with file, field and remedy."""
+    data = read_toml(meta_file, InputError)
+    columns = validate(ColumnMap, {"columns": data.get("columns", {})}, meta_file, InputError).columns
+    further = list(itertools.takewhile(lambda n: f"imu{n}" in data, FURTHER_IMUS))
+    layout = read_layout(path, _head(path), columns, further)
+    for n in ("", *FURTHER_IMUS):
+        if isinstance(section := data.get(f"imu{n}"), dict):
+            _complete_counts(section, path, layout, str(n))
+    return validate(RecordingMeta, data, meta_file, InputError).log_meta, layout
+
+
+def _complete_counts(section: dict[str, Any], path: Path, layout: Layout, number: str) -> None:
+    """Add the size of a count where columns have a physical unit and no size is given: their smallest step."""
+    if not layout.has_gyros:
+        section |= {name: section.get(name, 1.0) for name in ("gyro_lsb", "gyro_arw")}
+    for sensor in ("gyro", "accel"):
+        names = [f"{sensor}{number}_{axis}" for axis in AXES]
+        unit = layout.units.get(names[0])
+        if unit is None or f"{sensor}_lsb" in section:
+            continue
+        output = "increment" if is_increment(unit) else "rate"
+        if section.setdefault("output", output) == output:
+            head = next(_tables(path, layout, {}, 0))
+            step = min_step(head.floats(name, True) for name in names) or 1.0
+            section[f"{sensor}_lsb"] = float(f"{step * unit_factor(names[0], unit):.6g}")
+
+
+def csv_blocks(path: Path, meta: LogMeta, layout: Layout, jitter: list[float]) -> Iterator[SampleBlock]:
     """Yield the samples of a CSV in order, with unwrapped counters, split at stage changes.
 
+    If the times are times of arrival, `jitter` receives their root mean square, s, about the line that replaces them.
     Raises InputError with file, line, column and remedy.
     """
-    chunks = _text_chunks(path)
-    line = 1
-    first = next(chunks, "")
-    if not first.strip():
-        raise InputError("csv.empty", file=path)
-    header, rest = _header(path, first, meta)
-    unwrapper = SequenceUnwrapper(1.0 / meta.imu.sample_rate_hz)
+    jitter.clear()
+    rate, factors, further = meta.imu.sample_rate_hz, unit_factors(layout, meta), len(meta.secondaries)
+    unwrapper = SequenceUnwrapper(1.0 / rate)
     starts: set[tuple[float, ...]] = set()
-    empty = True
-    for text in itertools.chain([rest], chunks):
-        if text:
-            table = _Table(path, header, text, line + 1, len(meta.secondaries))
-            seq, time = table.integers("seq"), table.floats("time_s")
-            spoilt = ~table.valid
-            counts = np.column_stack([table.floats(name, spoilt=spoilt) for name in CHANNELS]) + 0.0
-            try:
-                unwrapped, clock, restarts = unwrapper.feed(seq, time)
-            except SequenceError as exc:
-                line = table.first + exc.place
-                raise InputError("csv.sequence", file=path, line=line, what=exc.as_text) from exc
-            for k in ([0] if empty else []) + restarts:
-                row = (int(seq[k]), float(time[k]), *counts[k])
-                if row in starts:
-                    raise InputError("csv.repeated", file=path, line=table.first + k)
-                starts.add(row)
-            if empty:
-                _check_rate(path, unwrapped, clock, meta.imu.sample_rate_hz)
-            empty = False
-            yield from table.blocks(unwrapped, clock, counts)
-            line += len(seq)
-    if empty:
+    times: SampleTimes | None = None
+    rows = 0
+    for table in _tables(path, layout, factors, further):
+        time = table.floats("time_s")
+        here = slice(rows, rows + len(time))
+        if not rows and (not table.counted or are_arrivals(table.integers("seq"), time, 1.0 / rate)):
+            given = np.concatenate([t.floats("time_s") for t in _tables(path, layout, factors, further)])
+            _check_rate(path, sample_period(given, 1.0 / rate), rate)
+            times = sample_times(given, 1.0 / rate)
+            jitter += [times.jitter] if times.jitter else []
+        if times is not None:
+            time = times.time[here]
+        seq = table.integers("seq") if table.counted or times is None else times.seq[here]
+        counts = table.counts()
+        try:
+            unwrapped, clock, restarts = unwrapper.feed(seq, time)
+        except SequenceError as exc:
+            line = table.first + exc.place
+            raise InputError("csv.sequence", file=path, line=line, what=exc.as_text) from exc
+        for k in ([] if rows else [0]) + restarts:
+            row = (int(seq[k]), float(time[k]), *np.nan_to_num(counts[k]))
+            if row in starts:
+                raise InputError("csv.repeated", file=path, line=table.first + k)
+            starts.add(row)
+        if not rows and len(seq) > 1:
+            _check_rate(path, float(np.median(np.diff(clock) / np.diff(unwrapped))), rate)
+        rows += len(seq)
+        yield from table.blocks(unwrapped, clock, counts)
+    if not rows:
         raise InputError("csv.no_samples", file=path)
+
+
+def _check_rate(path: Path, period: float, rate: float) -> None:
+    if abs(period * rate - 1.0) > 0.05:
+        raise InputError("csv.wrong_rate", file=path, found=1.0 / period if period else np.inf, rate=rate)
 
 
 def csv_rows(path: Path) -> int:
@@ -119,31 +164,26 @@ def _text_chunks(path: Path) -> Iterator[str]:
         raise InputError("log.unreadable", file=path, reason=os_reason(exc)) from exc
 
 
-def _header(path: Path, text: str, meta: LogMeta) -> tuple[list[str], str]:
-    """Return the column names and the text after the header row. Raises InputError."""
-    first, _, rest = text.removeprefix("\ufeff").partition("\n")
-    names = [name.strip() for name in next(_cells(path, [first], 1), [])]
-    table = any(name in names for name in ANGLES)
-    for name in REQUIRED:
-        if name not in names and (table or name not in ANGLES):
-            near = difflib.get_close_matches(name, [n for n in names if n not in COLUMNS], n=1)
-            if near:
-                raise InputError("csv.column_misspelt", file=path, column=name, near=near[0])
-            raise InputError("csv.column_missing", file=path, column=name)
-    number_of = {name: number for number in FURTHER_IMUS for name in further_channels(number)}
-    further = [name for number in meta.secondaries for name in further_channels(number)]
-    for name in further:
-        if name not in names:
-            raise InputError("csv.imu_column_missing", file=path, column=name, number=number_of[name])
-    for name in names:
-        if name in number_of and name not in further:
-            raise InputError("csv.imu_not_configured", file=path, column=name, number=number_of[name])
-    if any(name in names for name in JOINTS) and not all(name in names for name in JOINTS):
-        raise InputError("csv.joint_missing", file=path, columns=JOINTS)
-    for name in (*COLUMNS, *further):
-        if names.count(name) > 1:
-            raise InputError("csv.column_twice", file=path, column=name)
-    return names, rest
+def _head(path: Path) -> str:
+    """Return the first lines of the file. Raises InputError if it is empty."""
+    head = next(_text_chunks(path), "")
+    if not head.strip():
+        raise InputError("csv.empty", file=path)
+    return head
+
+
+def _tables(path: Path, layout: Layout, factors: Mapping[str, float], further: int) -> "Iterator[_Table]":
+    """Yield the rows of samples in chunks. Raises InputError."""
+    line, skipped = 1, layout.skipped
+    for chunk in _text_chunks(path):
+        lines = chunk.split("\n", skipped)
+        line += min(skipped, len(lines))
+        text = lines[skipped] if len(lines) > skipped else ""
+        skipped -= min(skipped, len(lines))
+        if text:
+            table = _Table(path, layout, factors, layout.plain(text), line, further)
+            line += len(table)
+            yield table
 
 
 def _cells(path: Path, lines: Iterable[str], first: int) -> Iterator[list[str]]:
@@ -154,18 +194,15 @@ def _cells(path: Path, lines: Iterable[str], first: int) -> Iterator[list[str]]:
         raise InputError("csv.malformed", file=path, line=first, detail=str(exc)) from exc
 
 
-def _check_rate(path: Path, seq: IntArray, time: FloatArray, rate: float) -> None:
-    steps = np.diff(time) / np.diff(seq)
-    if len(steps) and abs(float(np.median(steps)) * rate - 1.0) > 0.05:
-        raise InputError("csv.wrong_rate", file=path, found=1.0 / float(np.median(steps)), rate=rate)
-
-
 class _Table:
     """Cells of a chunk by column; `first` is the number of its first line in the file."""
 
-    def __init__(self, path: Path, header: list[str], text: str, first: int, further: int) -> None:
+    def __init__(
+        self, path: Path, layout: Layout, factors: Mapping[str, float], text: str, first: int, further: int
+    ) -> None:
         self._path = path
-        self._header = header
+        self._layout, self._factors = layout, factors
+        self._header = header = layout.names
         self._further = further
         self.first = first
         width = len(header)
@@ -178,6 +215,14 @@ class _Table:
         if len(cells) != rows * (width + 1) or cells[width :: width + 1].count("\n") != rows:
             self._raise_wrong_width(text)
         self._columns = {name: cells[i :: width + 1] for i, name in enumerate(header)}
+
+    def __len__(self) -> int:
+        return len(self._columns[self._header[0]])
+
+    @property
+    def counted(self) -> bool:
+        """Whether there is a sample counter."""
+        return "seq" in self._header
 
     def _raise_wrong_width(self, text: str) -> None:
         for k, line in enumerate(text.split("\n"), self.first):
@@ -196,7 +241,14 @@ class _Table:
         """Mask of the rows not marked as invalid, shape (n,)."""
         if "valid" in self._header:
             return np.asarray(self.integers("valid") != 0)
-        return np.ones(len(self._columns[self._header[0]]), np.bool_)
+        return np.ones(len(self), np.bool_)
+
+    def counts(self) -> FloatArray:
+        """Return the raw output, counts, shape (n, 6); NaN for gyros that are not in the file."""
+        spoilt = ~self.valid
+        absent = np.full(len(self), np.nan)
+        columns = [self.floats(n, spoilt=spoilt) + 0.0 if n in self._header else absent for n in CHANNELS]
+        return np.column_stack(columns)
 
     def floats(self, name: str, may_be_empty: bool = False, *, spoilt: BoolArray | None = None) -> FloatArray:
         """Return a column as float64, shape (n,); empty cells become NaN if permitted or in rows marked in `spoilt`."""
@@ -215,7 +267,7 @@ class _Table:
             if not cells[row].strip():
                 raise self._wrong_cell("csv.cell_empty", name, row)
             raise self._wrong_cell("csv.cell_nan" if np.isnan(values[row]) else "csv.cell_infinite", name, row)
-        return values
+        return values * self._factors[name] if name in self._factors else values
 
     def _float(self, name: str, row: int, cell: str, may_be_empty: bool) -> float:
         if not cell.strip():
@@ -244,10 +296,10 @@ class _Table:
         angles = np.full((n, 2), np.nan)
         if ANGLES[0] in self._header:
             angles = snap_angles(np.deg2rad(np.column_stack([self.floats(a, True) for a in ANGLES])))
-        step = self.integers("step")
+        step = self.integers("step") if "step" in self._header else np.zeros(n, np.int64)
         heat = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
         others, joints = self._others(n), self._joints(n)
-        stages = self._columns["stage"]
+        stages = self._columns.get("stage", [self._layout.stage] * n)
         if stages.count(stages[0]) == n:
             edges = np.array([0, n])
         else:
@@ -287,7 +339,8 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     """Write blocks in the CSV format of docs/contract.md; all values are read back exactly."""
     first = next(blocks, None)
     further = 0 if first is None else first.others.shape[1]
-    names = [*REQUIRED, "temp_c", "valid"]
+    channels = [i for i in range(6) if first is None or i >= 3 or has_gyros(first.counts)]
+    names = ["seq", "time_s", *(CHANNELS[i] for i in channels), *ANGLES, "stage", "step", "temp_c", "valid"]
     names += [name for number in FURTHER_IMUS[:further] for name in further_channels(number)]
     names += JOINTS if first is not None and first.joints.shape[1] else ()
     stream.write(",".join(names) + "\n")
@@ -296,7 +349,7 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
         columns: list[list[str]] = [
             [str(v) for v in block.seq.tolist()],
             [repr(v) for v in block.time.tolist()],
-            *[_numbers(block.counts[:, i]) for i in range(6)],
+            *[_numbers(block.counts[:, i]) for i in channels],
             *[_blank_nan(degrees[:, i]) for i in range(2)],
             [block.stage] * len(block),
             [str(v) for v in block.step.tolist()],

@@ -9,9 +9,9 @@ from typing import Any
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
-from calstation.records.csv_log import csv_blocks, csv_rows, meta_path
+from calstation.records.csv_log import csv_blocks, csv_rows, is_text, load_recording, meta_path
 from calstation.records.facts import FactsBuilder, LogFacts
-from calstation.records.meta import LogMeta, load_meta
+from calstation.records.meta import LogMeta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents, row_count
 
@@ -30,6 +30,7 @@ class Log:
     #: Damaged rows of a raw log, which are omitted as gaps; known after all samples have been read.
     damaged_rows: tuple[DamagedRows, ...] = ()
     _found: list[DamagedRows] = field(default_factory=list)
+    _jitter: list[float] = field(default_factory=list)
     _facts: LogFacts | None = None
 
     def blocks(self, first_seq: int | None = None, last_seq: int | None = None) -> Iterator[SampleBlock]:
@@ -56,6 +57,11 @@ class Log:
             first=facts.first_seq,
             last=facts.last_seq,
         )
+
+    @property
+    def jitter(self) -> float:
+        """Root mean square of the times of arrival of a CSV about the sample clock, s; known after reading, else 0."""
+        return sum(self._jitter)
 
     def facts(self) -> LogFacts:
         """Return range, gaps, temperature and sha256 of the whole log, which is read only once."""
@@ -105,12 +111,13 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
             contents.sha256,
             _found=found,
         )
-    if not path.name.endswith((".csv", ".csv.gz")):
-        raise InputError("log.not_a_log", file=path)
     if not path.is_file():
-        raise InputError("log.not_found", file=path)
-    meta = load_meta(meta_file or meta_path(path))
-    return Log(path, meta, lambda: csv_blocks(path, meta))
+        raise InputError("log.not_found" if path.name.endswith((".csv", ".csv.gz")) else "log.not_a_log", file=path)
+    if not is_text(path):
+        raise InputError("log.not_a_log", file=path)
+    meta, layout = load_recording(path, meta_file or meta_path(path))
+    jitter: list[float] = []
+    return Log(path, meta, lambda: csv_blocks(path, meta, layout, jitter), _jitter=jitter)
 
 
 def estimated_rows(path: Path) -> int:

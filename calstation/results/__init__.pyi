@@ -12,6 +12,8 @@ from .handover import deliver_pending as deliver_pending
 from .handover import register_pending as register_pending
 from .history import History as History
 from .history import refresh_history as refresh_history
+from .inspection import Inspection as Inspection
+from .inspection import inspect_recording as inspect_recording
 from .judgement import Ending as Ending
 from .judgement import build_result as build_result
 from .judgement import is_partial as is_partial

@@ -14,6 +14,7 @@ from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
     Spool,
+    has_gyros,
     resolves_earth_rate,
     stage_data,
 )
@@ -55,6 +56,7 @@ class StageChain:
         #: Reason why a stage was skipped, by stage.
         self.missing_data: dict[str, Text] = {}
         self._solver: StageSolver | None = None
+        self._lacks_gyros = False
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
         self._gather = checks is not None and checks.need_samples
@@ -75,12 +77,16 @@ class StageChain:
         chosen = method(stage)
         self._stage = stage
         schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
+        self._lacks_gyros = False
         self._solver = chosen.solver(self._context, self._solved, schedule)
         self._kept = Spool() if self._gather else None
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the started stage."""
         assert self._solver is not None, "start a stage before feeding it"
+        if not has_gyros(block.counts) and not method(self._stage).without_gyros:
+            self._lacks_gyros = True
+            return
         self._solver.feed(block)
         if self._kept is not None:
             self._kept.append(block)
@@ -98,6 +104,8 @@ class StageChain:
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the started stage; its posterior becomes the next prior. Raises InputError if the solution diverges."""
         assert self._solver is not None, "start a stage before finishing it"
+        if self._lacks_gyros:
+            raise InsufficientDataError("recording.no_gyros")
         try:
             solution = self._solver.finish(progress)
         except np.linalg.LinAlgError as exc:

@@ -1,5 +1,6 @@
 """Frame checks: the CRCs, sums and parities that profiles may name, and CRCs defined by parameters."""
 
+import zlib
 from collections.abc import Callable
 from functools import lru_cache
 from typing import Literal
@@ -22,12 +23,18 @@ def _fletcher(data: bytes) -> int:
     return (int(values.sum()) & 0xFF) << 8 | int(values @ np.arange(len(values), 0, -1)) & 0xFF
 
 
+def _crc32_novatel(data: bytes) -> int:
+    """Return the CRC-32 with initial value and final XOR 0: zlib's, whose inversions at both ends are undone."""
+    return zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
+
+
 _CRCS: dict[str, tuple[int, CheckFunction]] = {
     "crc16_ccitt_false": (2, crc16.ibm_3740),
     "crc16_xmodem": (2, crc16.xmodem),
     "crc16_modbus": (2, crc16.modbus),
     "crc32": (4, crc32.iso_hdlc),
     "crc32_mpeg2": (4, crc32.mpeg_2),
+    "crc32_novatel": (4, _crc32_novatel),
 }
 _SUMS: dict[str, tuple[int, CheckFunction]] = {
     "sum8": (1, lambda data: sum(data) & 0xFF),

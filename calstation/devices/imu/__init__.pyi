@@ -14,6 +14,7 @@ from .register_transfer import recognise as recognise
 from .register_transfer import restore as restore
 from .register_transfer import transfer as transfer
 from .registers import RegisterMap as RegisterMap
+from .sample_count import SampleCount as SampleCount
 from .streamed_imu import ImuBusyError as ImuBusyError
 from .streamed_imu import ImuRefusalError as ImuRefusalError
 from .streamed_imu import StreamedImu as StreamedImu

@@ -8,6 +8,7 @@ import numpy as np
 
 from calstation.devices.codecs import CRC_WIDTHS, PacketKind, Reply, ReplyKind, check_bytes
 from calstation.devices.imu.binary_frames import BinaryFrame, Columns
+from calstation.devices.imu.sample_count import whole_ticks
 from calstation.devices.imu.text_frames import TextFrame
 from calstation.devices.profiles import CHANNELS, STATUS_WORDS, CommandSection, FrameSection, hex_bytes
 from calstation.physics import BoolArray, FloatArray, IntArray
@@ -31,7 +32,8 @@ class Frames:
         names, present = ("counter", *CHANNELS), self.columns.present
         if not set(names) <= present.keys():
             return np.zeros(len(self), np.bool_)
-        return np.asarray(np.logical_and.reduce([present[name] for name in names]))
+        finite = np.isfinite(self.columns.values["counter"])
+        return np.asarray(np.logical_and.reduce([finite, *(present[name] for name in names)]))
 
 
 class Samples(NamedTuple):
@@ -117,7 +119,7 @@ class FrameDecoder:
         values = frames.columns.values
         if "counter" not in values or not len(frames):
             return Samples(np.empty(0, np.int64), np.empty((0, 6)), np.empty(0), np.empty(0, np.int64))
-        counter = values["counter"][rows].astype(np.int64)
+        counter = whole_ticks(self._fields["counter"], values["counter"][rows])
         counts = np.empty((len(counter), 6))
         for i, name in enumerate(CHANNELS):
             f = self._fields[name]

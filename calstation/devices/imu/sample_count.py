@@ -1,8 +1,11 @@
 """Converts a unit's counter, or its clock, to a continuous count of samples."""
 
-import numpy as np
+from typing import Any
 
-from calstation.devices.profiles import FrameSection
+import numpy as np
+from numpy.typing import NDArray
+
+from calstation.devices.profiles import FrameField, FrameSection
 from calstation.estimation.common import unwrap_counter
 from calstation.physics import IntArray
 
@@ -11,6 +14,18 @@ _MAX_LATE = 3
 
 #: Largest step of a clock in samples; a larger one is invalid and is clipped to avoid an overflow.
 _MAX_STEP = 2.0**40
+
+
+#: Ticks per sample to which a counter in floating seconds is converted.
+FLOAT_TICKS = 2.0**16
+
+
+def whole_ticks(counter: FrameField, values: NDArray[Any]) -> IntArray:
+    """Return the counters of frames as integers, shape (n,): in `FLOAT_TICKS` per sample where they are floats."""
+    if not counter.is_float:
+        return values.astype(np.int64)
+    ticks = np.rint(values / counter.per_sample * FLOAT_TICKS)
+    return np.asarray(ticks.clip(-(2.0**62), 2.0**62).astype(np.int64))
 
 
 class SampleCount:
@@ -22,10 +37,11 @@ class SampleCount:
 
     def __init__(self, frame: FrameSection) -> None:
         counter = frame.named("counter")
-        self._bits = 8 * counter.width
-        self._per_sample = counter.per_sample
+        self._bits = 64 if counter.is_float else 8 * counter.width
+        self._per_sample = FLOAT_TICKS if counter.is_float else counter.per_sample
         self._is_clock = self._per_sample != 1.0 or self._bits > 32
-        self._last: int | None = None
+        #: Count of the last sample; None before the first.
+        self.last: int | None = None
         self._last_ticks = 0
         self._last_raw: int | None = None
         self.gaps = self.restarts = 0
@@ -56,7 +72,7 @@ class SampleCount:
 
     def _clock_steps(self, ticks: IntArray) -> IntArray:
         """Return the step in samples from each received frame to the next, rounded; negative if the clock runs back."""
-        first = int(ticks[0]) - round(self._per_sample) if self._last is None else self._last_ticks
+        first = int(ticks[0]) - round(self._per_sample) if self.last is None else self._last_ticks
         passed = ticks.astype(np.uint64) - np.concatenate(([first], ticks[:-1])).astype(np.uint64)
         signed = (passed << np.uint64(64 - self._bits)).view(np.int64) >> (64 - self._bits)
         return np.asarray(np.rint(signed / self._per_sample).clip(-_MAX_STEP, _MAX_STEP).astype(np.int64))
@@ -66,16 +82,16 @@ class SampleCount:
         if not len(raw):
             return raw
         seq = self._of_clock(raw) if self._is_clock else self._of_counter(raw)
-        if self._last is not None and seq[0] != self._last + 1:
+        if self.last is not None and seq[0] != self.last + 1:
             self.gaps += 1
         self.gaps += int(np.count_nonzero(np.diff(seq) != 1))
-        self._last = int(seq[-1])
+        self.last = int(seq[-1])
         return seq
 
     def _of_counter(self, raw: IntArray) -> IntArray:
         """Unwrap the counter; the raw value is also stored, because the two differ permanently after a reset."""
-        seq = unwrap_counter(raw, self._last, self._bits, self._last_raw)
-        before = seq[0] - 1 if self._last is None else self._last
+        seq = unwrap_counter(raw, self.last, self._bits, self._last_raw)
+        before = seq[0] - 1 if self.last is None else self.last
         before_raw = raw[0] - 1 if self._last_raw is None else self._last_raw
         apart = np.diff(seq, prepend=before) - np.diff(raw, prepend=before_raw)
         self.restarts += int(np.count_nonzero(apart % (1 << self._bits)))
@@ -87,6 +103,6 @@ class SampleCount:
         steps = self._clock_steps(ticks)
         self.restarts += int((steps < 0).sum())
         steps = np.where(steps < 0, 2, np.maximum(1, steps))
-        start = round(int(ticks[0]) / self._per_sample) - 1 if self._last is None else self._last
+        start = round(int(ticks[0]) / self._per_sample) - 1 if self.last is None else self.last
         self._last_ticks = int(ticks[-1])
         return np.asarray(start + np.cumsum(steps))

@@ -39,7 +39,7 @@ class FrameField(StrictModel):
     at : first byte in the frame or item, or column in a text frame; directly after the previous field if absent
     item : id of the item that contains the field, in hexadecimal; only in frames of items
     word_order : order of its 16-bit words, if it differs from the byte order
-    per_sample : increment of a counter per sample, e.g. the ticks of a clock
+    per_sample : increment of a counter per sample, e.g. the ticks of a clock, or seconds where it is a float
     reach : absolute value at and above which a channel is saturated, in addition to the bounds of its type
     prefix, base : in a text frame, the letters before the number, and 16 for hexadecimal numbers
     """
@@ -65,6 +65,11 @@ class FrameField(StrictModel):
     def width(self) -> int:
         """Size in bytes."""
         return number(self.type).width
+
+    @property
+    def is_float(self) -> bool:
+        """Whether it is a floating-point number, as a counter one that gives time."""
+        return number(self.type).kind == "f"
 
     @property
     def is_spare(self) -> bool:
@@ -220,7 +225,7 @@ class FrameSection(StrictModel):
     def counter_period(self) -> float:
         """Number of samples after which the counter, or the unit's clock, wraps."""
         counter = self.named("counter")
-        return 2.0 ** (8 * counter.width) / counter.per_sample
+        return np.inf if counter.is_float else 2.0 ** (8 * counter.width) / counter.per_sample
 
     def field(self, name: str) -> FrameField | None:
         return next((f for f in self.fields if f.name == name), None)
@@ -372,7 +377,7 @@ def _check_field(f: FrameField, words: int) -> None:
         code = "profile.counter_scaled" if is_counter else "profile.status_scaled"
         raise EntryError(code, "scale" if f.scale != 1.0 else "offset")
     kind = number(f.type)
-    if is_counter and (kind.kind != "u" or kind.fraction):
+    if is_counter and (kind.kind == "i" or kind.fraction or (kind.kind == "f" and f.per_sample == 1.0)):
         raise EntryError("profile.counter_type", "type", value=f.type)
     if is_word and words > 1 and (not kind.whole or f.width > 2):
         raise EntryError("profile.status_word_type", "type", value=f.type)

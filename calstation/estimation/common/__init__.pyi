@@ -38,6 +38,7 @@ from .residuals import before_after as before_after
 from .residuals import rest_residuals as rest_residuals
 from .samples import SampleBlock as SampleBlock
 from .samples import Spool as Spool
+from .samples import has_gyros as has_gyros
 from .samples import joined as joined
 from .samples import since as since
 from .samples import snap_angles as snap_angles

@@ -61,6 +61,11 @@ class SampleBlock:
 _COLUMNS = tuple(f.name for f in fields(SampleBlock) if f.name != "stage")
 
 
+def has_gyros(output: FloatArray) -> bool:
+    """Whether output of gyros and accelerometers, shape (n, 6), contains that of gyros, which is otherwise NaN."""
+    return not (np.isnan(output[:, :3]).all() and np.isfinite(output[:, 3:]).any())
+
+
 def joined(blocks: list[SampleBlock]) -> SampleBlock:
     """Join consecutive blocks into one with the stage of the first."""
     return SampleBlock(blocks[0].stage, *(np.concatenate([getattr(b, name) for b in blocks]) for name in _COLUMNS))

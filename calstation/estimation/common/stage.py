@@ -40,6 +40,11 @@ class StageData:
     def __len__(self) -> int:
         return len(self.seq)
 
+    @property
+    def has_gyros(self) -> bool:
+        """Whether the samples contain the output of gyros, which is otherwise NaN."""
+        return not np.isnan(self.gyro[:1]).any()
+
     def seq_range(self, start: int, stop: int) -> dict[str, int]:
         """Return the first and last sequence number of samples `start` to `stop` as JSON values."""
         return {"first_seq": int(self.seq[start]), "last_seq": int(self.seq[stop - 1])}

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calstation.estimation.common.context import ImuModel
-from calstation.estimation.common.stage import REST_WINDOW, StageData, find_rests, runs, window_mean
+from calstation.estimation.common.stage import REST_MARGIN, REST_WINDOW, StageData, find_rests, runs, window_mean
 from calstation.physics import FloatArray
 
 #: Fraction of all windows, the quietest ones, whose noise defines the noise at rest.
@@ -23,6 +23,12 @@ LOUDEST = np.deg2rad(1.0)
 CUT_WINDOW = 0.15
 #: Smallest jump of the force across a cut, m/s².
 CUT_STEP = 2.0
+#: Without gyros: noise of a rest in units of that of the quietest windows, rms over the axes; ...
+LOUDEST_FORCE = 2.0
+#: ... change of mean force from one window to the next, in sigmas of its noise; ...
+STEADY_FORCE = 6.0
+#: ... and change of mean force that is no motion, m/s².
+CREEP_FORCE = 0.02
 #: Standard deviation of the rate at rest about that of the quietest windows, rad/s.
 RESTING_RATE_SIGMA = np.deg2rad(0.2)
 
@@ -50,8 +56,13 @@ class Stillness:
 
 
 def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness:
-    """Find the rests of at least `shortest` s and the motions of all segments; the noise of `imu` is a lower bound."""
+    """Find the rests of at least `shortest` s and the motions of all segments; the noise of `imu` is a lower bound.
+
+    Without gyros, rests are found from the accelerometers, and no motions.
+    """
     windows = _windows(data)
+    if not data.has_gyros:
+        return _force_stillness(data, imu, shortest, windows[:, 1])
     gyro_std, accel_std, rate = windows[:, 0], windows[:, 1], windows[:, 2:]
     limit = min(ALIKE * float(np.quantile(gyro_std, QUIETEST)), LOUDEST) if len(windows) else 0.0
     quiet = gyro_std <= limit
@@ -74,6 +85,34 @@ def find_stillness(data: StageData, imu: ImuModel, shortest: float) -> Stillness
             links.append(Link(k, k + 1, end, start))
         found += here
     return Stillness(tuple(found), tuple(links), noise, accel_noise, resting, cuts)
+
+
+def _force_stillness(data: StageData, imu: ImuModel, shortest: float, accel_std: FloatArray) -> Stillness:
+    """Find the rests in which specific force is constant, with the noise of the quietest windows, shape (k,), in m/s².
+
+    A window is at rest if its noise is that of the quietest ones and its mean agrees with those before and after it.
+    """
+    quietest = float(np.quantile(accel_std, QUIETEST)) if len(accel_std) else 0.0
+    lowest = float(np.hypot(imu.accel_vrw / np.sqrt(data.dt), imu.accel_lsb * imu.rate_factor / np.sqrt(12.0)))
+    noise = max(quietest, lowest)
+    width = max(round(REST_WINDOW / data.dt), 8)
+    margin = round(REST_MARGIN / data.dt)
+    found: list[tuple[int, int]] = []
+    for start, stop in data.segments:
+        if stop - start < 2 * width:
+            continue
+        force = window_mean(data.accel[start:stop], width)
+        square = window_mean((data.accel[start:stop] - force.mean(axis=0)) ** 2, width)
+        power = (square - (force - force.mean(axis=0)) ** 2).mean(axis=1)
+        still = power < (LOUDEST_FORCE * noise) ** 2
+        moved = np.abs(force[width:] - force[:-width]).max(axis=1) > STEADY_FORCE * noise / np.sqrt(width) + CREEP_FORCE
+        still[width:] &= ~moved
+        still[:-width] &= ~moved
+        for first, last in runs(still):
+            a, b = start + first + margin, start + last + width - 1 - margin
+            if (b - a) * data.dt >= shortest:
+                found.append((a, b))
+    return Stillness(tuple(found), (), imu.gyro_arw, noise * float(np.sqrt(data.dt)), np.full(3, np.nan))
 
 
 def _find_cuts(data: StageData, gyro_noise: float, accel_noise: float, resting: FloatArray) -> tuple[int, ...]:

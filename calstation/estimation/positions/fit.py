@@ -104,6 +104,8 @@ def _first_point(problem: PositionRows, estimated: BoolArray) -> FloatArray:
     """Return the prior mean, with the gyro bias of the rests where that is more accurate."""
     prior, bias = problem.prior, group_indices("gyro_bias")
     point = prior.mean.copy()
+    if not problem.data.has_gyros:
+        return point
     measured = np.median([r.rate for r in problem.rests], axis=0)
     uncertain = estimated[bias] & (prior.sigma[bias] > RATE)
     point[bias] = np.where(uncertain, measured, point[bias])
@@ -158,18 +160,19 @@ def _scatter(problem: PositionRows, at: _Converged) -> Scatter:
 
     Only the force along gravity depends on the rest alone; the perpendicular force also contains errors of the motions.
     """
-    n, rows = len(problem.rests), problem.observations
+    n, rows, per_rest = len(problem.rests), problem.observations, problem.per_rest
     up = at.attitudes[:, 2, :]
     force = np.zeros((n, rows))
     for k in range(n):
-        force[k, 6 * k : 6 * k + 3] = up[k]
+        force[k, per_rest * k : per_rest * k + 3] = up[k]
     pick = np.eye(rows)
-    rate = pick[np.add.outer(6 * np.arange(n), np.arange(3, 6)).ravel()]
+    gyros = 3 if per_rest == 6 else 0
+    rate = pick[np.add.outer(per_rest * np.arange(n), np.arange(3, 3 + gyros)).ravel()]
     found = []
     for chosen, weighted, profile in (
         (force, problem.force_variance, problem.force_noise),
-        (rate, np.repeat(problem.rate_variance, 3), np.repeat(problem.rate_noise, 3)),
-        (pick[6 * n :], np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
+        (rate, np.repeat(problem.rate_variance, gyros), np.repeat(problem.rate_noise, gyros)),
+        (pick[per_rest * n :], np.repeat(problem.turn_variance, 3), np.repeat(problem.turn_noise, 3)),
     ):
         H = chosen @ at.H[:rows]
         found.append(excess(chosen @ at.left[:rows] * np.sqrt(weighted), profile, at.spare(H)))
@@ -177,7 +180,7 @@ def _scatter(problem: PositionRows, at: _Converged) -> Scatter:
 
 
 def _residuals(problem: PositionRows, at: _Converged) -> tuple[FloatArray, FloatArray]:
-    n = len(problem.rests)
-    force = at.left[: 6 * n].reshape(n, 6)[:, :3] * np.sqrt(problem.force_variance)[:, None]
-    turn = at.left[6 * n : problem.observations].reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None]
+    n, per_rest = len(problem.rests), problem.per_rest
+    force = at.left[: per_rest * n].reshape(n, per_rest)[:, :3] * np.sqrt(problem.force_variance)[:, None]
+    turn = at.left[per_rest * n : problem.observations].reshape(-1, 3) * np.sqrt(problem.turn_variance)[:, None]
     return force, turn

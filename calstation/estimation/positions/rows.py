@@ -124,7 +124,7 @@ def excess(residual: FloatArray, variance: FloatArray, redundancy: float) -> flo
 
 
 class PositionRows:
-    """Rows of one recording: 6 rows per rest, 3 per motion, and then those of the prior."""
+    """Rows of one recording: 6 rows per rest (3 without gyros), 3 per motion, and then those of the prior."""
 
     def __init__(
         self,
@@ -143,6 +143,8 @@ class PositionRows:
         self.bias_drift = noise.bias_drift
         self.has_drift = bool(np.any(noise.bias_drift))
         self.root = square_root(prior.covariance)
+        #: Rows of a rest: specific force, and rate if there are gyros.
+        self.per_rest = 6 if data.has_gyros else 3
         n = len(rests)
         into = {link.second: link.first for link in links}
         self.chains = [k for k in range(n) if k not in into]
@@ -152,7 +154,7 @@ class PositionRows:
         self.phi, self.north = COUNT, COUNT + 3 * n
         self.drift = self.north + 2 * len(self.chains)
         self.columns = self.drift + (6 * n if self.has_drift else 0)
-        self.observations = 6 * n + 3 * len(links)
+        self.observations = self.per_rest * n + 3 * len(links)
         durations = np.array([(link.stop - link.start) * data.dt for link in links])
         self.force_noise = np.array([r.force_variance for r in rests])
         self.rate_noise = np.array([r.rate_variance for r in rests])
@@ -209,7 +211,8 @@ class PositionRows:
             ]
         )
         weight = 1.0 / np.sqrt(np.repeat([self.force_variance[k], self.rate_variance[k]], 3))
-        return H * weight[:, None], residual * weight
+        seen = slice(self.per_rest)
+        return (H * weight[:, None])[seen], (residual * weight)[seen]
 
     def _north_columns(self, rest: int) -> slice:
         start = self.north + 2 * int(self.chain[rest])

@@ -1,0 +1,90 @@
+"""Import of a raw capture, the bytes that a unit sent, with the frames of an IMU profile."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calstation.devices.imu import FrameDecoder, SampleCount
+from calstation.devices.profiles import ImuProfile, load_imu_profile, span
+from calstation.errors import InputError
+from calstation.estimation.common import SampleBlock
+from calstation.messages import os_reason
+from calstation.records import LogFacts, RecordingMeta, SiteSection, write_log
+from calstation.schema import read_toml, validate
+
+#: Number of bytes decoded at a time.
+_CHUNK = 1 << 18
+
+
+@dataclass(frozen=True)
+class Capture:
+    """What a raw capture contained."""
+
+    facts: LogFacts
+    has_site: bool  #: Whether the TOML has a `[site]`.
+    failed: int  #: Number of packets that failed their check.
+    skipped: int  #: Number of bytes that belong to no packet.
+
+
+def import_capture(source: Path, target: Path, imu: Path, meta_file: Path | None, site: SiteSection) -> Capture:
+    """Decode a capture with the IMU profile `imu` and write it to the raw log `target`.
+
+    The sections `[site]`, `[imu]` and `[prior]` of `meta_file`, by default the TOML file beside the capture if there is
+    one, go before `site` and the profile. Raises InputError or ConfigurationError.
+    """
+    beside = source.with_suffix(".toml")
+    profile = load_imu_profile(imu)
+    meta_file = meta_file or (beside if beside.is_file() else None)
+    data = {} if meta_file is None else read_toml(meta_file, InputError)
+    has_site = "site" in data
+    meta = validate(RecordingMeta, _completed(data, profile, source, site), meta_file or source, InputError)
+    decoder = FrameDecoder(profile.frame, profile.commands)
+    facts = write_log(target, meta.log_meta, _blocks(source, profile, decoder, meta.stage))
+    return Capture(facts, has_site, decoder.crc_errors, decoder.skipped)
+
+
+def _completed(data: dict[str, Any], profile: ImuProfile, source: Path, site: SiteSection) -> dict[str, Any]:
+    """Return the content of a TOML file, completed by the profile and the site."""
+    known = {**profile.stream.model_dump(exclude={"order"}), **profile.noise.model_dump()}
+    known["serial"] = source.stem
+    prior = {name: {"sigma": sigma} for name, sigma in profile.prior_sigmas().items()}
+    data = {"site": site.model_dump(exclude_none=True), **data}
+    for section, values in (("imu", known), ("prior", prior)):
+        if isinstance(given := data.get(section, {}), dict):
+            data[section] = {**values, **given}
+    return data
+
+
+def _blocks(source: Path, profile: ImuProfile, decoder: FrameDecoder, stage: str) -> Iterator[SampleBlock]:
+    """Decode a file; samples that are saturated or not numeric are invalid. Raises InputError."""
+    count, ends, rate = SampleCount(profile.frame), span(profile.frame), profile.stream.sample_rate_hz
+    size = 0
+    try:
+        with source.open("rb") as stream:
+            while data := stream.read(_CHUNK):
+                size += len(data)
+                raw, counts, temperature, status = decoder.samples(decoder.feed(data).frames)
+                kept = count.in_order(raw)
+                if not len(kept):
+                    continue
+                seq, counts = count.feed(raw[kept]), counts[kept]
+                saturated = (status[kept] & profile.status.saturated) != 0
+                saturated |= ((counts <= ends.low) | (counts >= ends.high)).any(axis=1)
+                yield SampleBlock(
+                    stage,
+                    seq,
+                    (seq + 1) / rate,
+                    counts,
+                    np.full((len(seq), 2), np.nan),
+                    np.zeros(len(seq), np.int64),
+                    ~saturated & np.isfinite(counts).all(axis=1),
+                    temperature[kept],
+                )
+    except OSError as exc:
+        raise InputError("log.unreadable", file=source, reason=os_reason(exc)) from exc
+    if count.last is None:
+        failed = decoder.crc_errors
+        raise InputError("log.no_frames", file=source, profile=profile.name, bytes=size, failed=failed)

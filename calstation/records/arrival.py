@@ -1,0 +1,89 @@
+"""Sample counter and clock from time stamps alone, which may be those of a clock or times of arrival.
+
+A sample arrives late, never early, so the earliest of many samples show the sample clock. Lost samples shift all later
+ones; a late sample shifts none.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.physics import FloatArray, IntArray
+
+#: Time over which the earliest samples before and after a possible gap are compared, s.
+_WINDOW = 1.0
+#: Times over which the mean period is determined, s.
+_BASELINES = (1.0, 10.0)
+#: Largest deviation of a clock's step from whole periods, in periods, and the share of steps that may exceed it.
+_WHOLE, _RARE = 0.25, 0.01
+#: A step that differs by more than this from the sample period, in periods, is a gap or a late arrival.
+_ODD = 0.5
+#: Shift of the earliest arrivals, in periods, from which on samples are missing. Samples that arrive in bursts are
+#: earliest by up to one period more or less, so a single lost sample is not detected.
+_LOST = 1.5
+#: Multiple of the typical change of the earliest arrivals from window to window that indicates missing samples.
+_SCATTER = 6.0
+#: Multiple of the median deviation from a first line beyond which an arrival does not count for the final one.
+_OUTLIER = 5.0
+
+
+@dataclass(frozen=True)
+class SampleTimes:
+    """Counter and clock of a recording, found from its times alone."""
+
+    seq: IntArray  #: Continuous count from 0, shape (n,).
+    time: FloatArray  #: s, shape (n,): as given, or the line through the times of arrival.
+    jitter: float  #: Root mean square of the times of arrival about the line, s; 0 if the times are those of a clock.
+
+
+def sample_period(time: FloatArray, nominal: float) -> float:
+    """Return the period of samples in order, s.
+
+    The median of single steps is not affected by gaps, that over longer times not by jitter; of several, the result is
+    the one nearest to `nominal`.
+    """
+    widths = (1, *(round(baseline / nominal) for baseline in _BASELINES), len(time) // 2)
+    found = [float(np.median(time[w:] - time[:-w])) / w for w in widths if 0 < w < len(time)]
+    return min(found, key=lambda period: abs(period - nominal) if period > 0.0 else np.inf, default=nominal)
+
+
+def are_arrivals(seq: IntArray, time: FloatArray, period: float) -> bool:
+    """Return whether times of samples with a counter are times of arrival: odd steps where no sample is missing."""
+    steps = np.diff(time)
+    odd = (np.abs(steps - period) > _ODD * period) & (np.diff(seq) == 1)
+    return bool(np.count_nonzero(odd) > 3 + _RARE * len(odd) and (steps >= 0.0).all())
+
+
+def sample_times(time: FloatArray, nominal: float) -> SampleTimes:
+    """Count the samples of a recording; `nominal` is the configured sample period, s."""
+    period = sample_period(time, nominal)
+    steps = np.diff(time) / period
+    whole = np.rint(steps)
+    if len(time) < 2 or (steps < 0.0).any():  # times that fall are an error or a restart, found with the counter
+        return SampleTimes(np.arange(len(time)), time, 0.0)
+    if steps.min() > _ODD and np.mean(np.abs(steps - whole) > _WHOLE) <= _RARE:
+        return SampleTimes(np.concatenate([[0], np.cumsum(np.maximum(whole, 1.0))]).astype(np.int64), time, 0.0)
+    seq = np.arange(len(time)) + _lost_before(time, period)
+    half = len(seq) // 2
+    slope = float(np.median((time[half:] - time[:-half]) / (seq[half:] - seq[:-half])))
+    apart = time - slope * seq - np.median(time - slope * seq)
+    usual = np.abs(apart) <= _OUTLIER * np.median(np.abs(apart))
+    line = np.polynomial.Polynomial.fit(seq[usual], time[usual], 1)(seq)
+    return SampleTimes(seq, line, float(np.std(time - line)))
+
+
+def _lost_before(time: FloatArray, period: float) -> IntArray:
+    """Return the number of samples lost before each arrival, shape (n,)."""
+    width = max(round(_WINDOW / period), 8)
+    lateness = time - np.arange(len(time)) * period
+    lost = np.zeros(len(time), np.int64)
+    whole = len(time) // width * width
+    earliest = lateness[:whole].reshape(-1, width).min(axis=1) if whole > width else np.zeros(2)
+    least = _LOST * period + _SCATTER * float(np.median(np.abs(np.diff(earliest))))
+    last = 0
+    for k in np.flatnonzero(np.diff(time) > (1.0 + _ODD) * period) + 1:
+        before, after = lateness[max(last, k - width) : k].min(), lateness[k : k + width].min()
+        if after - before > least and k + width // 4 <= len(time):
+            lost[k] = round((after - before) / period)
+            last = int(k)
+    return np.asarray(np.cumsum(lost))

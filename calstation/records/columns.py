@@ -1,0 +1,297 @@
+"""Columns of a CSV of another program: names, units, separator and header row, found from `[columns]` and the file."""
+
+import csv
+import difflib
+import re
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from pydantic import Field, field_validator
+
+from calstation.errors import InputError
+from calstation.messages import Text
+from calstation.physics import AXES, CHANNELS, STANDARD_GRAVITY, FloatArray
+from calstation.records.meta import FURTHER_IMUS, ImuSection, LogMeta
+from calstation.schema import EntryError, StrictModel, near_miss
+
+ANGLES = ("outer_deg", "inner_deg")
+#: Columns that every CSV needs, besides those of `_OPTIONAL`.
+REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
+JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
+COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
+#: Columns that may be absent without a table, and those but the angles in a file of another program.
+_OPTIONAL = (*ANGLES, "seq", "stage", "step")
+_GYROS = CHANNELS[:3]
+
+#: Name of raw output among the units.
+COUNTS = "counts"
+_DEGREE = float(np.pi / 180.0)
+_RATES = {
+    "rad/s": 1.0, "mrad/s": 1e-3, "deg/s": _DEGREE, "°/s": _DEGREE, "dps": _DEGREE, "mdeg/s": 1e-3 * _DEGREE,
+    "deg/h": _DEGREE / 3600.0, "°/h": _DEGREE / 3600.0,
+}  # fmt: skip
+_FORCES = {
+    "m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "g": STANDARD_GRAVITY, "mg": 1e-3 * STANDARD_GRAVITY,
+    "ug": 1e-6 * STANDARD_GRAVITY, "µg": 1e-6 * STANDARD_GRAVITY,
+}  # fmt: skip
+#: Increments over one sample, as rates multiplied by the sample period.
+_TURNS = {"rad": 1.0, "deg": _DEGREE, "°": _DEGREE, "arcsec": _DEGREE / 3600.0}
+_SPEEDS = {"m/s": 1.0}
+_TIMES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_ANGLES = {"deg": 1.0, "°": 1.0, "rad": 1.0 / _DEGREE}
+_TEMPERATURES = {"degC": 1.0, "°C": 1.0, "C": 1.0}
+#: Separators in the order in which they are tried; a blank stands for any number of blanks.
+_SEPARATORS = (",", ";", "\t", " ")
+_PLAIN_SEPARATOR = ","
+_COMMENT = "#%"
+_SENSORS = ("gyro", "accel")
+
+
+def further_channels(number: int) -> tuple[str, ...]:
+    """Return the columns of a secondary IMU on the same body: gyro2_x, ..., accel2_z."""
+    return tuple(f"{sensor}{number}_{axis}" for sensor in ("gyro", "accel") for axis in AXES)
+
+
+_KNOWN = (*COLUMNS, *(name for number in FURTHER_IMUS for name in further_channels(number)))
+
+
+class ColumnSection(StrictModel):
+    """`[columns]`, NAME = { from, unit } or { value }: where a column of the CSV format is found in a foreign file."""
+
+    #: Its name there, or its number from 1; if all are numbers, the file needs no header row.
+    source: str | int | None = Field(default=None, alias="from")
+    unit: str | None = None  #: None for counts, s, degrees and °C.
+    value: str | None = None  #: The stage of the whole recording; only for the column `stage`.
+
+
+class ColumnMap(StrictModel):
+    """`[columns]`: the columns that have other names or units in the file."""
+
+    columns: dict[str, ColumnSection] = Field(default_factory=dict)
+
+    @field_validator("columns")
+    @classmethod
+    def _known(cls, columns: dict[str, ColumnSection]) -> dict[str, ColumnSection]:
+        for name, column in columns.items():
+            if name not in _KNOWN:
+                raise EntryError("entry.unknown_name", name, name=name, remedy=near_miss(name, _KNOWN))
+            constant = column.value is not None and name == "stage"
+            if constant == (column.source is not None) or (column.value is not None and not constant):
+                raise EntryError("csv.column_without_source", name, name=name)
+            units = [*_units(name), COUNTS] if name.startswith(_SENSORS) else [*_units(name)]
+            if column.unit is not None and column.unit not in units:
+                names = Text.of("entry.choose_from", names=units) if units else Text("entry.remove_it")
+                remedy = near_miss(column.unit, units, names)
+                raise EntryError("csv.unit_unknown", name, "unit", unit=column.unit, remedy=remedy)
+        return columns
+
+
+class RecordingMeta(LogMeta):
+    """The TOML of a CSV: the configuration of a log, and the columns of the file, which `ColumnMap` checks."""
+
+    columns: dict[str, ColumnSection] = Field(default_factory=dict)
+
+    @property
+    def stage(self) -> str:
+        """Stage of the whole recording; empty if it is not given."""
+        return (self.columns["stage"].value or "") if "stage" in self.columns else ""
+
+    @property
+    def log_meta(self) -> LogMeta:
+        """The configuration of the log, without the columns of the file."""
+        return LogMeta.model_validate({name: getattr(self, name) for name in LogMeta.model_fields})
+
+
+def is_increment(unit: str) -> bool:
+    """Whether the unit of a channel is that of an increment over one sample."""
+    return unit in _TURNS or unit in _SPEEDS
+
+
+def unit_factor(name: str, unit: str) -> float:
+    """Return the factor from a unit of a column to that of the CSV format, for channels to SI."""
+    return _units(name)[unit]
+
+
+def unit_factors(layout: "Layout", meta: LogMeta) -> dict[str, float]:
+    """Return the factors from the columns in other units to the units of the CSV format, for channels to counts."""
+    imus: dict[int, ImuSection] = {1: meta.imu, **meta.secondaries}
+    rate, found = meta.imu.sample_rate_hz, {}
+    for name, unit in layout.units.items():
+        factor = unit_factor(name, unit)
+        if name.startswith(_SENSORS):
+            imu = imus[int(re.sub(r"\D", "", name) or 1)]
+            as_rate = rate if is_increment(unit) else 1.0
+            of_output = rate if imu.output == "increment" else 1.0
+            factor *= as_rate / (of_output * (imu.gyro_lsb if name.startswith("gyro") else imu.accel_lsb))
+        found[name] = factor
+    return found
+
+
+def min_step(columns: Iterable[FloatArray]) -> float:
+    """Return the smallest difference between two values of a column, shape (n,) each; 0 if all are constant."""
+    steps = [np.diff(np.unique(column[~np.isnan(column)])) for column in columns]
+    return min((float(step.min()) for step in steps if len(step)), default=0.0)
+
+
+def _units(name: str) -> Mapping[str, float]:
+    """Return the units of a column, with the factors to SI, degrees or °C; empty for a column without a unit."""
+    if name.startswith("gyro"):
+        return {**_RATES, **_TURNS}
+    if name.startswith("accel"):
+        return {**_FORCES, **_SPEEDS}
+    if name in (*ANGLES, *JOINTS):
+        return _ANGLES
+    return {"time_s": _TIMES, "temp_c": _TEMPERATURES}.get(name, {})
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Layout of a CSV: where its samples begin, its separator, the names of its columns and the factors of units."""
+
+    skipped: int = 0  #: Number of lines before the first row of samples.
+    separator: str = _PLAIN_SEPARATOR
+    names: tuple[str, ...] = ()  #: Names of the CSV format where a column has one.
+    units: Mapping[str, str] = field(default_factory=dict)  #: Units of columns that have another one than the format.
+    stage: str = ""  #: Stage of all samples if there is no column `stage`.
+
+    def plain(self, text: str) -> str:
+        """Return rows with commas as separators and points as decimal marks."""
+        if self.separator == _PLAIN_SEPARATOR:
+            return text
+        text = text.replace(",", ".")
+        if self.separator == " ":
+            return re.sub(r"[^\S\n]+", ",", re.sub(r"^[^\S\n]+|[^\S\n]+$", "", text, flags=re.MULTILINE))
+        return text.replace(self.separator, ",")
+
+    @property
+    def has_gyros(self) -> bool:
+        """Whether the file has gyro columns."""
+        return _GYROS[0] in self.names
+
+
+def read_layout(path: Path, head: str, columns: Mapping[str, ColumnSection], further: Collection[int]) -> Layout:
+    """Find the layout of a CSV from its first lines; `further` are the configured secondary IMUs by number.
+
+    Raises InputError, which names a missing column and the nearest one.
+    """
+    lines = head.removeprefix("\ufeff").split("\n")
+    sources = {name: column.source for name, column in columns.items() if column.source is not None}
+    if sources and all(isinstance(source, int) for source in sources.values()):
+        skipped, separator, cells = _first_numbers(path, lines, max(int(s) for s in sources.values()))
+        names = [f"column {k}" for k in range(1, len(cells) + 1)]
+    else:
+        wanted = {str(sources.get(name, name)) for name in _KNOWN}
+        skipped, separator, names = _header(lines, wanted)
+    for name, source in sources.items():
+        names[_index_of(path, names, name, source)] = name
+    _check_names(path, names, mapped=bool(columns), further=further)
+    following = _cells(lines[skipped], separator) if skipped < len(lines) else []
+    if any(following) and not any(_is_number(cell, separator) for cell in following):
+        skipped += 1  # a row of units
+    units = {n: c.unit for n, c in columns.items() if c.unit is not None and c.unit != COUNTS}
+    stage = columns["stage"].value if "stage" in columns else None
+    return Layout(skipped, separator, tuple(names), units, stage or "")
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    line = line.rstrip("\r")
+    if line[:1] in _COMMENT:
+        line = line.lstrip(_COMMENT + " ")
+    if separator == " ":
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+    except csv.Error:
+        return []
+
+
+def _header(lines: list[str], wanted: set[str]) -> tuple[int, str, list[str]]:
+    """Return the number of lines to the end of the header row, its separator and its cells.
+
+    It is the line with most of the `wanted` names; if no line has any, the first one that is not a comment.
+    """
+    best, found = 0, (0, _PLAIN_SEPARATOR, list[str]())
+    for number, line in enumerate(lines, 1):
+        for separator in _SEPARATORS:
+            cells = _cells(line, separator)
+            score = len(wanted.intersection(cells))
+            if score > best:
+                best, found = score, (number, separator, cells)
+        if best > 1:
+            return found
+    if best:
+        return found
+    number = next((k for k, line in enumerate(lines, 1) if line.strip() and line[:1] not in _COMMENT), 1)
+    line = lines[number - 1]
+    separator = max(_SEPARATORS, key=lambda s: len(_cells(line, s)) if s != " " else 1)
+    return number, separator, _cells(line, separator)
+
+
+def _first_numbers(path: Path, lines: list[str], columns: int) -> tuple[int, str, list[str]]:
+    """Return the number of lines before the first row of at least `columns` numbers, its separator and its cells."""
+    for number, line in enumerate(lines):
+        for separator in _SEPARATORS:
+            cells = _cells(line, separator)
+            if len(cells) >= columns and all(_is_number(c, separator) for c in cells):
+                return number, separator, cells
+    raise InputError("csv.no_numbers", file=path, columns=columns)
+
+
+def _is_number(cell: str, separator: str) -> bool:
+    try:
+        float(cell if separator == _PLAIN_SEPARATOR else cell.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _index_of(path: Path, names: list[str], name: str, source: str | int) -> int:
+    """Return the index of the column from which `name` is read. Raises InputError."""
+    if isinstance(source, int):
+        if not 1 <= source <= len(names):
+            raise InputError("csv.no_such_column", file=path, name=name, source=source, remedy=_columns(names))
+        return source - 1
+    if source not in names:
+        remedy = near_miss(source, names, _columns(names))
+        raise InputError("csv.no_such_column", file=path, name=name, source=source, remedy=remedy)
+    if names.count(source) > 1:
+        raise InputError("csv.column_twice", file=path, column=source)
+    return names.index(source)
+
+
+def _columns(names: list[str]) -> Text:
+    return Text.of("entry.choose_from", names=[name for name in names if name])
+
+
+def _check_names(path: Path, names: list[str], *, mapped: bool, further: Collection[int]) -> None:
+    """Check that all needed columns are there and belong to configured IMUs. Raises InputError."""
+    number_of = {name: number for number in FURTHER_IMUS for name in further_channels(number)}
+    others = [name for number in further for name in further_channels(number)]
+    free = [name for name in names if name not in _KNOWN]
+    table = any(name in names for name in ANGLES)
+    gyros = any(name in names for name in _GYROS)
+    for name in REQUIRED:
+        if name in names:
+            continue
+        trivial = not table or (mapped and name not in ANGLES)
+        optional = (name in _OPTIONAL and trivial) or (name in _GYROS and not gyros)
+        if optional and mapped:
+            continue
+        near = difflib.get_close_matches(name, free, n=1)
+        if near:
+            raise InputError("csv.column_misspelt", file=path, column=name, near=near[0])
+        if not optional:
+            raise InputError("csv.column_missing", file=path, column=name)
+    for name in others:
+        if name not in names:
+            raise InputError("csv.imu_column_missing", file=path, column=name, number=number_of[name])
+    for name in names:
+        if name in number_of and name not in others:
+            raise InputError("csv.imu_not_configured", file=path, column=name, number=number_of[name])
+    if any(name in names for name in JOINTS) and not all(name in names for name in JOINTS):
+        raise InputError("csv.joint_missing", file=path, columns=JOINTS)
+    for name in (*COLUMNS, *others):
+        if names.count(name) > 1:
+            raise InputError("csv.column_twice", file=path, column=name)

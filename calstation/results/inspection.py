@@ -1,0 +1,87 @@
+"""Inspection of a recording: what it contains, its rate and gaps, and the methods that it can be solved with."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calstation.errors import InputError
+from calstation.estimation.common import has_gyros
+from calstation.messages import Text
+from calstation.records import Log, LogFacts, open_log
+from calstation.results.solver_chain import solve
+from procedures import method, names
+
+
+@dataclass(frozen=True)
+class Inspection:
+    """Contents of a recording."""
+
+    serial: str
+    facts: LogFacts
+    rate: float  #: Samples per second of its clock, or of the line through times of arrival; NaN for one sample.
+    configured_rate: float  #: Samples per second of its configuration.
+    jitter: float  #: Root mean square of the times of arrival about the sample clock, s; 0 if it has a clock.
+    missing: int  #: Number of samples missing in gaps.
+    invalid: int  #: Number of invalid samples.
+    channels: tuple[str, ...]  #: Groups of columns: gyro, accel, encoders, temperature, imu2, ..., joints.
+    stages: dict[str, int]  #: Number of samples of each recorded stage, in order.
+    methods: dict[str, Text | None]  #: Why a method cannot be solved, None if it can.
+
+
+def inspect_recording(path: Path) -> Inspection:
+    """Read a log or a CSV and try the methods: its stages, or if it names none, those that need no table.
+
+    Raises InputError if it cannot be read.
+    """
+    log = open_log(path)
+    stages: dict[str, int] = {}
+    invalid, channels = 0, dict.fromkeys(["accel"])
+    seq, time = [], []
+    for block in log.blocks():
+        seq.append(block.seq)
+        time.append(block.time)
+        invalid += int(np.count_nonzero(~block.valid))
+        if block.stage:
+            stages[block.stage] = stages.get(block.stage, 0) + len(block)
+        present = {
+            "gyro": has_gyros(block.counts),
+            "encoders": not np.isnan(block.angles).all(),
+            "joints": bool(block.joints.size) and not np.isnan(block.joints).all(),
+            "temperature": not np.isnan(block.temperature).all(),
+        }
+        channels |= dict.fromkeys(name for name, found in present.items() if found)
+    channels |= dict.fromkeys(f"imu{number}" for number in log.meta.secondaries)
+    counter, clock = np.concatenate(seq), np.concatenate(time)
+    line = np.polynomial.Polynomial.fit(counter, clock, 1).convert().coef if len(clock) > 1 else [0.0, np.nan]
+    facts = log.facts()
+    return Inspection(
+        serial=log.meta.imu.serial,
+        facts=facts,
+        rate=float(1.0 / line[1]),
+        configured_rate=log.meta.imu.sample_rate_hz,
+        jitter=log.jitter,
+        missing=facts.last_seq - facts.first_seq + 1 - facts.samples,
+        invalid=invalid,
+        channels=tuple(sorted(channels)),
+        stages=stages,
+        methods=_recorded(log, stages) if stages else {n: _reason(log, n) for n in names() if method(n).needs_no_table},
+    )
+
+
+def _recorded(log: Log, stages: dict[str, int]) -> dict[str, Text | None]:
+    """Solve the stages in order, each with the posterior of those before it."""
+    try:
+        missing = solve(log.blocks, log.meta, source=log.path).missing_data
+    except InputError as exc:
+        return dict.fromkeys(stages, exc.as_text)
+    return {stage: missing.get(stage) for stage in stages}
+
+
+def _reason(log: Log, name: str) -> Text | None:
+    """Return why the whole recording cannot be solved with a method, None if it can."""
+    try:
+        solve(log.blocks, log.meta, (name,), source=log.path)
+    except InputError as exc:
+        return exc.as_text
+    return None

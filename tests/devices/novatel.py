@@ -1,0 +1,13 @@
+"""Lines of NovAtel's log RAWIMUSA."""
+
+from zlib import crc32
+
+
+def novatel_check(text: str) -> int:
+    """NovAtel's CRC-32 is zlib's without the inversions at start and end."""
+    return crc32(text.encode(), 0xFFFFFFFF) ^ 0xFFFFFFFF
+
+
+def novatel_line(seconds: float, week: int = 1815) -> str:
+    body = f"RAWIMUSA,{week},{seconds:.3f};{week},{seconds:.9f},00000077,63811,-6290,6253,7,-31,14"
+    return f"%{body}*{novatel_check(body):08x}\r\n"
