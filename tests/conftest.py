@@ -6,6 +6,8 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in a run; several workers would wait for one another
+
 import lent
 import pytest
 from hypothesis import HealthCheck, settings

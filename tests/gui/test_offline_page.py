@@ -375,7 +375,7 @@ def test_a_running_solve_is_cancelled(page: OfflinePage, long_log: Path, qtbot: 
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("notes.txt", "The file is not a log."),
+        ("notes.doc", "The file is not a log."),
         ("broken.h5", "The file is damaged, cut short or not a raw log."),
         ("alone.csv", "No such file"),
         ("nowhere.h5", "No such file"),
