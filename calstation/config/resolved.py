@@ -144,7 +144,7 @@ class ResolvedConfiguration:
         started = (started or datetime.now(UTC)).astimezone(UTC)
         return LogMeta(
             site=self.station.site.place,
-            imu=_section(ImuSection, self.imu.stream, self.imu.noise, serial=self.request.serial),
+            imu=_section(ImuSection, self.imu.quantised_stream, self.imu.noise, serial=self.request.serial),
             table=_section(TableSection, self.table, self.table.accuracy),
             prior={
                 name: PriorSection(value=self._prior_mean(held.get(name, 0.0), sigma), sigma=sigma)

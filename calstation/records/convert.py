@@ -80,7 +80,8 @@ def export_corrected(
         raw = block.counts * size
         return replace(block, counts=np.hstack(compensate(constants, raw[:, :3], raw[:, 3:])))
 
-    imu = meta.imu.model_copy(update={"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0})
+    unit = {"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0, "gyro_quantisation": 0.0, "accel_quantisation": 0.0}
+    imu = meta.imu.model_copy(update=unit)
     changed = {"imu": imu, "prior": {}, "prior_correlation": {}, "registers": {}, "run": None}
     _write(target, meta.model_copy(update=changed), map(corrected, blocks))
 

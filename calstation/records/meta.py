@@ -52,6 +52,8 @@ class ImuSection(StrictModel):
     accel_vrw: float = Field(gt=0)
     gyro_bias_instability: float = Field(default=0.0, ge=0)
     accel_bias_instability: float = Field(default=0.0, ge=0)
+    gyro_quantisation: float | None = Field(default=None, ge=0)  #: None for a count.
+    accel_quantisation: float | None = Field(default=None, ge=0)  #: None for a count.
 
 
 class StoredPairSection(StrictModel):

@@ -97,7 +97,7 @@ def find_rests(
     if stop - start < 2 * width:
         return []
     mean = window_mean(data.gyro[start:stop] - gyro_bias, width)
-    noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.gyro_lsb * (
+    noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * (
         1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
     )
     small = np.abs(mean).max(axis=1) < BIAS_SIGMAS * bias_sigma + 5.0 * noise + SLOWEST
