@@ -159,6 +159,7 @@ class ResolvedConfiguration:
                 attempt=attempt,
                 software=__version__,
                 started_utc=started.isoformat(timespec="seconds"),
+                clock_error_ppm=self.station.clock_error_ppm,
                 files={kind: source.section for kind, source in self.sources.items()} or None,
             ),
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},

@@ -28,7 +28,7 @@ def import_csv(source: Path, target: Path, meta_file: Path | None = None) -> Log
     log = open_log(source, meta_file)
     blocks = log.blocks()
     first = next(blocks)  # raises for a log without samples
-    writer = RawLogWriter(target, log.meta, joints=first.joints.shape[1] > 0)
+    writer = RawLogWriter(target, log.meta, joints=first.joints.shape[1] > 0, station=first.station.shape[1] > 0)
     try:
         for block in itertools.chain([first], blocks):
             writer.append(block)

@@ -24,7 +24,8 @@ ANGLES = ("outer_deg", "inner_deg")
 #: Both columns of `ANGLES` may be absent, because a recording on a manual rig has no table.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
-COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
+STATION = "station_s"
+COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS, STATION)
 
 
 def further_channels(number: int) -> tuple[str, ...]:
@@ -247,6 +248,7 @@ class _Table:
         step = self.integers("step")
         heat = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
         others, joints = self._others(n), self._joints(n)
+        station = self.floats(STATION, True)[:, None] if STATION in self._header else np.empty((n, 0))
         stages = self._columns["stage"]
         if stages.count(stages[0]) == n:
             edges = np.array([0, n])
@@ -266,6 +268,7 @@ class _Table:
                 heat[k],
                 others[k],
                 joints[k],
+                station[k],
             )
 
     def _others(self, count: int) -> FloatArray:
@@ -290,6 +293,7 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     names = [*REQUIRED, "temp_c", "valid"]
     names += [name for number in FURTHER_IMUS[:further] for name in further_channels(number)]
     names += JOINTS if first is not None and first.joints.shape[1] else ()
+    names += [STATION] if first is not None and first.station.shape[1] else []
     stream.write(",".join(names) + "\n")
     for block in itertools.chain([] if first is None else [first], blocks):
         degrees = _shortest_degrees(block.angles)
@@ -304,7 +308,7 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
             ["1" if v else "0" for v in block.valid.tolist()],
         ]
         columns += [_numbers(column) for column in block.others.reshape(len(block), -1).T]
-        columns += [_blank_nan(column) for column in _shortest_degrees(block.joints).T]
+        columns += [_blank_nan(column) for column in (*_shortest_degrees(block.joints).T, *block.station.T)]
         stream.write("".join(map("{}\n".format, map(",".join, zip(*columns, strict=True)))))
 
 

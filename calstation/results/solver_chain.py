@@ -14,6 +14,7 @@ from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
     Spool,
+    joined,
     resolves_earth_rate,
     stage_agreement,
     stage_data,
@@ -23,6 +24,7 @@ from calstation.estimation.positions import gather
 from calstation.messages import Text
 from calstation.physics import FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
+from calstation.results.data_checks import DataChecks
 from calstation.schema import validate
 from procedures import method
 
@@ -59,7 +61,8 @@ class StageChain:
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
         self._gather = checks is not None and checks.need_samples
-        self._kept: Spool | None = None
+        self._kept = Spool()
+        self._data_checks = DataChecks(meta, self._context)
         offset, matrix = composition(meta.registers)
         #: Parameters that compensate the effect of the registers, which leaves the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
@@ -76,14 +79,13 @@ class StageChain:
         self._stage = stage
         schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
         self._solver = chosen.solver(self._context, self.belief, schedule)
-        self._kept = Spool() if self._gather else None
+        self._kept = Spool()
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the started stage."""
         assert self._solver is not None, "start a stage before feeding it"
         self._solver.feed(block)
-        if self._kept is not None:
-            self._kept.append(block)
+        self._kept.append(block)
         if self._resting is not None:
             self._resting.feed(block)
 
@@ -104,13 +106,15 @@ class StageChain:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
         self._solver = None
-        if self._kept is not None:
-            data = stage_data(list(self._kept.blocks()), self._context.imu)
+        blocks = list(self._kept.blocks())
+        data = stage_data(blocks, self._context.imu)
+        if self._gather:
             found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
         solution = replace(solution, tests=(*solution.tests, *self._agreement(solution)))
+        solution = self._data_checks.checked(solution, joined(blocks), data)
         self.belief = solution.belief
         self.solutions.append(solution)
         return solution
