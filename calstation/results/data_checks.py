@@ -19,6 +19,8 @@ CLOCK_ERROR_PPM = 50.0
 _WINDOW = 1.0
 #: A rate of the clock is compared with its limit if this many sigmas are within the limit.
 _SIGMAS = 5.0
+#: Times that differ less from the counter, s, are derived from it and show no clock.
+_DERIVED = 1e-6
 #: Fewest windows from which the rate of the clock is determined.
 _FEWEST_WINDOWS = 20
 #: Range of the temperature, °C, below which nothing is regressed on it.
@@ -113,11 +115,17 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel) -> ModelT
 
 
 def _missing_samples(values: FloatArray, noise: float, step: float, rate: float) -> float:
-    """Return how many samples are missing above the largest one, at least; `noise` and `step` are in counts."""
-    top = values.max(initial=-np.inf)
+    """Return how many samples are missing above the largest one, at least.
+
+    `noise`, the profile's, and `step`, that of the rounding, are in counts; both are also taken from the data.
+    """
+    levels = np.unique(values)
+    if len(levels) < 3:
+        return 0.0
+    step, top = max(step, float(np.diff(levels).min())), levels[-1]
     width = max(round(_WINDOW * rate), 8)
     rows = values[: len(values) // width * width].reshape(-1, width)
-    rows = rows[rows.max(axis=1) < top]
+    rows = rows[(rows.max(axis=1) < top) & (rows.min(axis=1) > levels[0])]
     if not len(rows):
         return 0.0
     # Second differences exclude the motion, standard deviations include slow noise; both only limit the noise.
@@ -125,7 +133,7 @@ def _missing_samples(values: FloatArray, noise: float, step: float, rate: float)
     noise = min(noise, float(np.sqrt(min(np.quantile(fine, 0.05), rows.var(axis=1).min()))))
     if not noise > 0.0:
         return 0.0
-    bin_width = step * max(1, round(noise / step)) if step > 0.0 else noise
+    bin_width = step * max(1, round(noise / step))
     edge = top + 0.5 * step - bin_width
     highest = np.count_nonzero(values > edge)
     next_bin = np.count_nonzero(values > edge - bin_width) - highest
@@ -155,7 +163,7 @@ def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | 
     interval = np.concatenate([[0], np.cumsum(np.diff(nominal) * rate > 1.5)])
     known = ~np.isnan(time)
     nominal, late, interval = nominal[known], (time - nominal)[known], interval[known]
-    if not len(nominal):
+    if not len(nominal) or np.ptp(late) < _DERIVED:
         return None
     # Means over windows: times of arrival that are late together count once.
     window = np.floor((nominal - nominal[0]) / _WINDOW).astype(np.int64) + interval * (1 << 32)
