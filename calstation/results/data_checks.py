@@ -17,7 +17,7 @@ MISSING_SAMPLES = 30.0
 CLOCK_ERROR_PPM = 50.0
 #: Window in which the noise of a channel and the mean of times and temperatures are determined, s.
 _WINDOW = 1.0
-#: A rate of the clock is compared with its limit if this many sigmas are within the limit.
+#: Sigmas of the rate of the clock beyond its limit that fail; no verdict where these are more than the limit.
 _SIGMAS = 5.0
 #: Times that differ less from the counter, s, are derived from it and show no clock.
 _DERIVED = 1e-6
@@ -56,20 +56,23 @@ class DataChecks:
         return replace(solution, tests=(*solution.tests, *tests), details={**solution.details, **details})
 
     def _clock(self, clocks: dict[str, "SampleClock"]) -> Iterator[ModelTest]:
+        """Yield the test of the sample rate, unless the time is too short to decide it."""
         limit = self._clock_within
-        decided = {name: found for name, found in clocks.items() if _SIGMAS * found.sigma < limit}
-        if not decided:
+        if not clocks:
             return
-        reference = max(decided, key=lambda name: abs(decided[name].offset))
-        found = decided[reference]
+        reference = max(clocks, key=lambda name: abs(clocks[name].offset) - _SIGMAS * clocks[name].sigma)
+        found = clocks[reference]
+        largest = limit + _SIGMAS * found.sigma
+        if largest > 2.0 * limit and abs(found.offset) <= largest:
+            return
         values = {
             "reference": reference,
             "ppm": 1e6 * found.offset,
             "ppm_sigma": 1e6 * found.sigma,
-            "rate": self._context.imu.sample_rate / (1.0 + found.offset),
+            "rate": self._context.imu.sample_rate * (1.0 + found.offset),
         }
         misfit = Misfit("sample_clock", found.offset, found.sigma, values=values)
-        yield ModelTest("sample_clock", abs(found.offset), limit + _SIGMAS * found.sigma, "1", misfit)
+        yield ModelTest("sample_clock", abs(found.offset), largest, "1", misfit)
 
     def _temperature(self) -> ModelTest:
         low, high = min(self._temperatures), max(self._temperatures)
@@ -144,7 +147,7 @@ def _missing_samples(values: FloatArray, noise: float, step: float, rate: float)
 class SampleClock:
     """A reference clock compared with the sample counter."""
 
-    offset: float  #: Relative difference of a sample's duration from its nominal one.
+    offset: float  #: Relative difference of the sample rate from its nominal value.
     sigma: float  #: Standard deviation of `offset`.
     jitter: float  #: Standard deviation of a time from a straight line, s.
 
@@ -180,7 +183,9 @@ def _clock(nominal: FloatArray, time: FloatArray, rate: float) -> SampleClock | 
     scatter = float(np.sqrt(((y - slope * x) ** 2).sum() / free))
     each = late - (np.bincount(index, late) / weight)[index]
     jitter = float(np.hypot(scatter, each.std()))
-    return SampleClock(slope, scatter / float(np.sqrt(x @ x)), jitter)
+    # Delays may also change slowly, for example where times are read at multiples of the sample period.
+    sigma = float(np.hypot(scatter / np.sqrt(x @ x), jitter / np.ptp(x)))
+    return SampleClock(-slope / (1.0 + slope), sigma, jitter)
 
 
 def _windows(values: FloatArray, rate: float) -> FloatArray:
