@@ -41,9 +41,8 @@ class DataChecks:
 
     def checked(self, solution: Solution, samples: SampleBlock, data: StageData) -> Solution:
         """Return the solution of a stage with the tests of its samples, and what they show in its details."""
-        valid = samples.valid
         clocks = sample_clocks(samples, self._context.imu.sample_rate)
-        tests = [clipping_test(samples.counts[valid], samples.time[valid], self._context.imu), *self._clock(clocks)]
+        tests = [self._clipping(samples), *self._clock(clocks)]
         details: dict[str, Any] = {}
         if clocks:
             details["sample_clock"] = {name: vars(found) for name, found in clocks.items()}
@@ -54,6 +53,16 @@ class DataChecks:
             residuals = rest_residuals(data, self._context, solution.belief)
             details["temperature"] = temperature_coefficients(residuals, samples, self._context.site.local_gravity)
         return replace(solution, tests=(*solution.tests, *tests), details={**solution.details, **details})
+
+    def _clipping(self, samples: SampleBlock) -> ModelTest:
+        """Return the worst test of the IMUs on the body; a secondary IMU's number follows the name of the sensor."""
+        imus = [("", self._context.imu, samples.counts)]
+        imus += [(str(s.number), s.imu, samples.others[:, k]) for k, s in enumerate(self._context.secondaries)]
+        found = []
+        for number, imu, counts in imus:
+            known = samples.valid & ~np.isnan(counts).any(axis=1)
+            found.append(clipping_test(counts[known], samples.time[known], imu, number))
+        return max(found, key=lambda test: test.value)
 
     def _clock(self, clocks: dict[str, "SampleClock"]) -> Iterator[ModelTest]:
         """Yield the test of the sample rate, unless the time is too short to decide it."""
@@ -80,13 +89,13 @@ class DataChecks:
         return ModelTest("temperature", high - low, self._temperature_within, "K", misfit)
 
 
-def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel) -> ModelTest:
+def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel, number: str = "") -> ModelTest:
     """Test whether a channel of `counts`, shape (n, 6), ends at a value that its noise should exceed.
 
     Samples are rounded to bins of width h. Gaussian noise of standard deviation s, added to any signal, leaves
     p[k-1] p[k+1] >= p[k]² exp(-h²/s²) for the shares p of neighbouring bins (by Cauchy's inequality for one level of
     the signal, by Titu's lemma for a mixture). The two highest bins therefore give a lower bound of the number
-    of samples expected above the highest one, where there is none. `time` is in s, shape (n,).
+    of samples expected above the highest one, where there is none. `time` is in s, shape (n,); `number` is the IMU's.
     """
     size = imu.count_size
     noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * imu.sample_rate**0.5 / size
@@ -106,7 +115,7 @@ def clipping_test(counts: FloatArray, time: FloatArray, imu: ImuModel) -> ModelT
                     level,
                     unit="rad/s" if i < 3 else "m/s²",
                     values={
-                        "channel": name.replace("_", " "),
+                        "channel": name.replace("_", f"{number} "),
                         "level": float(shown),
                         "level_unit": unit,
                         "count": len(at),
@@ -201,11 +210,10 @@ def temperature_coefficients(rests: RestResiduals, samples: SampleBlock, gravity
     Return its range, °C, and the change of each bias and accelerometer scale per °C that the rests determine, with its
     sigma, SI, as JSON values. A rest shows the gyros' biases along up, and the force's component along up.
     """
-    known = samples.temperature[~np.isnan(samples.temperature)]
-    found: dict[str, Any] = {"low": float(known.min()), "high": float(known.max())}
-    ends = zip(rests.first_seq, rests.last_seq, strict=True)
-    spans = [slice(*samples.seq.searchsorted([a, b + 1])) for a, b in ends]
-    warmth = np.array([np.nanmean(samples.temperature[span]) for span in spans])
+    known = ~np.isnan(samples.temperature)
+    temperature = samples.temperature[known]
+    found: dict[str, Any] = {"low": float(temperature.min()), "high": float(temperature.max())}
+    warmth = np.interp(0.5 * (rests.first_seq + rests.last_seq), samples.seq[known], temperature)
     if not len(rests) or not np.ptp(warmth) > _LEAST_CHANGE:
         return found
     up = rests.up
