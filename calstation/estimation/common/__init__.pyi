@@ -21,6 +21,11 @@ from .least_squares import chi_square_quantile as chi_square_quantile
 from .least_squares import gauss_newton as gauss_newton
 from .least_squares import nis_consistency as nis_consistency
 from .least_squares import restricted as restricted
+from .measured_noise import noise_tests as noise_tests
+from .measured_noise import rest_noise as rest_noise
+from .measured_noise import widened as widened
+from .model_test import Misfit as Misfit
+from .model_test import ModelTest as ModelTest
 from .noise import BIAS_DRIFT_PER_INSTABILITY as BIAS_DRIFT_PER_INSTABILITY
 from .noise import BIAS_DRIFT_TIME as BIAS_DRIFT_TIME
 from .noise import FilterNoise as FilterNoise
