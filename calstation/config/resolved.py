@@ -145,7 +145,7 @@ class ResolvedConfiguration:
         started = (started or datetime.now(UTC)).astimezone(UTC)
         return LogMeta(
             site=self.station.site.place,
-            imu=_section(ImuSection, self.imu.stream, self.imu.noise, serial=self.request.serial),
+            imu=_section(ImuSection, self.imu.quantised_stream, self.imu.noise, serial=self.request.serial),
             table=_section(TableSection, self.table, self.table.accuracy),
             model=ModelSection(states=self.imu.states) if self.imu.states else None,
             prior={
@@ -161,6 +161,7 @@ class ResolvedConfiguration:
                 attempt=attempt,
                 software=__version__,
                 started_utc=started.isoformat(timespec="seconds"),
+                clock_error_ppm=self.station.clock_error_ppm,
                 files={kind: source.section for kind, source in self.sources.items()} or None,
             ),
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},

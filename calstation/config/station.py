@@ -102,6 +102,8 @@ class StationConfig(StrictModel):
     cross_calibration: dict[str, JsonValue] = Field(default_factory=dict)
     #: Settings of the virtual bench that replaces hardware, see `calstation.bench.config.BenchConfig`.
     bench: dict[str, JsonValue] | None = None
+    #: Largest error of the computer's clock, ppm; None for that of a quartz without time synchronisation.
+    clock_error_ppm: float | None = Field(default=None, ge=0)
     #: By default, results are delivered to a folder `handover` next to the runs folder.
     handover: HandoverSection | None = None
 

@@ -52,6 +52,8 @@ class ImuSection(StrictModel):
     accel_vrw: float = Field(gt=0)
     gyro_bias_instability: float = Field(default=0.0, ge=0)
     accel_bias_instability: float = Field(default=0.0, ge=0)
+    gyro_quantisation: float | None = Field(default=None, ge=0)  #: None for a count.
+    accel_quantisation: float | None = Field(default=None, ge=0)  #: None for a count.
 
 
 class StoredPairSection(StrictModel):
@@ -154,6 +156,7 @@ class RunSection(StrictModel):
     software: str
     started_utc: str
     files: dict[str, FileSection] | None = None  #: Files by kind.
+    clock_error_ppm: float | None = Field(default=None, ge=0)  #: Largest error of the station's clock.
     resumed_from: str | None = None  #: Name of the log whose completed stages this log begins with.
     calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
 

@@ -37,6 +37,14 @@ class ImuModel:
     accel_vrw: float  #: Velocity random walk, m/s/√s.
     gyro_bias_instability: float = 0.0  #: rad/s
     accel_bias_instability: float = 0.0  #: m/s²
+    gyro_quantisation: float | None = None  #: Step to which the gyro output is rounded; None for a count.
+    accel_quantisation: float | None = None  #: The same for the accelerometers.
+
+    @property
+    def quantisation(self) -> tuple[float, float]:
+        """Steps to which the output of gyros and accelerometers is rounded, unit as for `output`; 0 for no rounding."""
+        gyro, accel = self.gyro_quantisation, self.accel_quantisation
+        return self.gyro_lsb if gyro is None else gyro, self.accel_lsb if accel is None else accel
 
     @property
     def rate_factor(self) -> float:

@@ -17,6 +17,8 @@ BIAS_SIGMAS = 3.0
 SLOWEST = np.deg2rad(0.1)
 #: Time removed from both ends of a rest found in the data, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
+#: Number of samples before and after a step of time whose medians show whether it is lasting.
+_JITTER_SAMPLES = 20
 #: A larger change of mean specific force from one window to the next, m/s², indicates a new position.
 FORCE_STEP = 0.5
 
@@ -57,7 +59,7 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
     seq = _joined([b.seq for b in blocks], np.int64)[valid]
     time = _joined([b.time for b in blocks], np.float64)[valid]
     counts = _joined([b.counts for b in blocks], np.float64, 6)[valid]
-    broken = (np.diff(seq) != 1) | (np.abs(np.diff(time) - dt) > 0.5 * dt)
+    broken = (np.diff(seq) != 1) | _time_jumps(seq, time, dt)
     cuts = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(seq)]])
     return StageData(
         dt=dt,
@@ -72,6 +74,16 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         others=np.concatenate([b.others for b in blocks])[valid] if blocks else np.empty((0, 0, 6)),
         joints=np.concatenate([b.joints for b in blocks])[valid] if blocks else np.empty((0, 0)),
     )
+
+
+def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
+    """Return the steps of time, shape (n − 1,), that are lasting; a jitter of the times of arrival is none."""
+    jumps = np.abs(np.diff(time) - dt) > 0.5 * dt
+    late = time - seq * dt
+    for k in np.flatnonzero(jumps & (np.diff(seq) == 1)):
+        before, after = late[max(k + 1 - _JITTER_SAMPLES, 0) : k + 1], late[k + 1 : k + 1 + _JITTER_SAMPLES]
+        jumps[k] = abs(float(np.median(after) - np.median(before))) > 0.5 * dt
+    return jumps
 
 
 def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarray:
@@ -102,7 +114,7 @@ def find_rests(
     if stop - start < 2 * width:
         return []
     mean = window_mean(data.gyro[start:stop] - gyro_bias, width)
-    noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.gyro_lsb * (
+    noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * (
         1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
     )
     small = np.abs(mean).max(axis=1) < BIAS_SIGMAS * bias_sigma + 5.0 * noise + SLOWEST

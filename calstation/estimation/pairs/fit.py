@@ -218,8 +218,8 @@ def _weights(left: FloatArray) -> FloatArray:
 
 def _white(imu: ImuModel) -> FloatArray:
     """Return the white noise of rate and force of a sample, including quantisation, rad/s and m/s², shape (2,)."""
-    gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.gyro_lsb * imu.rate_factor) ** 2 / 12.0
-    accel = imu.accel_vrw**2 * imu.sample_rate + (imu.accel_lsb * imu.rate_factor) ** 2 / 12.0
+    gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.quantisation[0] * imu.rate_factor) ** 2 / 12.0
+    accel = imu.accel_vrw**2 * imu.sample_rate + (imu.quantisation[1] * imu.rate_factor) ** 2 / 12.0
     return np.sqrt([gyro, accel])
 
 
