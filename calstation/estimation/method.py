@@ -2,23 +2,35 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Protocol
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.estimation.common import (
+    CHANNELS,
     Belief,
     Consistency,
     LatitudeEstimate,
+    RestResiduals,
     SampleBlock,
+    ScoreFunction,
     SolveContext,
     Spool,
     StageData,
+    StageResiduals,
+    concentration,
+    position_residuals,
+    rest_residuals,
     stage_data,
 )
 from calstation.estimation.positions import Evidence
-from calstation.physics import FloatArray, IntArray, Step, TableGeometry
+from calstation.messages import Text
+from calstation.physics import NAMES, FloatArray, IntArray, Step, TableGeometry
+
+#: Number of rests or moves that a message lists.
+_MOST_NAMED = 3
 
 #: Callback that receives the progress from 0 to 1, never decreasing.
 Progress = Callable[[float], None]
@@ -30,6 +42,7 @@ class Innovations:
 
     seq: IntArray  #: Sequence number at the end of each observation, shape (m,).
     normalised: FloatArray  #: Components in units of their sigmas, shape (m, 3); NaN where there is nothing to test.
+    white: bool = True  #: Whether the components are independent of each other.
 
 
 @dataclass(frozen=True)
@@ -103,6 +116,46 @@ class Solution:
     evidence: Evidence | None = None  #: Rests and motions of the stage, if the product's checks need them.
     latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
+    misfit: Misfit | None = None  #: Where the innovations are too large, if they fail their test.
+    local_scores: ScoreFunction | None = None  #: For diagnosis: score tests of errors during parts of the stage.
+
+
+def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -> StageResiduals:
+    """Return the residuals of a solved stage per rest and move; without any row if the method has no innovations."""
+    found = solution.innovations
+    if found is None:
+        return StageResiduals()
+    return position_residuals(
+        data, rests, solution.belief, found.seq, found.normalised, white=found.white, score=solution.local_scores
+    )
+
+
+def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> Solution:
+    """Add to a solution where the innovations are too large, if they fail their test."""
+    if solution.innovations is None or solution.consistency.verdict is not False:
+        return solution
+    residuals = stage_residuals(solution, data, rest_residuals(data, context, solution.belief))
+    if not residuals.rows:
+        return solution
+    found = concentration(residuals, white=solution.innovations.white)
+    rows, scores = [residuals.rows[k] for k in found.rows], residuals.scores
+    named = [row.text for row in rows[:_MOST_NAMED]]
+    where = named[0] if len(rows) == 1 else Text(f"residual.{found.where}", {**rows[0].axis_values, "worst": named})
+    values: dict[str, Any] = {"where": where.to_json(), "percent": 100.0 * found.share}
+    if found.where == "stage":
+        freedom, total = (sum(getattr(row, name) for row in rows) for name in ("freedom", "total"))
+        return replace(solution, misfit=Misfit("excess_spread", values={**values, "times": total / max(freedom, 1)}))
+    if found.scatter or scores is None:
+        names = ("east", "north", "up") if scores is not None else ("x", "y", "z")
+        return replace(solution, misfit=Misfit("excess_scatter", values={**values, "component": names[rows[0].component]}))
+    signs = np.array([-1.0 if row.turned < 0.0 else 1.0 for row in rows])
+    channel, errors, sigmas = scores.single(found.rows, signs)
+    error, error_sigma = float(errors[channel]), float(sigmas[channel])
+    shift = error * (scores.shift[:, [6 * k + channel for k in found.rows]] @ signs) / solution.belief.sigma
+    moves = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
+    values["channel"] = CHANNELS[channel]
+    unit = "rad/s" if channel < 3 else "m/s²"
+    return replace(solution, misfit=Misfit("excess_shift", error, error_sigma, unit, moves, values))
 
 
 class StageSolver(Protocol):
@@ -189,7 +242,8 @@ class BatchStage:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; the solution is too fast for progress reports."""
-        return self._solve(stage_data(list(self._spool.blocks()), self.context.imu), self.context, self.prior)
+        data = stage_data(list(self._spool.blocks()), self.context.imu)
+        return with_misfit(self._solve(data, self.context, self.prior), data, self.context)
 
 
 def batch_method(

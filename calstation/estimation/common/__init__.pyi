@@ -6,6 +6,8 @@ from .alignment import SHORTEST_REST as SHORTEST_REST
 from .alignment import Start as Start
 from .alignment import levelled as levelled
 from .alignment import starts as starts
+from .concentration import Concentration as Concentration
+from .concentration import concentration as concentration
 from .context import Belief as Belief
 from .context import ImuModel as ImuModel
 from .context import Secondary as Secondary
@@ -28,8 +30,14 @@ from .noise import filter_noise as filter_noise
 from .noise import rest_mean_variance as rest_mean_variance
 from .planned import PlannedSamples as PlannedSamples
 from .planned import profile as profile
+from .residuals import CHANNELS as CHANNELS
+from .residuals import LocalScores as LocalScores
+from .residuals import PositionResidual as PositionResidual
 from .residuals import RestResiduals as RestResiduals
+from .residuals import ScoreFunction as ScoreFunction
+from .residuals import StageResiduals as StageResiduals
 from .residuals import before_after as before_after
+from .residuals import position_residuals as position_residuals
 from .residuals import rest_residuals as rest_residuals
 from .samples import SampleBlock as SampleBlock
 from .samples import Spool as Spool

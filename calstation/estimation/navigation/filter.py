@@ -94,6 +94,8 @@ class NavigationFilter:
         #: Number of observations in a group.
         self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
         self._groups: dict[int, VelocityGroup] = {}
+        #: Numbers of samples before the observations of the last group; None right after a start.
+        self.last_group: IntArray | None = None
         self._arm_velocity = np.zeros(3)
         self._has_drift = bool(np.any(self.noise.bias_drift))
         size = STATES + len(BIAS) if self._has_drift else STATES
@@ -138,6 +140,7 @@ class NavigationFilter:
         Assuming zero would ignore the effect of the gyro bias uncertainty on the velocity of the lever arm.
         """
         kf = self.kf
+        self.last_group = None
         kf.x[:PARAMETER_START] = 0.0
         kf.x[:3] = rotation_vector(start.prior @ attitude.T)
         kf.P[:PARAMETER_START, :] = 0.0
@@ -178,7 +181,7 @@ class NavigationFilter:
             kf.x[:PARAMETER_START] += group.shift
         kf.update_correlated(group.z, kf.R, kf.H)
         make_symmetric(kf.P)
-        index = start + self.stride * np.arange(1, count + 1)
+        index = self.last_group = start + self.stride * np.arange(1, count + 1)
         innovation = whitened(kf.S, kf.y).reshape(count, 3)
         self._history.append((index, group.attitude.copy(), group.rate.copy(), innovation))
         if follow is None:

@@ -43,6 +43,16 @@ NARROW_AZIMUTH_SIGMA = 0.3
 
 
 @dataclass(frozen=True)
+class Linearisation:
+    """What a pass is linearised at."""
+
+    starts: tuple[Start, ...]  #: Starts of the segments that were solved.
+    attitudes: tuple[FloatArray, ...]  #: Start attitudes, C_bn, shape (3, 3).
+    point: FloatArray  #: Parameters, SI, shape (30,).
+    smooth: bool  #: Whether the pass follows a smoothed reference.
+
+
+@dataclass(frozen=True)
 class NavigationResult:
     """Posterior of the parameters after the last pass."""
 
@@ -54,6 +64,11 @@ class NavigationResult:
     passes: int
     converged: bool  #: Whether the last pass made no significant change.
     azimuth_free: bool  #: Whether the azimuth was found from the data alone.
+
+    @property
+    def linearisation(self) -> Linearisation:
+        """Linearisation of the last pass."""
+        return Linearisation(self.starts, self.attitudes, self.point, smooth=self.passes > 1)
 
 
 def solve_navigation(

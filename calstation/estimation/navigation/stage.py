@@ -1,11 +1,12 @@
 """Solver of excitation and azimuth flips: stores the stage, updates sigmas live and solves by MAP at the end."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from calstation.estimation import Innovations, Progress, Ranking, Solution
+from calstation.estimation import Innovations, Progress, Ranking, Solution, with_misfit
 from calstation.estimation.common import (
     Belief,
     ImuModel,
@@ -22,6 +23,7 @@ from calstation.estimation.common import (
     starts,
 )
 from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.local_scores import local_scores
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
 from calstation.estimation.navigation.relinearise import solve_navigation
 from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, FloatArray
@@ -103,7 +105,7 @@ class NavigationStage:
             messages.append(("azimuth_from_data", {"stage": self.stage}))
         if not result.converged:
             messages.append(("not_settled", {"stage": self.stage, "passes": result.passes}))
-        return Solution(
+        solution = Solution(
             stage=self.stage,
             belief=restricted(self.prior, result.belief, mask),
             estimated=self.estimated,
@@ -113,7 +115,9 @@ class NavigationStage:
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
+            local_scores=partial(local_scores, context=self.context, prior=self.prior, linearised=result.linearisation),
         )
+        return with_misfit(solution, data, self.context)
 
 
 def warm_up() -> None:
