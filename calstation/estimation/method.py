@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Protocol
 
-import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.estimation.common import (
@@ -139,23 +138,23 @@ def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> S
         return solution
     found = concentration(residuals, white=solution.innovations.white)
     rows, scores = [residuals.rows[k] for k in found.rows], residuals.scores
-    named = [row.text for row in rows[:_MOST_NAMED]]
-    where = named[0] if len(rows) == 1 else Text(f"residual.{found.where}", {**rows[0].axis_values, "worst": named})
-    values: dict[str, Any] = {"where": where.to_json(), "percent": 100.0 * found.share}
-    if found.where == "stage":
-        freedom, total = (sum(getattr(row, name) for row in rows) for name in ("freedom", "total"))
-        return replace(solution, misfit=Misfit("excess_spread", values={**values, "times": total / max(freedom, 1)}))
-    if found.scatter or scores is None:
-        names = ("east", "north", "up") if scores is not None else ("x", "y", "z")
-        return replace(solution, misfit=Misfit("excess_scatter", values={**values, "component": names[rows[0].component]}))
-    signs = np.array([-1.0 if row.turned < 0.0 else 1.0 for row in rows])
-    channel, errors, sigmas = scores.single(found.rows, signs)
-    error, error_sigma = float(errors[channel]), float(sigmas[channel])
-    shift = error * (scores.shift[:, [6 * k + channel for k in found.rows]] @ signs) / solution.belief.sigma
-    moves = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
-    values["channel"] = CHANNELS[channel]
-    unit = "rad/s" if channel < 3 else "m/s²"
-    return replace(solution, misfit=Misfit("excess_shift", error, error_sigma, unit, moves, values))
+    named, by_row = [row.text for row in rows[:_MOST_NAMED]], found.place in ("rest", "move")
+    axis = found.axis.split("+") if rows[0].kind == "move" else found.axis
+    where = named if by_row else [Text(f"residual.{found.place}", {"axis": axis, "worst": named})]
+    values: dict[str, Any] = {"where": [text.to_json() for text in where], "percent": 100.0 * found.share}
+    if found.signs is not None and scores is not None:
+        channel, error, sigma = scores.single(found.rows, found.signs)
+        shift = error * scores.shift[:, [6 * k + channel for k in found.rows]] @ found.signs / solution.belief.sigma
+        moves = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
+        values["channel"] = CHANNELS[channel]
+        unit = "rad/s" if channel < 3 else "m/s²"
+        return replace(solution, misfit=Misfit("excess_shift", error, sigma, unit, moves, values))
+    if found.place == "stage":
+        values["times"] = sum(row.total for row in rows) / max(sum(row.freedom for row in rows), 1)
+        return replace(solution, misfit=Misfit("excess_spread", values=values))
+    values["component"] = rows[0].component_name
+    cause = "excess_scatter" if solution.innovations.white else "excess_there"
+    return replace(solution, misfit=Misfit(cause, values=values))
 
 
 class StageSolver(Protocol):

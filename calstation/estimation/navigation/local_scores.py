@@ -7,13 +7,15 @@ transitions and gains of the filter (P. de Jong, J. Penzer, *Diagnosing shocks i
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from calstation.estimation.common import Belief, LocalScores, SolveContext, StageData
 from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.estimation.navigation.relinearise import Linearisation
 from calstation.estimation.navigation.velocity_group import BIAS
-from calstation.physics import PARAMETER_START, STATES
+from calstation.physics import PARAMETER_START, STATES, FloatArray
+
+#: Number of groups of observations that are added together.
+_TOGETHER = 100
 
 
 def local_scores(
@@ -30,6 +32,16 @@ def local_scores(
     size, width = len(run.kf.x), 6 * len(spans)
     effect = np.zeros((size, width))  # error of the states due to the errors of the channels
     score, information = np.zeros(width), np.zeros((width, width))
+    own_score, own_information = np.zeros((len(spans), 6)), np.zeros((len(spans), 6, 6))
+    seen: list[FloatArray] = []  # effect on the innovations of the last groups, and these innovations
+
+    def add() -> None:
+        """Add the last groups to the sums."""
+        if seen:
+            rows = np.concatenate(seen)
+            score[:] += rows[:, :-1].T @ rows[:, -1]
+            information[:] += rows[:, :-1].T @ rows[:, :-1]
+            seen.clear()
 
     def watch(_: NavigationFilter) -> None:
         """Propagate the errors through the last group of observations, or forget those of attitude and velocity."""
@@ -38,18 +50,24 @@ def local_scores(
             effect[:PARAMETER_START] = 0.0
             return
         kf = run.kf
-        span = min(int(np.searchsorted(stops, int(np.median(ends)))), len(spans) - 1)
+        span = min(int(np.searchsorted(stops, ends[len(ends) // 2])), len(spans) - 1)
         begun, now = 6 * (span + 1), slice(6 * span, 6 * span + 6)
         errors = kf.F @ effect[:, :begun]
         errors[:PARAMETER_START, now] += kf.F[:PARAMETER_START, BIAS]
-        seen = kf.H @ errors
-        seen[:, now] += kf.H[:, BIAS]
-        root = np.linalg.cholesky(kf.S)
-        white = solve_triangular(root, np.column_stack([seen, kf.y]), lower=True)
-        score[:begun] += white[:, :-1].T @ white[:, -1]
-        information[:begun, :begun] += white[:, :-1].T @ white[:, :-1]
-        effect[:, :begun] = errors - kf.K @ seen
+        change = kf.H @ errors
+        change[:, now] += kf.H[:, BIAS]
+        effect[:, :begun] = errors - kf.K @ change
+        white = np.zeros((len(change), width + 1))
+        white[:, :begun] = change
+        white[:, -1] = kf.y
+        white = np.linalg.inv(np.linalg.cholesky(kf.S)) @ white
+        own_score[span] += white[:, now].T @ white[:, -1]
+        own_information[span] += white[:, now].T @ white[:, now]
+        seen.append(white)
+        if len(seen) == _TOGETHER:
+            add()
 
     for start, attitude in zip(linearised.starts, linearised.attitudes, strict=True):
         run.run(data, start, attitude, smooth=linearised.smooth, watch=watch)
-    return LocalScores(score, information, -effect[PARAMETER_START:STATES])
+    add()
+    return LocalScores(score, information, -effect[PARAMETER_START:STATES], own_score, own_information)
