@@ -7,6 +7,8 @@ from .alignment import Start as Start
 from .alignment import levelled as levelled
 from .alignment import starts as starts
 from .by_position import CHANNELS as CHANNELS
+from .by_position import EXCESSIVE as EXCESSIVE
+from .by_position import NOTABLE as NOTABLE
 from .by_position import LocalScores as LocalScores
 from .by_position import PositionResidual as PositionResidual
 from .by_position import ScoreFunction as ScoreFunction
