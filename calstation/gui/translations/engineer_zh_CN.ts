@@ -335,7 +335,7 @@
     <message>
         <source>test, σ</source>
         <extracomment>Width of the bars of rests and moves, in rests. Stage and index within the stage of each rest period drawn. Stage, row and horizontal position of each rest and move drawn; moves are between the rests.</extracomment>
-        <translation>检验值, σ</translation>
+        <translation>检验值，σ</translation>
     </message>
     <message>
         <source>gravity, µg</source>
