@@ -22,8 +22,11 @@ from calstation.estimation.common import (
     find_rests,
     gauss_newton,
     mean_angles,
+    rest_noise,
     restricted,
+    widened,
 )
+from calstation.estimation.effects import Motion, all_errors, batch_sensitivity
 from calstation.messages import Text
 from calstation.physics import (
     INNER,
@@ -49,6 +52,10 @@ SMALLEST_TURN = np.deg2rad(300.0)
 WHOLE = np.deg2rad(5.0)
 #: Sigma of the table axes relative to the profile, rad: non-orthogonality and wobble.
 AXIS_SIGMA = np.deg2rad(0.1)
+
+
+#: Interval over which rate and force are averaged to compute effects outside the model, s.
+EFFECT_INTERVAL = 0.1
 
 
 class Schedule(BaseModel):
@@ -115,6 +122,9 @@ def _first_rotation(geometry: TableGeometry, joint: int, sign: int, at: float, t
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
     """Solve the stage from its whole turns. Raises InsufficientDataError if some are missing."""
+    bias = group_indices("gyro_bias")
+    measured = rest_noise(data, context, prior.mean[bias], float(prior.sigma[bias].max()))
+    context = widened(context, measured)
     turns, assumed = find_turns(data, context, prior)
     _require_turns(turns, data.gaps)
     return _solve(data, turns, context, prior, assumed)
@@ -207,6 +217,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
     mask = np.array([name in ESTIMATED for name in NAMES])
     zero, encoders = np.zeros(len(sigma)), slice(len(sigma) - 2 * len(places), None)
     result = gauss_newton("rate", model, observed, variance, prior, zero, sigma, mask, encoders)
+    added = np.concatenate([_effects(data, t) for t in turns])
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="rate",
@@ -226,8 +237,21 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
                 for t, r in zip(turns, residual, strict=True)
             ]
         },
+        sensitivity=batch_sensitivity(*result.gain, added, mask),
         messages=result.messages + ((("turns_assumed_whole", {"stage": "rate"}),) if assumed else ()),
     )
+
+
+def _effects(data: StageData, turn: Turn) -> FloatArray:
+    """Return what every constant effect adds to the integral of the raw rate over a rotation, rad, shape (3, k)."""
+    stride = max(round(EFFECT_INTERVAL / data.dt), 1)
+    count = max((turn.stop - turn.start) // stride, 2)
+    rate, force = (
+        np.array([part.mean(axis=0) for part in np.array_split(x[turn.start : turn.stop], count)])
+        for x in (data.gyro, data.accel)
+    )
+    motion = Motion(rate, force, np.zeros_like(rate), np.zeros_like(rate), np.zeros(count))
+    return np.asarray(all_errors(motion, (), np.array([count]))[0, :3] * turn.duration)
 
 
 def _earth_integral(

@@ -22,9 +22,12 @@ from calstation.estimation.common import (
     gauss_newton,
     mean_angles,
     rest_mean_variance,
+    rest_noise,
     restricted,
     slope_weights,
+    widened,
 )
+from calstation.estimation.effects import Motion, all_errors, batch_sensitivity
 from calstation.physics import (
     NAMES,
     Dwell,
@@ -92,6 +95,9 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
     """Solve the stage from its rests. Raises InsufficientDataError if faces are missing."""
+    bias = group_indices("gyro_bias")
+    measured = rest_noise(data, context, prior.mean[bias], float(prior.sigma[bias].max()))
+    context = widened(context, measured)
     positions = find_positions(data, context, prior)
     _require_faces(positions, prior)
     return _solve(data, positions, context, prior)
@@ -157,6 +163,10 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
     result = gauss_newton(
         "six_position", model, observed, noise, prior, np.concatenate(nuisance), np.concatenate(sigma), mask
     )
+    force = np.array([p.force for p in positions])
+    still = np.zeros_like(force)
+    motion = Motion(still, force, still, still, np.zeros(len(force)))
+    added = all_errors(motion, (), np.ones(len(force), dtype=np.int64))[:, 3:].reshape(len(observed), -1)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
@@ -171,6 +181,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
                 for p, r in zip(positions, residual, strict=True)
             ]
         },
+        sensitivity=batch_sensitivity(*result.gain, added, mask),
         messages=result.messages,
     )
 

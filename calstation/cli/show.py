@@ -16,11 +16,10 @@ from rich.console import Console
 from rich.table import Table
 
 from calstation.errors import ConfigurationError
-from calstation.estimation.common import CHANNELS, PositionResidual
 from calstation.messages import Value, known, render, sentence, term
 from calstation.physics import DEGREE, display, display_by_unit, number
 from calstation.records import Check
-from calstation.results import Result, cause_text, write_json
+from calstation.results import PositionResidual, Result, cause_text, write_json
 
 #: Marks of a rest or move whose residuals are notable, and of one whose data contradict the model.
 _MARKS = {"good": "", "caution": "!", "bad": "!!"}
@@ -158,7 +157,7 @@ def _channel_error(row: PositionResidual) -> str:
         return ""
     value, unit = display_by_unit(row.error_unit, row.error)
     sigma, _ = display_by_unit(row.error_unit, row.error_sigma)
-    return f"{term('residual', CHANNELS[row.channel])} {number(value, sigma)} {unit}"
+    return f"{term('residual', row.channel_name)} {number(value, sigma)} {unit}"
 
 
 def _sigmas(value: float) -> str:

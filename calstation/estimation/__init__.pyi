@@ -1,8 +1,8 @@
+from .common import Misfit as Misfit
+from .common import ModelTest as ModelTest
 from .method import Estimate as Estimate
 from .method import Innovations as Innovations
 from .method import Method as Method
-from .method import Misfit as Misfit
-from .method import ModelTest as ModelTest
 from .method import Progress as Progress
 from .method import Ranking as Ranking
 from .method import RepeatedSchedule as RepeatedSchedule

@@ -1,6 +1,5 @@
 """Interface of a calibration method: its plan, its solver and the parameters that it estimates."""
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Protocol
@@ -12,6 +11,8 @@ from calstation.estimation.common import (
     Belief,
     Consistency,
     LatitudeEstimate,
+    Misfit,
+    ModelTest,
     RestResiduals,
     SampleBlock,
     ScoreFunction,
@@ -24,6 +25,7 @@ from calstation.estimation.common import (
     rest_residuals,
     stage_data,
 )
+from calstation.estimation.effects import Sensitivity
 from calstation.estimation.positions import Evidence
 from calstation.messages import Text
 from calstation.physics import NAMES, FloatArray, IntArray, Step, TableGeometry
@@ -64,41 +66,6 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Misfit:
-    """What a failed test of the model shows: the cause, its size, and what it does to the result."""
-
-    cause: str  #: Code without its family ``cause`` of the message catalogue.
-    size: float = math.nan  #: Estimated size, in `unit`; NaN where there is none.
-    sigma: float = math.nan  #: Standard deviation of `size`.
-    unit: str = "1"  #: SI
-    moves: Mapping[str, float] = field(default_factory=dict)  #: Shift of each parameter, in its sigmas, by name.
-    values: Mapping[str, Any] = field(default_factory=dict)  #: Further values of the message, JSON values.
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the entries of a check in the result JSON."""
-        size, sigma = (None if math.isnan(value) else value for value in (self.size, self.sigma))
-        entries = {"cause": self.cause, "size": size, "sigma": sigma, "size_unit": self.unit}
-        return {**entries, "moves": dict(self.moves), "values": dict(self.values)}
-
-    @classmethod
-    def from_json(cls, row: Mapping[str, Any]) -> "Misfit":
-        """Read the entries that `to_json` returns from a check in a result JSON."""
-        size, sigma = (math.nan if row[key] is None else row[key] for key in ("size", "sigma"))
-        return cls(row["cause"], size, sigma, row["size_unit"], row["moves"], row["values"])
-
-
-@dataclass(frozen=True)
-class ModelTest:
-    """A test of the model against the data of a stage, and what its failure would mean."""
-
-    kind: str  #: Kind of the check in the result, see `calstation.records.limits.CheckKind`.
-    value: float
-    limit: float | tuple[float, float]  #: Largest value, or (lowest, highest).
-    unit: str
-    misfit: Misfit
-
-
-@dataclass(frozen=True)
 class Solution:
     """Result of solving a stage."""
 
@@ -114,6 +81,7 @@ class Solution:
     found: Mapping[str, Estimate] = field(default_factory=dict)  #: Other estimated values, by contract name.
     evidence: Evidence | None = None  #: Rests and motions of the stage, if the product's checks need them.
     latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
+    sensitivity: Sensitivity | None = None  #: Response to effects outside the model; None if it is not known.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
     misfit: Misfit | None = None  #: Where the innovations are too large, if they fail their test.
     local_scores: ScoreFunction | None = None  #: For diagnosis: score tests of errors during parts of the stage.

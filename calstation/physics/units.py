@@ -49,13 +49,13 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
     "m": ("mm", 1e-3),
     "m/s": ("mm/s", 1e-3),
     "s": ("ms", 1e-3),
-    "ppm": ("ppm", 1e-6),
+    "1": ("ppm", 1e-6),
 }
 
 
 def display_by_unit(unit: str, value: float) -> tuple[float, str]:
     """Convert an SI value that is not a parameter to the display unit of its SI unit; return both."""
-    shown, size = _BY_UNIT.get(unit, (unit if unit != "1" else "", 1.0))
+    shown, size = _BY_UNIT.get(unit, (unit, 1.0))
     return value / size, shown
 
 

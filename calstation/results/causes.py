@@ -1,7 +1,7 @@
 """Sentences about failed tests of the model."""
 
 from calstation.messages import Text, values_from_json
-from calstation.physics import display_by_unit
+from calstation.physics import display, display_by_unit
 from calstation.records import Check
 
 #: Number of parameters that a sentence lists.
@@ -13,8 +13,11 @@ def cause_text(check: Check) -> Text | None:
     found = check.misfit
     if found is None:
         return None
-    size, unit = display_by_unit(found.unit, found.size)
-    sigma, _ = display_by_unit(found.unit, found.sigma)
+    parameter = found.values.get("parameter", "")
+    (size, unit), (sigma, _) = (
+        display(parameter, value) if parameter else display_by_unit(found.unit, value)
+        for value in (found.size, found.sigma)
+    )
     worst = sorted(found.moves, key=lambda name: -abs(found.moves[name]))[:_MOST_MOVES]
     moves = ", ".join(f"{name} {found.moves[name]:+.0f} σ" for name in worst)
     shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": check.subject}

@@ -18,6 +18,7 @@ from calstation.estimation.common import (
     stage_agreement,
     stage_data,
 )
+from calstation.estimation.effects import EffectTests
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
@@ -28,6 +29,10 @@ from procedures import method
 
 #: A change of the posterior less probable than this contradicts the stages before.
 LEAST_PROBABILITY = 1e-6
+
+#: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect moves a parameter by
+#: more than `LEAST_MOVE` of its sigmas.
+MOST_EXCESS, LEAST_MOVE = 30.0, 3.0
 
 #: Type of a function that starts reading the samples of a log from the beginning.
 Blocks = Callable[[], Iterable[SampleBlock]]
@@ -64,6 +69,7 @@ class StageChain:
         #: Parameters that compensate the effect of the registers, which leaves the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
         imu = self._context.imu
+        self._effects = EffectTests(self.prior.sigma)
         self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
 
     def warm(self) -> None:
@@ -110,7 +116,8 @@ class StageChain:
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
-        solution = replace(solution, tests=(*solution.tests, *self._agreement(solution)))
+        tests = (*solution.tests, *self._agreement(solution), *self._effects_outside(solution))
+        solution = replace(solution, tests=tests, sensitivity=None)
         self.belief = solution.belief
         self.solutions.append(solution)
         return solution
@@ -124,6 +131,19 @@ class StageChain:
         values = {"other": last[next(iter(found.moves))], "group": found.group, "probability": found.probability}
         misfit = Misfit("stages_disagree", moves=found.moves, values=values)
         return [ModelTest("agreement", found.probability, (LEAST_PROBABILITY, 1.0), "1", misfit)]
+
+    def _effects_outside(self, solution: Solution) -> list[ModelTest]:
+        """Test for effects outside the error model with all stages so far."""
+        if solution.sensitivity is None:
+            return []
+        self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
+        found = [f for f in self._effects.found(solution.belief) if f.largest_move > LEAST_MOVE]
+        if not found:
+            return []
+        first = found[0]
+        values = {"component": first.component, "parameter": first.parameter, "during": first.stage}
+        misfit = Misfit(first.cause, first.size, first.sigma, first.unit, first.moves, values)
+        return [ModelTest("effects", first.excess, MOST_EXCESS, "1", misfit)]
 
     def skip_stage(self, reason: Text) -> None:
         """Skip the started stage; the next one begins with the posterior of the previous one."""

@@ -16,9 +16,9 @@ from calstation.estimation.common import (
     StageResiduals,
     rest_residuals,
     stage_data,
-    upward_axis,
 )
 from calstation.estimation.common.by_position import normal_deviate
+from calstation.estimation.common.residuals import upward_axis
 from calstation.estimation.method import Solution
 from calstation.messages import sentence
 from calstation.records import Check

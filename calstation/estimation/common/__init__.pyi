@@ -14,7 +14,6 @@ from .by_position import PositionResidual as PositionResidual
 from .by_position import ScoreFunction as ScoreFunction
 from .by_position import StageResiduals as StageResiduals
 from .by_position import position_residuals as position_residuals
-from .by_position import upward_axis as upward_axis
 from .context import Belief as Belief
 from .context import ImuModel as ImuModel
 from .context import Secondary as Secondary
@@ -32,6 +31,11 @@ from .least_squares import nis_consistency as nis_consistency
 from .least_squares import restricted as restricted
 from .localisation import Concentration as Concentration
 from .localisation import concentration as concentration
+from .measured_noise import noise_tests as noise_tests
+from .measured_noise import rest_noise as rest_noise
+from .measured_noise import widened as widened
+from .model_test import Misfit as Misfit
+from .model_test import ModelTest as ModelTest
 from .noise import BIAS_DRIFT_PER_INSTABILITY as BIAS_DRIFT_PER_INSTABILITY
 from .noise import BIAS_DRIFT_TIME as BIAS_DRIFT_TIME
 from .noise import FilterNoise as FilterNoise

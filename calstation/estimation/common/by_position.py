@@ -15,24 +15,12 @@ from calstation.physics import FloatArray, IntArray, group_indices
 
 #: A smaller rotation, rad, is no move; earth rate is 0.25° per minute.
 SMALLEST_MOVE = np.deg2rad(1.0)
-#: Cosine of 30°; a rest is named after the body axis within this angle of up.
-_UPWARD = np.cos(np.deg2rad(30.0))
 #: Names of the joints in a residual.
 _JOINTS = ("outer", "inner")
 #: Sigmas above which a rest or move is notable, and above which its data contradict the model.
 NOTABLE, EXCESSIVE = 4.0, 5.0
 #: Names of the channels.
 CHANNELS = tuple(f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz")
-
-
-def upward_axis(up: FloatArray) -> str:
-    """Return the signed body axis within 30° of `up`, such as "-z", or else those it lies between, such as "+x+y".
-
-    `up` is a unit vector in b, shape (3,).
-    """
-    size = np.abs(up)
-    named = [int(np.argmax(size))] if size.max() > _UPWARD else np.flatnonzero(size > 0.5 * size.max())
-    return "".join(("+" if up[axis] > 0.0 else "-") + "xyz"[axis] for axis in named)
 
 
 @dataclass(frozen=True)
@@ -127,6 +115,11 @@ class PositionResidual:
         return "rad/s" if self.channel is not None and self.channel < 3 else "m/s²"
 
     @property
+    def channel_name(self) -> str:
+        """Name of `channel`, "" if there is none."""
+        return "" if self.channel is None else CHANNELS[self.channel]
+
+    @property
     def component_name(self) -> str:
         """Name of `component`: of the velocity in the level frame, or the body axis in a stage without the filter."""
         return "xyz"[self.component] if self.channel is None else ("east", "north", "up")[self.component]
@@ -195,7 +188,7 @@ def position_residuals(
         if rest is None:
             axis, turned, body = _rotation(data, start, stop, found)
         else:
-            axis, turned, body = upward_axis(rests.up[rest]), 0.0, ""
+            axis, turned, body = rests.axis(rest), 0.0, ""
         residual = (np.nan, np.nan, np.nan) if rest is None else rests.in_sigma(rest)
         excess = np.nan
         if freedom:

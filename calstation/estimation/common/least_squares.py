@@ -29,6 +29,8 @@ class MapResult:
     nuisance: FloatArray  #: Posterior mean of the nuisance parameters, shape (k,).
     residual: FloatArray  #: Observations minus model at the solution, shape (m,).
     redundancy: "Redundancy"  #: What the observations say beyond the unknowns, at the solution.
+    #: Jacobian and gain of the parameters, shapes (m, 30) and (30, m), covariance and innovation of the last iteration.
+    gain: tuple[FloatArray, FloatArray, FloatArray, FloatArray]
     messages: tuple[tuple[str, Mapping[str, Any]], ...] = ()  #: ``not_settled`` if the iteration did not converge.
 
 
@@ -124,13 +126,14 @@ def gauss_newton(
             break
     not_settled = ("not_settled", {"stage": stage, "passes": MOST_ITERATIONS})
     belief = Belief(posterior[:COUNT], covariance[:COUNT, :COUNT])
+    gain = H[:, :COUNT], np.asarray(K[:COUNT], np.float64), S, innovation
     predicted = model(posterior[:COUNT], posterior[COUNT:])
     H, residual = _jacobian(model, posterior, scale, predicted), observed - predicted
     measured = np.zeros(len(mean), dtype=bool)
     measured[COUNT:][noisy] = True
     unknown, error = np.where(measured, 0.0, H), np.where(measured, H, 0.0)
     found = redundant(unknown @ P @ unknown.T, R + error @ P @ error.T, residual - H @ (mean - posterior))
-    return MapResult(belief, posterior[COUNT:], residual, found, () if moved < CONVERGED else (not_settled,))
+    return MapResult(belief, posterior[COUNT:], residual, found, gain, () if moved < CONVERGED else (not_settled,))
 
 
 def redundant(explained: FloatArray, noise: FloatArray, innovation: FloatArray) -> Redundancy:

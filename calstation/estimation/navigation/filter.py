@@ -8,6 +8,7 @@ Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14; resets: Savage, 
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
@@ -62,6 +63,17 @@ class History:
         return np.asarray(np.sum(self.innovation**2, axis=1))
 
 
+class Update(NamedTuple):
+    """A group of observations as it was processed, for r rows and n states."""
+
+    transition: FloatArray  #: Transition of φ, δv and δp over the group, shape (9, n).
+    decay: FloatArray  #: Decay of the bias drift over the group, shape (n − 39,).
+    H: FloatArray  #: Jacobian of the observations, shape (r, n).
+    gain: FloatArray  #: Shape (n, r).
+    covariance: FloatArray  #: Covariance of the innovations, shape (r, r).
+    innovation: FloatArray  #: Shape (r,); empty for the observation at a start, after φ, δv and δp were reset.
+
+
 #: Empty reference, with which the loop is closed.
 _FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
 
@@ -91,11 +103,11 @@ class NavigationFilter:
         self._history: list[tuple[FloatArray | IntArray, ...]] = [
             (np.empty(0, np.int64), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)))
         ]
+        #: Every update of a pass that follows a reference.
+        self.updates: list[Update] = []
         #: Number of observations in a group.
         self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
         self._groups: dict[int, VelocityGroup] = {}
-        #: Numbers of samples before the observations of the last group; None right after a start.
-        self.last_group: IntArray | None = None
         self._arm_velocity = np.zeros(3)
         self._has_drift = bool(np.any(self.noise.bias_drift))
         size = STATES + len(BIAS) if self._has_drift else STATES
@@ -140,7 +152,6 @@ class NavigationFilter:
         Assuming zero would ignore the effect of the gyro bias uncertainty on the velocity of the lever arm.
         """
         kf = self.kf
-        self.last_group = None
         kf.x[:PARAMETER_START] = 0.0
         kf.x[:3] = rotation_vector(start.prior @ attitude.T)
         kf.P[:PARAMETER_START, :] = 0.0
@@ -159,6 +170,7 @@ class NavigationFilter:
         if self._has_drift:
             H[:, STATES:] = H[:, BIAS]
         kf.update(z, np.eye(3) * self.setting.variance, H)
+        self.updates.append(Update(np.empty((0, 0)), np.empty(0), H, kf.K, kf.S, np.empty(0)))
 
     def observe(
         self, data: StageData, start: int, count: int, follow: tuple[FloatArray, FloatArray] | None = None
@@ -181,11 +193,14 @@ class NavigationFilter:
             kf.x[:PARAMETER_START] += group.shift
         kf.update_correlated(group.z, kf.R, kf.H)
         make_symmetric(kf.P)
-        index = self.last_group = start + self.stride * np.arange(1, count + 1)
+        index = start + self.stride * np.arange(1, count + 1)
         innovation = whitened(kf.S, kf.y).reshape(count, 3)
         self._history.append((index, group.attitude.copy(), group.rate.copy(), innovation))
         if follow is None:
             self._feed_back()
+        else:
+            decay = np.diag(kf.F)[STATES:].copy()
+            self.updates.append(Update(kf.F[:PARAMETER_START].copy(), decay, kf.H.copy(), kf.K, kf.S, kf.y))
 
     def _group(self, count: int) -> VelocityGroup:
         """Return the arrays for a group of `count` observations, including the decay of bias drift over the group."""

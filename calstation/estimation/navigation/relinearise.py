@@ -19,7 +19,7 @@ from calstation.estimation.common import (
     Start,
     starts,
 )
-from calstation.estimation.navigation.filter import History, NavigationFilter
+from calstation.estimation.navigation.filter import History, NavigationFilter, Update
 from calstation.physics import (
     BoolArray,
     FloatArray,
@@ -43,16 +43,6 @@ NARROW_AZIMUTH_SIGMA = 0.3
 
 
 @dataclass(frozen=True)
-class Linearisation:
-    """What a pass is linearised at."""
-
-    starts: tuple[Start, ...]  #: Starts of the segments that were solved.
-    attitudes: tuple[FloatArray, ...]  #: Start attitudes, C_bn, shape (3, 3).
-    point: FloatArray  #: Parameters, SI, shape (30,).
-    smooth: bool  #: Whether the pass follows a smoothed reference.
-
-
-@dataclass(frozen=True)
 class NavigationResult:
     """Posterior of the parameters after the last pass."""
 
@@ -64,11 +54,7 @@ class NavigationResult:
     passes: int
     converged: bool  #: Whether the last pass made no significant change.
     azimuth_free: bool  #: Whether the azimuth was found from the data alone.
-
-    @property
-    def linearisation(self) -> Linearisation:
-        """Linearisation of the last pass."""
-        return Linearisation(self.starts, self.attitudes, self.point, smooth=self.passes > 1)
+    updates: tuple[Update, ...]  #: Every update of the last pass, in order.
 
 
 def solve_navigation(
@@ -78,11 +64,18 @@ def solve_navigation(
     prior: Belief,
     estimated: BoolArray,
     progress: Progress | None = None,
+    near: NavigationResult | None = None,
 ) -> NavigationResult:
     """Iterate passes until they converge, relinearising the `estimated` parameters.
 
-    Raises InsufficientDataError if no segment contains a rest for alignment.
+    The first pass linearises about the solution `near`, if there is one. Raises InsufficientDataError if no segment
+    contains a rest for alignment.
     """
+    if near is not None:
+        solver = _Relinearisation(data, context, prior, estimated, _Meter(progress, USUAL_PASSES), near.passes)
+        return replace(
+            solver.iterate(list(near.starts), list(near.attitudes), near.point), azimuth_free=near.azimuth_free
+        )
     found = starts(data, context, prior)
     if not found:
         raise InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt)
@@ -133,7 +126,7 @@ class _Relinearisation:
     prior: Belief
     estimated: BoolArray
     meter: _Meter
-    passes: int = field(default=0, init=False)
+    passes: int = 0
 
     def first_point(self, start: Start) -> FloatArray:
         """Return the first linearisation point: the prior mean, or the first rest's gyro bias where more accurate."""
@@ -176,7 +169,15 @@ class _Relinearisation:
             attitudes = self._carry_back(run, target, found, ends)
             point = target
         return NavigationResult(
-            belief, run.history, tuple(found), tuple(attitudes), point, self.passes, converged, azimuth_free=False
+            belief,
+            run.history,
+            tuple(found),
+            tuple(attitudes),
+            point,
+            self.passes,
+            converged,
+            azimuth_free=False,
+            updates=tuple(run.updates),
         )
 
     def _pass(

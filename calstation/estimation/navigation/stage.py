@@ -17,16 +17,20 @@ from calstation.estimation.common import (
     Spool,
     TableModel,
     nis_consistency,
+    noise_tests,
+    rest_noise,
     restricted,
     since,
     stage_data,
     starts,
+    widened,
 )
 from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.estimation.navigation.local_scores import local_scores
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
-from calstation.estimation.navigation.relinearise import solve_navigation
-from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, FloatArray
+from calstation.estimation.navigation.response import filter_sensitivity
+from calstation.estimation.navigation.table_noise import solve_with_table_noise
+from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, FloatArray, group_indices
 
 #: Duration of data after a start that the live filter needs for alignment, s.
 LIVE_ALIGNMENT = 5.0
@@ -98,7 +102,10 @@ class NavigationStage:
         """Solve the stored stage. Raises InsufficientDataError if it has no rest for alignment."""
         data = stage_data(list(self._spool.blocks()), self.context.imu)
         mask = np.array([name in self.estimated for name in NAMES])
-        result = solve_navigation(self.stage, data, self.context, self.prior, mask, progress)
+        bias = group_indices("gyro_bias")
+        measured = rest_noise(data, self.context, self.prior.mean[bias], float(self.prior.sigma[bias].max()))
+        before = widened(self.context, measured)
+        result, context = solve_with_table_noise(self.stage, data, before, self.prior, mask, progress)
         nis = result.history.nis
         messages: list[tuple[str, dict[str, Any]]] = []
         if result.azimuth_free:
@@ -111,11 +118,15 @@ class NavigationStage:
             estimated=self.estimated,
             consistency=nis_consistency(float(np.sum(nis)), len(nis), 3),
             gaps=data.gaps,
-            observability=observability_analysis(data, result.history, self.context, self.prior, result.point),
+            observability=observability_analysis(data, result.history, context, self.prior, result.point),
             details={"passes": result.passes, "segments": len(result.starts)},
             messages=tuple(messages),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
-            local_scores=partial(local_scores, context=self.context, prior=self.prior, linearised=result.linearisation),
+            tests=noise_tests(self.context, context, measured),
+            sensitivity=filter_sensitivity(
+                result.updates, result.history, data, result.starts, context, result.point, mask
+            ),
+            local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
         return with_misfit(solution, data, self.context)
 

@@ -11,12 +11,11 @@ from PySide6.QtCore import QEvent, QPoint, QPointF, QRectF
 from PySide6.QtGui import QHelpEvent, QResizeEvent
 from PySide6.QtWidgets import QToolTip, QWidget
 
-from calstation.estimation.common import CHANNELS, EXCESSIVE, NOTABLE, PositionResidual, upward_axis
 from calstation.gui.engineer.shared_views import ROW, Band, CellTable, StackedPlots, StageCombo, dashed
 from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import Column, ElidedLabel, EmptyState, ThemedPlot, column, label, row, scroll_area, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, OBSERVABLE, FloatArray, display_by_unit
-from calstation.results import Diagnostics, StageDiagnostics
+from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual, StageDiagnostics
 from calstation.sequencer import StageRanked
 
 #: Maximum number of observations within ±3 σ drawn per plot; larger numbers are decimated.
@@ -219,7 +218,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         plot.setYRange(-reach, reach, padding=0.0)
 
     def _name_ticks(self) -> None:
-        ticks = [(k, upward_axis(stage.rests.up[i]).replace("-", "−")) for k, (stage, i) in enumerate(self._rests)]
+        ticks = [(k, stage.rests.axis(i).replace("-", "−")) for k, (stage, i) in enumerate(self._rests)]
         room = max(1, (self.plots[-1].width() - _LEFT) // (4 * theme.GRID))
         self.plots[-1].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
 
@@ -261,7 +260,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         if row.channel is not None:
             error, unit = display_by_unit(row.error_unit, row.error)
             sigma, _ = display_by_unit(row.error_unit, row.error_sigma)
-            shown = {"channel": CHANNELS[row.channel], "error": error, "sigma": sigma, "unit": unit}
+            shown = {"channel": row.channel_name, "error": error, "sigma": sigma, "unit": unit}
             text += say("engineer.residual_error", **shown, ratio=row.error / row.error_sigma)
         if row.freedom:
             text += say("engineer.residual_test", excess=row.excess, component=row.component_name, mean=row.mean)

@@ -1,0 +1,9 @@
+from .candidates import CONSTANT as CONSTANT
+from .candidates import Candidate as Candidate
+from .candidates import Motion as Motion
+from .candidates import changing as changing
+from .score import EffectFound as EffectFound
+from .score import EffectTests as EffectTests
+from .sensitivity import Sensitivity as Sensitivity
+from .sensitivity import all_errors as all_errors
+from .sensitivity import batch_sensitivity as batch_sensitivity

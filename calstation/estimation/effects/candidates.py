@@ -1,0 +1,142 @@
+"""Effects outside the 30-parameter model that are tested: the sensor error that each one adds, per unit of its size.
+
+Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and accelerometers); Cai, Yang, Song, Wang, *Measurement
+Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.physics import AXES, FloatArray
+
+#: Times within a stage at which a bias or scale factor may jump, as fractions of its duration.
+JUMPS = tuple((k + 1) / 8.0 for k in range(7))
+#: Time constant of a warm-up, s.
+WARM_UP = 300.0
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of an IMU in n intervals, in body axes."""
+
+    rate: FloatArray  #: Angular rate, rad/s, shape (n, 3).
+    force: FloatArray  #: Specific force, m/s², shape (n, 3).
+    angular_acceleration: FloatArray  #: rad/s², shape (n, 3)
+    jerk: FloatArray  #: Rate of change of the specific force in body axes, m/s³, shape (n, 3).
+    time: FloatArray  #: Time since the start of the stage, s, shape (n,).
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect with as many unknown sizes as it has components."""
+
+    cause: str  #: Code of the message catalogue's family ``cause``.
+    unit: str  #: Unit of its sizes, SI.
+    #: Standard deviation with which a size is expected; None for that of the parameter before calibration. A regressor
+    #: that is little more than noise would otherwise be given an absurd size.
+    plausible: float | None
+    components: tuple[str, ...]  #: Names of the components: axes or pairs of axes, or "".
+    #: (motion) -> error of the six channels per unit of each size, shape (n, 6, k).
+    errors: Callable[[Motion], FloatArray]
+    parameter: str = ""  #: Parameter that changes during the stage; "" for an effect that is always there.
+    #: Change of that parameter from the start to the end of the stage per unit of each size, given its duration, s.
+    change: Callable[[float], FloatArray] = lambda duration: np.zeros(0)
+
+
+def _diagonal(sensor: int, values: FloatArray) -> FloatArray:
+    """Place the errors of three axes, shape (n, 3), on the channels of a sensor: one component each."""
+    errors = np.zeros((len(values), 6, 3))
+    for axis in range(3):
+        errors[:, 3 * sensor + axis, axis] = values[:, axis]
+    return errors
+
+
+def _g_sensitivity(m: Motion) -> FloatArray:
+    errors = np.zeros((len(m.force), 6, 9))
+    for i in range(3):
+        errors[:, i, 3 * i : 3 * i + 3] = m.force
+    return errors
+
+
+def _cross(m: Motion) -> FloatArray:
+    errors = np.zeros((len(m.force), 6, 6))
+    for k, (i, j) in enumerate(_PAIRS):
+        errors[:, 3 + i, k] = m.force[:, i] * m.force[:, j]
+    return errors
+
+
+def _off_axis(m: Motion) -> FloatArray:
+    """Return the force at an accelerometer displaced along another axis: ω̇×d + ω×(ω×d), of which it senses its own."""
+    errors = np.zeros((len(m.rate), 6, 6))
+    for k, (i, j) in enumerate(_PAIRS):
+        unit = np.eye(3)[j]
+        force = np.cross(m.angular_acceleration, unit) + np.cross(m.rate, np.cross(m.rate, unit))
+        errors[:, 3 + i, k] = force[:, i]
+    return errors
+
+
+def _skew(m: Motion) -> FloatArray:
+    return np.concatenate([np.zeros_like(m.jerk), -m.jerk], axis=1)[:, :, None]
+
+
+#: Axis of an accelerometer and another axis.
+_PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
+_PAIR_NAMES = tuple(f"{AXES[i]}{AXES[j]}" for i, j in _PAIRS)
+_AXES = tuple(AXES)
+
+#: Effects that are there all the time.
+CONSTANT: tuple[Candidate, ...] = (
+    Candidate("g_sensitivity", "rad·s/m", 1e-4, tuple(f"{a}{b}" for a in AXES for b in AXES), _g_sensitivity),
+    Candidate("gyro_asymmetry", "1", 1e-2, _AXES, lambda m: _diagonal(0, np.abs(m.rate))),
+    Candidate("gyro_square", "s/rad", 1e-2, _AXES, lambda m: _diagonal(0, m.rate**2)),
+    Candidate("gyro_cubic", "s²/rad²", 1e-2, _AXES, lambda m: _diagonal(0, m.rate**3)),
+    Candidate("accel_cubic", "s⁴/m²", 1e-5, _AXES, lambda m: _diagonal(1, m.force**3)),
+    Candidate("accel_cross", "s²/m", 1e-4, _PAIR_NAMES, _cross),
+    Candidate("accel_asymmetry", "1", 1e-2, _AXES, lambda m: _diagonal(1, np.abs(m.force))),
+    Candidate("accel_off_axis", "m", 0.1, _PAIR_NAMES, _off_axis),
+    Candidate("time_skew", "s", 0.02, ("",), _skew),
+)
+
+
+def changing(duration: float) -> Iterator[Candidate]:
+    """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s."""
+    for sensor, (name, bias_unit) in enumerate((("gyro", "rad/s"), ("accel", "m/s²"))):
+        for what, unit in (("bias", bias_unit), ("scale", "1")):
+            for axis in range(3):
+                parameter = f"{name}_{what}_{AXES[axis]}"
+                yield Candidate(
+                    "drift", unit, None, ("", ""), _changing(sensor, what, axis, _drift, duration), parameter,
+                    lambda end: _drift(np.array([end]), end)[0],
+                )  # fmt: skip
+                for share in JUMPS:
+                    yield Candidate(
+                        "jump", unit, None, ("",), _changing(sensor, what, axis, _jump(share), duration), parameter,
+                        lambda _: np.ones(1),
+                    )  # fmt: skip
+
+
+def _drift(time: FloatArray, duration: float) -> FloatArray:
+    """Return a ramp and a warm-up, each of size 1 at the end of the stage, shape (n, 2)."""
+    settled = -np.expm1(-time / WARM_UP) / -np.expm1(-duration / WARM_UP)
+    return np.stack([time / duration, settled], axis=1)
+
+
+def _jump(share: float) -> Callable[[FloatArray, float], FloatArray]:
+    return lambda time, duration: (time >= share * duration).astype(float)[:, None]
+
+
+def _changing(
+    sensor: int, what: str, axis: int, shape: Callable[[FloatArray, float], FloatArray], duration: float
+) -> Callable[[Motion], FloatArray]:
+    """Return the error of a channel whose bias or scale factor changes over time by `shape`."""
+
+    def errors(m: Motion) -> FloatArray:
+        course = shape(m.time, duration)
+        found = np.zeros((len(course), 6, course.shape[1]))
+        input_ = (m.rate, m.force)[sensor][:, axis : axis + 1] if what == "scale" else 1.0
+        found[:, 3 * sensor + axis] = course * input_
+        return found
+
+    return errors

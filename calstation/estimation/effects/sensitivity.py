@@ -1,0 +1,61 @@
+"""Response of a stage's innovations and estimates to errors of the prior and to effects outside the model.
+
+Without the model knowing of an effect, it adds J θ to the innovations and leaves the error D θ in the estimate (truth
+minus estimate). Both follow from the gains of the estimator, whatever they are.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.effects.candidates import CONSTANT, Candidate, Motion
+from calstation.physics import COUNT, BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Score and information of c columns, and the errors that they leave.
+
+    The columns are an error of each parameter's prior mean (30), the components of `CONSTANT`, and those of `changing`.
+    """
+
+    score: FloatArray  #: Jᵀ S⁻¹ ν, shape (c,).
+    information: FloatArray  #: Jᵀ S⁻¹ J, shape (c, c).
+    error: FloatArray  #: D: error left in each parameter, truth minus estimate, shape (30, c).
+    changing: tuple[Candidate, ...] = ()  #: Effects that change a parameter during the stage.
+    duration: float = 0.0  #: Duration of the stage, s.
+
+
+def all_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> FloatArray:
+    """Return the errors of the six channels due to the constant effects and `candidates`, shape (k, 6, components).
+
+    They are averaged over k groups of `counts` intervals, shape (k,).
+    """
+    first = np.cumsum(counts) - counts
+    means = [np.add.reduceat(c.errors(motion), first) / counts[:, None, None] for c in (*CONSTANT, *candidates)]
+    return np.concatenate(means, axis=2)
+
+
+def batch_sensitivity(
+    jacobian: FloatArray,
+    gain: FloatArray,
+    covariance: FloatArray,
+    innovation: FloatArray,
+    added: FloatArray,
+    estimated: BoolArray,
+) -> Sensitivity:
+    """Return the sensitivity of an estimate from m observations in one batch.
+
+    Parameters
+    ----------
+    jacobian, gain : of the 30 parameters, shapes (m, 30) and (30, m)
+    covariance, innovation : of the innovations, shapes (m, m) and (m,)
+    added : what each component of `CONSTANT` adds to the observations, shape (m, components)
+    estimated : True for the parameters that the gain corrects, shape (30,)
+    """
+    response = np.hstack([jacobian, added])
+    weighted = np.linalg.solve(covariance, response)
+    before = np.eye(COUNT, response.shape[1])
+    error = before - np.where(estimated[:, None], gain, 0.0) @ response
+    return Sensitivity(weighted.T @ innovation, response.T @ weighted, error)

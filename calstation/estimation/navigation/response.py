@@ -1,0 +1,103 @@
+"""Response of the navigation filter to errors of its prior and to effects outside the model."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from calstation.estimation.common import SolveContext, StageData, Start
+from calstation.estimation.effects import Motion, Sensitivity, all_errors, changing
+from calstation.estimation.navigation.filter import History, Update
+from calstation.estimation.navigation.velocity_group import BIAS
+from calstation.physics import (
+    COUNT,
+    PARAMETER_START,
+    STATES,
+    UP,
+    BoolArray,
+    FloatArray,
+    compensate,
+    compensation,
+    group_vector,
+    rotation_rate,
+)
+
+
+def filter_sensitivity(
+    updates: Sequence[Update],
+    history: History,
+    data: StageData,
+    starts: Sequence[Start],
+    context: SolveContext,
+    point: FloatArray,
+    estimated: BoolArray,
+) -> Sensitivity:
+    """Follow errors of the prior and effects through the updates of a pass.
+
+    An effect is an additional sensor error, averaged over each group of observations.
+    """
+    duration = len(data) * data.dt
+    candidates = tuple(changing(duration))
+    parameters = np.zeros((STATES + (len(BIAS) if updates[0].H.shape[1] > STATES else 0), COUNT))
+    parameters[PARAMETER_START:STATES] = np.eye(COUNT)
+    motion = _motion(history, data, starts, context, point)
+    rows = [len(u.innovation) // 3 for u in updates]
+    counts = np.array([n for n in rows if n])
+    errors = all_errors(motion, candidates, counts)
+    columns = COUNT + errors.shape[2]
+    error = np.zeros((len(parameters), columns))
+    error[:, :COUNT] = parameters
+    score, information = np.zeros(columns), np.zeros((columns, columns))
+    group = 0
+    for update in updates:
+        if not len(update.innovation):
+            error[:PARAMETER_START] = 0.0
+            error -= update.gain @ (update.H @ error)
+            continue
+        added = errors[group]
+        group += 1
+        moved = update.transition @ error
+        moved[:, COUNT:] += update.transition[:, BIAS] @ added
+        error[:PARAMETER_START] = moved
+        error[STATES:] *= update.decay[:, None]
+        response = update.H @ error
+        response[:, COUNT:] += update.H[:, BIAS] @ added
+        root = np.linalg.cholesky(update.covariance)
+        white = solve_triangular(root, np.column_stack([response, update.innovation]), lower=True)
+        product = white.T @ white
+        information += product[:-1, :-1]
+        score += product[:-1, -1]
+        error -= update.gain @ response
+    left = np.where(estimated[:, None], error[PARAMETER_START:STATES], np.eye(COUNT, columns))
+    return Sensitivity(score, information, left, candidates, duration)
+
+
+def _motion(
+    history: History, data: StageData, starts: Sequence[Start], context: SolveContext, point: FloatArray
+) -> Motion:
+    """Return the motion in every interval between observations.
+
+    The force is that of gravity and of the lever arm: the measured one contains the vibration of the base, which is the
+    noise of the observations.
+    """
+    earth, gravity = rotation_rate(context.site.latitude), context.site.local_gravity
+    constants, lever = compensation(point), group_vector(point, "outer_lever")
+    parts: list[tuple[FloatArray, ...]] = []
+    for start in starts:
+        mine = (history.index > start.begin) & (history.index <= start.end)
+        index, C, rate = history.index[mine], history.attitude[mine], history.rate[mine]
+        stride = int(index[0]) - start.begin
+        T = stride * data.dt
+        stop = start.begin + stride * len(index)
+        mean = data.gyro[start.begin : stop].reshape(len(index), stride, 3).mean(axis=1)
+        omega, _ = compensate(constants, mean, np.zeros_like(mean))
+        turning = rate - np.einsum("nji,j->ni", C, earth)
+        arm = np.einsum("nij,nj->ni", C, np.cross(turning, lever))
+        acceleration = np.diff(arm, axis=0, prepend=arm[:1]) / T + gravity * UP
+        before = np.concatenate([C[:1], C[:-1]])
+        force = 0.5 * np.einsum("nji,nj->ni", C + before, acceleration)
+        time = (data.seq[index - 1] - data.seq[0]) * data.dt
+        several = len(index) > 1
+        slopes = (np.gradient(x, T, axis=0) if several else np.zeros_like(x) for x in (omega, force))
+        parts.append((omega, force, *slopes, time))
+    return Motion(*(np.concatenate(column) for column in zip(*parts, strict=True)))

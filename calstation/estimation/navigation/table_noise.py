@@ -1,0 +1,55 @@
+"""Solves a stage with the vibration of the table that its innovations show, instead of that in the table's profile."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calstation.estimation import Progress
+from calstation.estimation.common import Belief, SolveContext, StageData
+from calstation.estimation.navigation.filter import History
+from calstation.estimation.navigation.relinearise import NavigationResult, solve_navigation
+from calstation.physics import BoolArray, FloatArray
+
+#: The profile's noise is used if the median of the normalised innovation squared is within this factor of its own.
+_AGREES = 1.25
+#: Median of the χ² distribution with 3 degrees of freedom.
+_MEDIAN = 2.366
+_MOST_ADJUSTMENTS = 4
+#: A rotation between two observations slower than this, rad/s, is rest.
+_AT_REST = np.deg2rad(0.1)
+#: Fewest observations at rest, or in motion, of which the median is used.
+_FEWEST = 50
+
+
+def solve_with_table_noise(
+    stage: str,
+    data: StageData,
+    context: SolveContext,
+    prior: Belief,
+    estimated: BoolArray,
+    progress: Progress | None = None,
+) -> tuple[NavigationResult, SolveContext]:
+    """Solve a stage, and again with the velocity noise that its innovations show if that differs from the profile's.
+
+    Returns the result and the context with that noise. The median does not notice an effect in a part of the stage, and
+    the larger one of rests and motions counts. Raises InsufficientDataError if no segment contains a rest.
+    """
+    result = solve_navigation(stage, data, context, prior, estimated, progress)
+    for _ in range(_MOST_ADJUSTMENTS):
+        ratio = _ratio(result.history, data.dt)
+        if 1.0 / _AGREES < ratio < _AGREES:
+            break
+        sigma = context.table.velocity_sigma * float(np.sqrt(ratio))
+        context = replace(context, table=replace(context.table, velocity_sigma=sigma))
+        result = solve_navigation(stage, data, context, prior, estimated, near=result)
+    return result, context
+
+
+def _ratio(history: History, dt: float) -> float:
+    """Return the ratio of the innovations' variance to the predicted one."""
+    turned = np.einsum("nij,nij->n", history.attitude[1:], history.attitude[:-1])
+    angle: FloatArray = np.arccos(np.clip(0.5 * (turned - 1.0), -1.0, 1.0))
+    still = angle < _AT_REST * dt * np.maximum(np.diff(history.index), 1)
+    nis = history.nis[1:]
+    parts = [part for part in (nis[still], nis[~still]) if len(part) >= _FEWEST]
+    return max((float(np.median(part)) / _MEDIAN for part in parts), default=1.0)

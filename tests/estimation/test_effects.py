@@ -1,0 +1,115 @@
+"""Score tests find effects outside the model, with the sizes and shifts that adding them to the model would give."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calstation.estimation.common import Belief, SampleBlock, SolveContext
+from calstation.estimation.effects import CONSTANT, EffectFound, EffectTests, Motion, batch_sensitivity
+from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS, compensate, compensation
+from calstation.simulation.study import draw_unit, simulate_stages, study_prior
+from procedures import DEFAULT_STAGES, method
+
+SIGMA = np.array([p.prior_sigma for p in PARAMETERS])
+
+
+def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
+    random = np.random.default_rng(1)
+    count = sum(len(c.components) for c in CONSTANT)
+    H, added = random.normal(size=(80, COUNT)) / SIGMA, random.normal(size=(80, count))
+    truth = SIGMA * random.normal(size=COUNT)
+    tests, belief = EffectTests(SIGMA), Belief(np.zeros(COUNT), np.diag(SIGMA**2))
+    size = 0.02 * np.array([c.plausible for c in CONSTANT if c.cause == "time_skew"])[0]
+    observed = H @ truth + size * added[:, -1] + 1e-4 * random.normal(size=80)
+    for rows in (slice(0, 45), slice(45, 80)):
+        h, y = H[rows], observed[rows] - H[rows] @ belief.mean
+        S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
+        K = np.linalg.solve(S, h @ belief.covariance).T
+        tests.add("a stage", batch_sensitivity(h, K, S, y, added[rows], np.ones(COUNT, dtype=bool)), NAMES)
+        belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
+    found = next(f for f in tests.found(belief) if f.cause == "time_skew")
+    augmented, plausible = np.hstack([H, added[:, -1:]]), 0.02
+    normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, plausible**-2.0])
+    solution = np.linalg.solve(normal, augmented.T @ observed * 1e8)
+    assert (found.size, found.sigma) == pytest.approx((solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5)
+    expected = (solution[:COUNT] - belief.mean) / belief.sigma
+    np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
+
+
+def with_effect(
+    block: SampleBlock, context: SolveContext, parameters: np.ndarray, cause: str, size: float
+) -> SampleBlock:
+    """Add the first component of an effect, computed from the samples themselves, to a simulated block."""
+    raw = block.counts * context.imu.count_size
+    smooth = np.ones(10) / 10.0
+    rate, force = (
+        np.stack([np.convolve(column, smooth, "same") for column in x.T], axis=1)
+        for x in compensate(compensation(parameters), raw[:, :3], raw[:, 3:])
+    )
+    dt = 1.0 / context.imu.sample_rate
+    motion = Motion(rate, force, np.gradient(rate, dt, axis=0), np.gradient(force, dt, axis=0), block.time)
+    errors = next(c for c in CONSTANT if c.cause == cause).errors(motion)[:, :, 0]
+    return replace(block, counts=block.counts + size * errors / context.imu.count_size)
+
+
+def solved(
+    seed: int, cause: str, size: float, schedules: dict[str, dict[str, float]], stages: tuple[str, ...]
+) -> tuple[list[EffectFound], np.ndarray, np.ndarray]:
+    """Effects found in the stages of a simulated navigation-grade unit, its errors in sigmas, and the mean NIS."""
+    truth, context = draw_unit("nav", seed, "estimated", instability=False)
+    data = simulate_stages(truth, seed, list(stages), schedules)
+    belief = study_prior("nav", "estimated")
+    tests, nis = EffectTests(belief.sigma), []
+    for stage in stages:
+        m = method(stage)
+        solver = m.solver(context, belief, m.schedule(**schedules.get(stage, {})))
+        solver.feed(with_effect(data[stage], context, truth.parameters, cause, size))
+        solution = solver.finish()
+        belief = solution.belief
+        assert solution.sensitivity is not None
+        tests.add(stage, solution.sensitivity, solution.estimated)
+        nis.append(solution.consistency.nis_mean)
+    return tests.found(belief), (belief.mean - truth.parameters) / belief.sigma, np.array(nis)
+
+
+SHORT = {"excitation": {"dwell_s": 5.0, "rounds": 1}}
+
+
+def test_an_effect_is_named_with_its_size_and_what_it_moves() -> None:
+    found, errors, _ = solved(1, "accel_cubic", 2e-6, SHORT, ("excitation",))
+    first = found[0]
+    assert (first.cause, first.component, first.excess > 30.0) == ("accel_cubic", "x", True)
+    assert first.size == pytest.approx(2e-6, rel=0.1)
+    worst = max(first.moves, key=lambda name: abs(first.moves[name]))
+    assert errors[INDEX[worst]] == pytest.approx(-first.moves[worst], rel=0.1)
+
+
+EFFECTS = {
+    "g_sensitivity": 5e-8,
+    "gyro_asymmetry": 2e-5,
+    "accel_cubic": 1e-6,
+    "accel_off_axis": 5e-3,
+    "time_skew": 2e-3,
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("cause", EFFECTS)
+def test_every_visible_effect_comes_first(cause: str) -> None:
+    found, errors, _ = solved(2, cause, EFFECTS[cause], {}, DEFAULT_STAGES)
+    assert found[0].excess > 30.0
+    alike = {"gyro_asymmetry", "gyro_square"}  # the same at one rate
+    assert found[0].cause in (alike if cause in alike else {cause})
+    first = found[0]
+    for name, move in first.moves.items():
+        assert errors[INDEX[name]] == pytest.approx(-move, abs=4.5 + 0.1 * abs(move))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_sound_unit_has_no_effect(seed: int) -> None:
+    found, errors, nis = solved(seed, "time_skew", 0.0, {}, DEFAULT_STAGES)
+    assert found[0].excess < 20.0
+    assert np.abs(errors).max() < 4.5
+    assert np.all(nis < 3.2)
