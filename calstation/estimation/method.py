@@ -109,7 +109,7 @@ def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> S
     named, by_row = [row.text for row in rows[:_MOST_NAMED]], found.place in ("rest", "move")
     axis = found.axis.split("+") if rows[0].kind == "move" else found.axis
     where = named if by_row else [Text(f"residual.{found.place}", {"axis": axis, "worst": named})]
-    values: dict[str, Any] = {"where": [text.to_json() for text in where], "percent": 100.0 * found.share}
+    values: dict[str, Any] = {"where": [text.to_json() for text in where], "percent": 100.0 * min(found.share, 1.0)}
     if found.signs is not None and scores is not None:
         channel, error, sigma = scores.single(found.rows, found.signs)
         shift = error * scores.shift[:, [6 * k + channel for k in found.rows]] @ found.signs / solution.belief.sigma

@@ -18,10 +18,12 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.common import (
     Consistency,
-    PositionResidual,
     RestResiduals,
     rest_residuals,
     stage_data,
+)
+from calstation.estimation.common import (
+    PositionResidual as PositionResidual,
 )
 from calstation.jobs import ProgressCallback
 from calstation.records import Log, context_from_meta, open_log

@@ -69,7 +69,7 @@ def _single(residuals: StageResiduals) -> Iterator[Concentration]:
         if scores is not None:
             left -= scores.own_explained(k)
             shift = max(scores.explained([k], np.ones(1)), 0.0)
-        share = min((shift + max(left, 0.0)) / total, 1.0)
+        share = (shift + max(left, 0.0)) / total
         yield Concentration(row.kind, (k,), share, np.ones(1) if left < _SCATTER * share * total else None)
 
 
@@ -88,7 +88,7 @@ def _common(residuals: StageResiduals) -> Iterator[Concentration]:
             ordered = _sorted(chosen, rows)
             signs = np.array([-1.0 if rows[k].body.startswith("-") else 1.0 for k in ordered])
             for sign in (np.ones(len(ordered)), signs):
-                share = min(scores.explained(ordered, sign) / total, 1.0)
+                share = scores.explained(ordered, sign) / total
                 yield Concentration(place, ordered, share, sign, axis)
 
 
@@ -102,7 +102,7 @@ def _scattered(rows: Sequence[PositionResidual], *, by_axis: bool = False) -> It
     for (place, axis), chosen in sets.items():
         inside, share = _excess([rows[k] for k in chosen]), sum(rows[k].freedom for k in chosen) / freedom
         if inside * (1.0 - share) > _DENSER * (total - inside) * share:
-            yield Concentration(place, _sorted(chosen, rows), min(inside / total, 1.0), axis=axis)
+            yield Concentration(place, _sorted(chosen, rows), inside / total, axis=axis)
 
 
 def _sorted(chosen: Sequence[int] | np.ndarray, rows: Sequence[PositionResidual]) -> tuple[int, ...]:
