@@ -15,6 +15,8 @@ _MOST = 0.5
 _DENSER = 2.0
 #: A larger fraction of the share that a constant error does not explain is scatter.
 _SCATTER = 0.15
+#: A single rest or move is named if its share is this many times that of any other one.
+_CLEARER = 1.5
 #: Innovations that are not independent: rests or moves this close to the worst, in sigmas, are named with it.
 _CLOSE = 1.0
 
@@ -49,7 +51,10 @@ def concentration(residuals: StageResiduals, *, white: bool) -> Concentration:
         worst = np.array([np.nan_to_num(row.excess) for row in rows])
         named = _sorted(np.flatnonzero(worst > worst.max() - _CLOSE), rows)
         return Concentration(rows[named[0]].kind if 2 * len(named) < len(rows) else "stage", named, 1.0)
-    for candidates in (_single(residuals), _common(residuals), _scattered(rows, by_axis=True), _scattered(rows)):
+    one = sorted(_single(residuals), key=lambda c: -c.share)
+    if one[0].share > _MOST and one[0].share > _CLEARER * max((c.share for c in one[1:]), default=0.0):
+        return one[0]
+    for candidates in (_common(residuals), _scattered(rows, by_axis=True), _scattered(rows)):
         best = max(candidates, key=lambda c: c.share, default=None)
         if best is not None and best.share > _MOST:
             return best
