@@ -74,6 +74,7 @@ class Turn:
 
     start: int  #: Sample in the middle of the rest before the rotation.
     stop: int  #: Sample in the middle of the rest after the rotation.
+    end: int  #: Sample at which the rotation has ended.
     total: FloatArray  #: Integral of the raw rate, rad, shape (3,).
     joint: int  #: Index of the joint: 0 outer, 1 inner.
     angles: FloatArray  #: Encoder angles before and after, rad, shape (2, 2).
@@ -152,7 +153,7 @@ def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[l
             way = after[joint] - before[joint]
             if abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))) < WHOLE and abs(way) > SMALLEST_TURN:
                 rest = (rest_count + number, rest_count + number + 1)
-                found.append(Turn(start, stop, total, joint, np.vstack([before, after]), rest, duration))
+                found.append(Turn(start, stop, b0, total, joint, np.vstack([before, after]), rest, duration))
         rest_count += len(still)
     return found, assumed
 
@@ -224,7 +225,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,
-        innovations=Innovations(np.array([data.seq[t.stop - 1] for t in turns]), tested),
+        innovations=Innovations(np.array([data.seq[t.end - 1] for t in turns]), tested, white=False),
         details={
             "turns": [
                 {

@@ -177,7 +177,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,
-        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), tested),
+        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), tested, white=False),
         details={
             "positions": [
                 {**data.seq_range(p.start, p.stop), "force": p.force.tolist(), "residual": r.tolist()}

@@ -127,11 +127,12 @@ def resolve(
     last: Annotated[int | None, typer.Option("--to", help="Last sequence number.", metavar="SEQ")] = None,
     stages: StagesOption = None,
     json: JsonOption = None,
+    residuals: Annotated[bool, typer.Option("--residuals", help="Show the residuals of every rest and move.")] = False,
 ) -> None:
     """Solve a stored log again."""
     from calstation.cli.logs import resolve_command
 
-    raise typer.Exit(resolve_command(log, _stages(stages), first, last, json))
+    raise typer.Exit(resolve_command(log, _stages(stages), first, last, json, residuals=residuals))
 
 
 @app.command(name="import")

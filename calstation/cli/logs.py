@@ -7,7 +7,7 @@ from typing import cast, get_args
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from calstation.cli.show import check_json, emit_json, result_table, say, show_line
+from calstation.cli.show import check_json, emit_json, residual_table, result_table, say, show_line
 from calstation.config import load_station
 from calstation.connection import import_capture
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
@@ -18,9 +18,17 @@ from calstation.simulation import GradeName, Kind, make_recording
 
 
 def resolve_command(
-    log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
+    log: Path,
+    stages: tuple[str, ...] | None,
+    first: int | None,
+    last: int | None,
+    json: str | None,
+    *,
+    residuals: bool,
 ) -> int:
     """Solve a log again, or selected stages between two sequence numbers, and show the result.
+
+    With `residuals`, also show those of every rest and move, or add them to the JSON.
 
     Returns 1 if it is outside the limits. Raises InsufficientDataError after showing the result if a stage lacks data.
     """
@@ -34,13 +42,16 @@ def resolve_command(
             share = f", {done:.0%}" if done else ""
             bar.update(task, description=f"solving {stage}, sample {seq}{share}")
 
-        resolved = resolve(log, stages, first, last, show)
+        resolved = resolve(log, stages, first, last, show, residuals=residuals)
     for event_id, values in resolved.messages:
         console.print(sentence(event_text(event_id, values)), highlight=False, markup=False)
-    emit_json(resolved.result.to_json(), json)
+    by_stage = {stage: [row.to_json() for row in rows] for stage, rows in resolved.residuals.items()}
+    emit_json({**resolved.result.to_json(), **({"residuals": by_stage} if residuals else {})}, json)
     passed = resolved.result.passed
     if json != "-":
         out = Console(file=sys.stdout)
+        for stage, rows in resolved.residuals.items():
+            residual_table(stage, rows)
         result_table(out, resolved.result)
         unjudged = "in_part" if resolved.missing_data else "without_limits"
         ending = unjudged if passed is None else "passed" if passed else "failed"

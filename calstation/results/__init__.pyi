@@ -3,7 +3,10 @@ from .calibration import estimate_of as estimate_of
 from .causes import cause_text as cause_text
 from .corrected import CorrectedOutput as CorrectedOutput
 from .corrected import CorrectedStream as CorrectedStream
+from .diagnostics import EXCESSIVE as EXCESSIVE
+from .diagnostics import NOTABLE as NOTABLE
 from .diagnostics import Diagnostics as Diagnostics
+from .diagnostics import PositionResidual as PositionResidual
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose
 from .handover import Delivery as Delivery

@@ -1,6 +1,6 @@
 """Sentences about failed tests of the model."""
 
-from calstation.messages import Text
+from calstation.messages import Text, values_from_json
 from calstation.physics import display, display_by_unit
 from calstation.records import Check
 
@@ -21,4 +21,4 @@ def cause_text(check: Check) -> Text | None:
     worst = sorted(found.moves, key=lambda name: -abs(found.moves[name]))[:_MOST_MOVES]
     moves = ", ".join(f"{name} {found.moves[name]:+.0f} σ" for name in worst)
     shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": check.subject}
-    return Text(f"cause.{found.cause}", {**shown, **found.values})
+    return Text(f"cause.{found.cause}", {**shown, **values_from_json(found.values)})

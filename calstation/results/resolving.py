@@ -1,20 +1,22 @@
 """Solves a stored log again with the same solver chain as a run; loads finished runs for analysis."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from calstation.config import unconfirmed_latitude
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
+from calstation.estimation.common import PositionResidual
 from calstation.estimation.navigation import warm_up as compile_kernels
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, sentence
 from calstation.records import SUFFIX, Log, damage_summary, offline_online, open_log, solved_stages
+from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
 from calstation.results.judgement import Ending, build_result, judge, solved_parameters
 from calstation.results.result import SCHEMA, DamagedRange, Result, load_result
-from calstation.results.solver_chain import SolveProgress, solve
+from calstation.results.solver_chain import SolveProgress, one_blas_thread, solve
 
 
 def warm_up() -> None:
@@ -29,6 +31,8 @@ class Resolved:
     result: Result
     messages: tuple[tuple[str, dict[str, Any]], ...]
     missing_data: tuple[Text, ...] = ()  #: Reasons why stages could not be solved.
+    #: Residuals per rest and move, by stage in the order of the log; empty unless they were asked for.
+    residuals: Mapping[str, tuple[PositionResidual, ...]] = field(default_factory=dict)
 
 
 def resolve(
@@ -37,11 +41,14 @@ def resolve(
     first_seq: int | None = None,
     last_seq: int | None = None,
     progress: SolveProgress | None = None,
+    *,
+    residuals: bool = False,
 ) -> Resolved:
     """Solve a log, or a CSV with its TOML, between two sequence numbers (both included, unwrapped).
 
     Without `stages`, stages of the log that lack data are skipped; the result can then fail but not pass. Damaged rows
-    are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically.
+    are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically. With
+    `residuals`, the log is read a second time for the residuals per rest and move.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
@@ -75,7 +82,11 @@ def resolve(
         messages.insert(0, ("log_damaged", {"file": path.name, **damage_summary(log.damaged_rows)}))
     if missing:
         result = result.model_copy(update={"missing_data": {stage: sentence(why) for stage, why in missing.items()}})
-    return Resolved(result, tuple(messages), tuple(missing.values()))
+    by_stage = {}
+    if residuals:
+        with one_blas_thread():
+            by_stage = {d.stage: d.residuals for d in stage_diagnostics(log, chain, first_seq, last_seq)}
+    return Resolved(result, tuple(messages), tuple(missing.values()), by_stage)
 
 
 def _check_range(log: Log, first: int | None, last: int | None) -> None:

@@ -6,6 +6,14 @@ from .alignment import SHORTEST_REST as SHORTEST_REST
 from .alignment import Start as Start
 from .alignment import levelled as levelled
 from .alignment import starts as starts
+from .by_position import CHANNELS as CHANNELS
+from .by_position import EXCESSIVE as EXCESSIVE
+from .by_position import NOTABLE as NOTABLE
+from .by_position import LocalScores as LocalScores
+from .by_position import PositionResidual as PositionResidual
+from .by_position import ScoreFunction as ScoreFunction
+from .by_position import StageResiduals as StageResiduals
+from .by_position import position_residuals as position_residuals
 from .context import Belief as Belief
 from .context import ImuModel as ImuModel
 from .context import Secondary as Secondary
@@ -21,6 +29,8 @@ from .least_squares import chi_square_quantile as chi_square_quantile
 from .least_squares import gauss_newton as gauss_newton
 from .least_squares import nis_consistency as nis_consistency
 from .least_squares import restricted as restricted
+from .localisation import Concentration as Concentration
+from .localisation import concentration as concentration
 from .measured_noise import noise_tests as noise_tests
 from .measured_noise import rest_noise as rest_noise
 from .measured_noise import widened as widened

@@ -1,11 +1,12 @@
 """Solver of excitation and azimuth flips: stores the stage, updates sigmas live and solves by MAP at the end."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from calstation.estimation import Innovations, Progress, Ranking, Solution
+from calstation.estimation import Innovations, Progress, Ranking, Solution, with_misfit
 from calstation.estimation.common import (
     Belief,
     ImuModel,
@@ -25,6 +26,7 @@ from calstation.estimation.common import (
     widened,
 )
 from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.local_scores import local_scores
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
 from calstation.estimation.navigation.response import filter_sensitivity
 from calstation.estimation.navigation.table_noise import solve_with_table_noise
@@ -110,7 +112,7 @@ class NavigationStage:
             messages.append(("azimuth_from_data", {"stage": self.stage}))
         if not result.converged:
             messages.append(("not_settled", {"stage": self.stage, "passes": result.passes}))
-        return Solution(
+        solution = Solution(
             stage=self.stage,
             belief=restricted(self.prior, result.belief, mask),
             estimated=self.estimated,
@@ -124,7 +126,9 @@ class NavigationStage:
             sensitivity=filter_sensitivity(
                 result.updates, result.history, data, result.starts, context, result.point, mask
             ),
+            local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
+        return with_misfit(solution, data, self.context)
 
 
 def warm_up() -> None:

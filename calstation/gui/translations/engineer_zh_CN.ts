@@ -195,7 +195,7 @@
     <name>ObservabilityView</name>
     <message>
         <source>Stage</source>
-        <extracomment>Strength above which a state counts as observable. Range of the colour scale in decades: strengths from 1 to 100 000.</extracomment>
+        <extracomment>Strength above which a state counts as observable. Range of the colour scale in decades: strengths from 1 to 100 000. Latest ranking of each stage of the run that is followed; empty for a result or a preview.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -333,8 +333,12 @@
 <context>
     <name>ResidualsView</name>
     <message>
+        <source>test, σ</source>
+        <extracomment>Width of the bars of rests and moves, in rests. Stage and index within the stage of each rest period drawn. Stage, row and horizontal position of each rest and move drawn; moves are between the rests.</extracomment>
+        <translation>检验值，σ</translation>
+    </message>
+    <message>
         <source>gravity, µg</source>
-        <extracomment>Cosine of 30°; a rest period is named after the body axis within this angle of the upward direction. Stage and index within the stage of each rest period drawn.</extracomment>
         <translation>重力，µg</translation>
     </message>
     <message>
@@ -354,7 +358,7 @@
     <name>ResultAnalysis</name>
     <message>
         <source>Opening {0}</source>
-        <extracomment>The log whose diagnostics are shown or being computed. The views in order: parameters, innovations, residuals, observability.</extracomment>
+        <extracomment>Whether the observability shown is that of the run in progress. Whether a run or a register operation has begun, and no stage has reported its observability since. The log whose diagnostics are shown or being computed. The views in order: parameters, innovations, residuals, observability.</extracomment>
         <translation>正在打开 {0}</translation>
     </message>
 </context>
