@@ -14,14 +14,16 @@ from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
     Spool,
+    gravity_sensitivity,
     resolves_earth_rate,
     stage_agreement,
     stage_data,
+    with_gravity,
 )
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
-from calstation.physics import FloatArray, composition
+from calstation.physics import COUNT, FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.schema import validate
 from procedures import method
@@ -50,8 +52,9 @@ class StageChain:
         self._meta = meta
         self._context = context_from_meta(meta)
         self.prior = prior_from_meta(meta)
-        #: Posterior of the last completed stage.
+        #: Posterior of the last completed stage without the error of gravity, which no stage can reduce.
         self.belief = self.prior
+        self._gravity = np.zeros(COUNT)
         self.solutions: list[Solution] = []
         #: Reason why a stage was skipped, by stage.
         self.missing_data: dict[str, Text] = {}
@@ -111,7 +114,10 @@ class StageChain:
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
         solution = replace(solution, tests=(*solution.tests, *self._agreement(solution)))
+        self._gravity = gravity_sensitivity(self.belief, solution.belief, solution.estimated, self._gravity)
         self.belief = solution.belief
+        gravity = self._context.site.relative_gravity_sigma
+        solution = replace(solution, belief=with_gravity(self.belief, self._gravity, gravity))
         self.solutions.append(solution)
         return solution
 

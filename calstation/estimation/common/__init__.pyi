@@ -13,6 +13,8 @@ from .context import Site as Site
 from .context import SolveContext as SolveContext
 from .context import StoredPair as StoredPair
 from .context import TableModel as TableModel
+from .gravity import gravity_sensitivity as gravity_sensitivity
+from .gravity import with_gravity as with_gravity
 from .latitude import LatitudeEstimate as LatitudeEstimate
 from .latitude import RestOutput as RestOutput
 from .latitude import resolves_earth_rate as resolves_earth_rate
