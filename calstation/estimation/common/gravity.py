@@ -12,18 +12,16 @@ import numpy as np
 from calstation.estimation.common.context import Belief
 from calstation.physics import COUNT, INDEX, NAMES, FloatArray, group_indices
 
+#: Powers of the factor 1 + ε by which parameters change.
+_POWERS = {"accel_misalign": -1.0, "accel_quadratic": -2.0, "inner_lever": 1.0, "outer_lever": 1.0}
+
 
 def force_scaling(parameters: FloatArray) -> FloatArray:
     """Return the change u of the parameters per relative change of all forces that leaves the data as they are."""
     u = np.zeros(COUNT)
-    for group, factor in (
-        ("accel_misalign", -1.0),
-        ("accel_quadratic", -2.0),
-        ("inner_lever", 1.0),
-        ("outer_lever", 1.0),
-    ):
+    for group, power in _POWERS.items():
         at = list(group_indices(group))
-        u[at] = factor * parameters[at]
+        u[at] = power * parameters[at]
     at = list(group_indices("accel_scale"))
     u[at] = -(1.0 + parameters[at])
     return u
