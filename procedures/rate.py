@@ -1,8 +1,8 @@
 """Rate: gyro scale factors from whole turns about each gyro axis in both directions, measured by the table encoders.
 
-Mounting, table axes, misalignments and every encoder reading at rest are unknowns with a prior. Without encoder angles a
-turn must be proven whole: by gravity in the same direction before and after it, or, about the vertical, by the prior of
-the scale factor.
+Mounting, table axes, misalignments and every encoder reading at rest are unknowns with a prior. Without encoder angles
+a turn must be proven whole: by gravity in the same direction before and after it, or, about the vertical, by the prior
+of the scale factor.
 """
 
 import itertools

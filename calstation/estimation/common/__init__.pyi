@@ -48,6 +48,7 @@ from .stage import SLOWEST as SLOWEST
 from .stage import StageData as StageData
 from .stage import find_rests as find_rests
 from .stage import mean_angles as mean_angles
+from .stage import quietest as quietest
 from .stage import runs as runs
 from .stage import slope_weights as slope_weights
 from .stage import stage_data as stage_data
