@@ -179,22 +179,20 @@ def _require_whole(
     noise = sum(rest_mean_variance(context, (b - a) * data.dt) for a, b in (before, after)) / gravity**2
     stops = 2.0 * context.table.encoder_sigma**2
     if seen > SEEN_BY_GRAVITY:
-        code, away = "solve.turn_against_gravity", float(np.linalg.norm(second - first)) / gravity / seen
+        away = float(np.linalg.norm(second - first)) / gravity / seen
         tolerance = PROOF * float(np.sqrt(stops + 3.0 * noise / seen**2))
         proven = away < tolerance and beyond < 2.0 * np.pi * BEYOND_DOUBT
     else:
-        code, away = "solve.turn_unproven", beyond
+        away = beyond
         tolerance = PROOF * float(np.hypot(2.0 * np.pi * whole * prior.sigma[scale], np.sqrt(stops)))
         proven = away < tolerance < np.pi
-    if not proven:
-        raise InsufficientDataError(
-            code,
-            **data.seq_range(before[1], after[0]),
-            turns=turns,
-            whole=whole,
-            away_deg=float(np.rad2deg(away)),
-            tolerance_deg=float(np.rad2deg(tolerance)),
-        )
+    if proven:
+        return
+    values = {"turns": turns, "away_deg": float(np.rad2deg(away)), "tolerance_deg": float(np.rad2deg(tolerance))}
+    where = data.seq_range(before[1], after[0])
+    if seen > SEEN_BY_GRAVITY:
+        raise InsufficientDataError("solve.turn_against_gravity", **where, **values)
+    raise InsufficientDataError("solve.turn_unproven", whole=whole, **where, **values)
 
 
 def _whole_turn(geometry: TableGeometry, turned: FloatArray) -> tuple[FloatArray, FloatArray, int]:

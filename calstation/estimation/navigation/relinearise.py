@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calstation.errors import InsufficientDataError
+from calstation.errors import InputError, InsufficientDataError
 from calstation.estimation import Progress
 from calstation.estimation.common import (
     AMBIGUOUS_AZIMUTH_SIGMA,
@@ -44,6 +44,8 @@ WIDE_LEVER = 0.2
 #: Factors of the velocity noise with which a stage with such a lever arm is solved first, so that the products lie
 #: within the noise, and the number of passes with each.
 WIDER, WIDER_PASSES = (100.0, 10.0), 4
+#: Longest horizontal part of such a lever arm, m. With longer ones, one solution in three was wrong by 6 to 11 sigma.
+LONGEST_LEVER = 0.4
 #: Number of equally spaced headings tried when the azimuth is ambiguous.
 AZIMUTHS_TRIED = 12
 #: Prior sigma, rad, of an azimuth found from the data while it is being refined.
@@ -74,7 +76,7 @@ def solve_navigation(
 ) -> NavigationResult:
     """Iterate passes until they converge, relinearising the `estimated` parameters.
 
-    Raises InsufficientDataError if no segment contains a rest for alignment.
+    Raises InsufficientDataError if no segment contains a rest for alignment, InputError for a too uncertain lever arm.
     """
     found = starts(data, context, prior)
     if not found:
@@ -98,7 +100,17 @@ def solve_navigation(
         found = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, found, strict=True)]
     elif wide:
         point, attitudes = solver.approach(found, attitudes, point)
-    return replace(solver.iterate(found, attitudes, point), azimuth_free=free)
+    result = replace(solver.iterate(found, attitudes, point), azimuth_free=free)
+    if wide:
+        _require_short_lever(result, lever, float(prior.sigma[lever].max()))
+    return result
+
+
+def _require_short_lever(result: NavigationResult, lever: BoolArray, sigma: float) -> None:
+    """Raise InputError if the lever arm that was found is too long, or passes with it do not converge."""
+    length = float(np.linalg.norm((result.attitudes[0] @ result.belief.mean[lever])[:2]))
+    if length > LONGEST_LEVER or not result.converged:
+        raise InputError("solve.lever_uncertain", length=length, longest=LONGEST_LEVER, sigma=sigma)
 
 
 def _no_rest(data: StageData, context: SolveContext, prior: Belief) -> InsufficientDataError:
