@@ -76,12 +76,12 @@ def test_a_bias_that_changes_within_the_recording_fails_and_is_named(mems):
     assert test.value < test.limit
     others = block.others.astype(np.float64)
     sigma = sound.found["secondary_gyro_bias_y"].sigma
-    step = 8.0 * sigma / (secondary.imu.gyro_lsb * context.secondaries[0].imu.rate_factor)
+    step = 14.0 * sigma / (secondary.imu.gyro_lsb * context.secondaries[0].imu.rate_factor)
     others[len(block) // 2 :, 0, 1] += step
     (test,) = solved(replace(block, others=others), context, known(primary)).tests
     assert test.value > test.limit
     assert test.misfit.values["parameter"] == "secondary_gyro_bias_y"
-    assert test.misfit.size == pytest.approx(8.0 * sigma, abs=4.0 * test.misfit.sigma)
+    assert test.misfit.size == pytest.approx(14.0 * sigma, abs=4.0 * test.misfit.sigma)
     assert set(test.misfit.moves) == {"secondary_gyro_bias_y"}
 
 
