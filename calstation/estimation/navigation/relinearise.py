@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calstation.errors import InputError, InsufficientDataError
+from calstation.errors import InsufficientDataError
 from calstation.estimation import Progress
 from calstation.estimation.common import (
     AMBIGUOUS_AZIMUTH_SIGMA,
@@ -22,7 +22,6 @@ from calstation.estimation.common import (
 )
 from calstation.estimation.navigation.filter import History, NavigationFilter
 from calstation.physics import (
-    PARAMETERS,
     BoolArray,
     FloatArray,
     axis_rotation,
@@ -38,14 +37,6 @@ MOST_PASSES = 20
 USUAL_PASSES = 2
 #: A pass is the last if its step, or the next step predicted from the last two, is below this many sigmas.
 CONVERGED = 0.01
-#: A lever arm whose sigma exceeds this, m, is relinearised even where it is not estimated: its velocity in a turn,
-#: multiplied by the errors of attitude and rate, exceeds the noise of the velocity.
-WIDE_LEVER = 0.2
-#: Factors of the velocity noise with which a stage with such a lever arm is solved first, so that the products lie
-#: within the noise, and the number of passes with each.
-WIDER, WIDER_PASSES = (100.0, 10.0), 4
-#: Longest horizontal part of such a lever arm, m. With longer ones, one solution in three was wrong by 6 to 11 sigma.
-LONGEST_LEVER = 0.4
 #: Number of equally spaced headings tried when the azimuth is ambiguous.
 AZIMUTHS_TRIED = 12
 #: Prior sigma, rad, of an azimuth found from the data while it is being refined.
@@ -76,7 +67,7 @@ def solve_navigation(
 ) -> NavigationResult:
     """Iterate passes until they converge, relinearising the `estimated` parameters.
 
-    Raises InsufficientDataError if no segment contains a rest for alignment, InputError for a too uncertain lever arm.
+    Raises InsufficientDataError if no segment contains a rest for alignment.
     """
     found = starts(data, context, prior)
     if not found:
@@ -84,33 +75,16 @@ def solve_navigation(
     free = any(s.azimuth_sigma is not None for s in found)
     ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in found)
     meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * ambiguous)
-    lever = np.array([p.group == "outer_lever" for p in PARAMETERS])
-    wide = bool(np.any(prior.sigma[lever & ~estimated] > WIDE_LEVER))
-    solver = _Relinearisation(data, context, prior, estimated | lever if wide else estimated, meter)
+    solver = _Relinearisation(data, context, prior, estimated, meter)
     point, attitudes = solver.first_point(found[0]), [s.attitude for s in found]
     if free:
         narrow = [replace(s, prior_sigma=np.append(s.prior_sigma[:2], NARROW_AZIMUTH_SIGMA)) for s in found]
         if ambiguous:
             narrow = solver.best_azimuth(point, narrow)
-        attitudes = [s.attitude for s in narrow]
-        if wide:
-            point, attitudes = solver.approach(narrow, attitudes, point)
-        near = solver.iterate(narrow, attitudes, point)
+        near = solver.iterate(narrow, [s.attitude for s in narrow], point)
         point, attitudes = near.point, list(near.attitudes)
         found = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, found, strict=True)]
-    elif wide:
-        point, attitudes = solver.approach(found, attitudes, point)
-    result = replace(solver.iterate(found, attitudes, point), azimuth_free=free)
-    if wide:
-        _require_short_lever(result, lever, float(prior.sigma[lever].max()))
-    return result
-
-
-def _require_short_lever(result: NavigationResult, lever: BoolArray, sigma: float) -> None:
-    """Raise InputError if the lever arm that was found is too long, or passes with it do not converge."""
-    length = float(np.linalg.norm((result.attitudes[0] @ result.belief.mean[lever])[:2]))
-    if length > LONGEST_LEVER or not result.converged:
-        raise InputError("solve.lever_uncertain", length=length, longest=LONGEST_LEVER, sigma=sigma)
+    return replace(solver.iterate(found, attitudes, point), azimuth_free=free)
 
 
 def _no_rest(data: StageData, context: SolveContext, prior: Belief) -> InsufficientDataError:
@@ -178,24 +152,10 @@ class _Relinearisation:
             candidates.append((sum(run.history.nis), k, turned))
         return min(candidates, key=lambda c: c[:2])[2]
 
-    def approach(
-        self, found: list[Start], attitudes: list[FloatArray], point: FloatArray
-    ) -> tuple[FloatArray, list[FloatArray]]:
-        """Return parameters and start attitudes near the solution, from passes with wider velocity noise."""
-        context, table = self.context, self.context.table
-        for factor in WIDER:
-            self.context = replace(context, table=replace(table, velocity_sigma=factor * table.velocity_sigma))
-            near = self.iterate(found, attitudes, point, WIDER_PASSES)
-            point, attitudes = near.point, list(near.attitudes)
-        self.context = context
-        return point, attitudes
-
-    def iterate(
-        self, found: list[Start], attitudes: list[FloatArray], point: FloatArray, most: int = MOST_PASSES
-    ) -> NavigationResult:
+    def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
         """Run passes until one makes no significant change; only the very first pass closes the loop."""
         moved = 1.0  # before the first pass the rate at which steps shrink is unknown
-        for _ in range(most):
+        for _ in range(MOST_PASSES):
             self.passes += 1
             run, ends = self._pass(point, found, attitudes, smooth=self.passes > 1)
             belief = run.belief
