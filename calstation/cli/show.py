@@ -114,8 +114,8 @@ def result_table(console: Console, result: Result) -> None:
     for check in result.checks:
         if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
             console.print(_check_line(check), highlight=False)
-            if cause := cause_text(check):
-                console.print(f"  {sentence(cause)}", highlight=False)
+        if cause := cause_text(check):
+            console.print(f"  {sentence(cause)}", highlight=False)
 
 
 def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:

@@ -16,7 +16,7 @@ from pydantic import BaseModel, JsonValue
 from calstation import __version__
 from calstation.config import library, versions
 from calstation.config.request import RunRequest
-from calstation.config.site_check import check_confirmation, check_site
+from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
 from calstation.config.station import (
     ProductConfig,
     StationConfig,
@@ -387,6 +387,7 @@ def check_station(resolved: ResolvedConfiguration) -> None:
     meta, site = resolved.log_meta(), resolved.station.site
     with in_file(resolved.sources["station"].path):
         check_site(meta)
+        check_gravity_sigma(meta, resolved.sigma_limits())
         if resolved.station.bench is None:
             check_confirmation(site, meta)
 

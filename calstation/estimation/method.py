@@ -70,7 +70,7 @@ class Solution:
     """Result of solving a stage."""
 
     stage: str
-    belief: Belief  #: Joint posterior of the 30 parameters, the next stage's prior.
+    belief: Belief  #: Joint posterior of the 30 parameters; in a chain, with the error of gravity.
     estimated: tuple[str, ...]  #: Names of the parameters that the stage estimated.
     consistency: Consistency  #: Innovation test of the stage.
     gaps: int = 0  #: Number of gaps and resets.

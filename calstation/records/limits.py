@@ -101,6 +101,7 @@ CheckKind = Literal[
     "excitation",
     "change",
     "agreement",
+    "halves",
     "effects",
     "table_noise",
     "imu_noise",
@@ -113,6 +114,7 @@ CheckKind = Literal[
 #: Kinds of the tests of the model, one for a stage each.
 MODEL_KINDS: tuple[CheckKind, ...] = (
     "agreement",
+    "halves",
     "effects",
     "table_noise",
     "imu_noise",

@@ -38,6 +38,8 @@ class SiteSection(StrictModel):
     height_m: float = Field(ge=-1000, le=10000)
     azimuth_deg: float | None = Field(default=None, ge=-360, le=360)
     gravity_mps2: float | None = Field(default=None, ge=9.7, le=9.9)
+    #: 1σ of gravity; by default 1e-6 where it is given and 5e-4 where it is computed.
+    gravity_sigma_mps2: float | None = Field(default=None, gt=0, le=0.1)
 
 
 class ImuSection(StrictModel):
@@ -275,7 +277,7 @@ def context_from_meta(meta: LogMeta) -> SolveContext:
     latitude, longitude = float(np.deg2rad(site.latitude_deg)), float(np.deg2rad(site.longitude_deg))
     secondaries = (Secondary(n, _imu_model(s), _stored_pair(s.stored)) for n, s in meta.secondaries.items())
     return SolveContext(
-        Site(latitude, longitude, site.height_m, azimuth, site.gravity_mps2),
+        Site(latitude, longitude, site.height_m, azimuth, site.gravity_mps2, site.gravity_sigma_mps2),
         _imu_model(meta.imu),
         _table_model(meta.table),
         tuple(secondaries),

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from calstation.config import unconfirmed_latitude
+from calstation.config import gravity_contradiction, in_file, unconfirmed_latitude, unconfirmed_site
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import PositionResidual
 from calstation.estimation.navigation import warm_up as compile_kernels
@@ -56,6 +56,10 @@ def resolve(
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
     log = open_log(path)
     _check_range(log, first_seq, last_seq)
+    contradiction = gravity_contradiction(log.meta.site)
+    if contradiction is not None:
+        with in_file(path):
+            raise contradiction
     chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
     facts = log.facts()
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
@@ -68,7 +72,8 @@ def resolve(
         both = (solved_parameters(solutions), stored.parameters)
         offline, online = ({name: row.model_dump() for name, row in rows.items()} for rows in both)
         judgement = judgement.with_more(offline_online(section, offline, online))
-    if missing and judgement.passed:
+    site = unconfirmed_site(log.meta, solutions)
+    if (missing or site is not None) and judgement.passed:
         judgement = replace(judgement, passed=None)
     ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq)
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
@@ -76,6 +81,8 @@ def resolve(
     unconfirmed = unconfirmed_latitude(log.meta, solutions)
     if unconfirmed is not None:
         messages.append(("latitude_untold", unconfirmed))
+    if site is not None:
+        messages.append(("site_unconfirmed", site))
     if log.damaged_rows:
         damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.damaged_rows]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})

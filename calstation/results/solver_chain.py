@@ -14,15 +14,17 @@ from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
     Spool,
+    gravity_sensitivity,
     has_gyros,
     joined,
     resolves_earth_rate,
     stage_data,
+    with_gravity,
 )
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
-from calstation.physics import FloatArray, composition
+from calstation.physics import COUNT, FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.results.data_checks import DataChecks
 from calstation.results.model_tests import ModelTests
@@ -50,10 +52,11 @@ class StageChain:
         self._meta = meta
         self._context = context_from_meta(meta)
         self.prior = prior_from_meta(meta)
-        #: Posterior of the last completed stage.
+        #: Posterior of the last completed stage without the error of gravity, which no stage can reduce.
         self.belief = self.prior
         #: The same without the effects in the model of the unit, from which the next stage starts.
         self._solved = self.prior
+        self._gravity = np.zeros(COUNT)
         self.solutions: list[Solution] = []
         #: Reason why a stage was skipped, by stage.
         self.missing_data: dict[str, Text] = {}
@@ -121,10 +124,13 @@ class StageChain:
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
+        self._gravity = gravity_sensitivity(self._solved, solution.belief, solution.estimated, self._gravity)
         self._solved = solution.belief
         solution = self._model.tested(solution, self.solutions, self.belief)
         solution = self._data_checks.checked(solution, joined(blocks), data)
         self.belief = solution.belief
+        gravity = self._context.site.relative_gravity_sigma
+        solution = replace(solution, belief=with_gravity(self.belief, self._gravity, gravity))
         self.solutions.append(solution)
         return solution
 

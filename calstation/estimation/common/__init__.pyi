@@ -21,6 +21,8 @@ from .context import Site as Site
 from .context import SolveContext as SolveContext
 from .context import StoredPair as StoredPair
 from .context import TableModel as TableModel
+from .gravity import gravity_sensitivity as gravity_sensitivity
+from .gravity import with_gravity as with_gravity
 from .latitude import LatitudeEstimate as LatitudeEstimate
 from .latitude import RestOutput as RestOutput
 from .latitude import resolves_earth_rate as resolves_earth_rate
@@ -62,6 +64,7 @@ from .stage import SLOWEST as SLOWEST
 from .stage import StageData as StageData
 from .stage import find_rests as find_rests
 from .stage import mean_angles as mean_angles
+from .stage import quietest as quietest
 from .stage import runs as runs
 from .stage import slope_weights as slope_weights
 from .stage import stage_data as stage_data

@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.estimation.common.context import ImuModel
+from calstation.estimation.common.context import Belief, ImuModel
 from calstation.estimation.common.samples import SampleBlock
-from calstation.physics import BoolArray, FloatArray, IntArray
+from calstation.physics import BoolArray, FloatArray, IntArray, group_indices
 
 #: Width of the averaging window of rest detection, s.
 REST_WINDOW = 0.5
@@ -114,12 +114,11 @@ def find_rests(
     if stop - start < 2 * width:
         return []
     mean = window_mean(data.gyro[start:stop] - gyro_bias, width)
-    noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * (
-        1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
-    )
-    small = np.abs(mean).max(axis=1) < BIAS_SIGMAS * bias_sigma + 5.0 * noise + SLOWEST
+    noise = _window_noise(imu, width, data.dt)
+    largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, bias_sigma)
+    small = np.abs(mean).max(axis=1) < largest_rate
     flat = np.zeros(len(mean), dtype=np.bool_)
-    flat[width:] = np.abs(mean[width:] - mean[:-width]).max(axis=1) < 5.0 * noise + np.deg2rad(0.01)
+    flat[width:] = np.abs(mean[width:] - mean[:-width]).max(axis=1) < largest_change
     if not np.any(small & flat):
         return []
     at_rest = np.median(mean[small & flat], axis=0)
@@ -134,6 +133,40 @@ def find_rests(
         if end - begin >= width:
             found.append((begin, end))
     return found
+
+
+@dataclass(frozen=True)
+class Quietest:
+    """Smallest rate of a recording and smallest change of it, and the largest ones at a rest of `find_rests`, rad/s."""
+
+    rate: float  #: Smallest rate of a window less the prior bias.
+    largest_rate: float
+    change: float  #: Smallest change from one window to the next.
+    largest_change: float
+
+
+def quietest(data: StageData, imu: ImuModel, belief: Belief) -> Quietest:
+    """Return why a recording has no rest; NaN in one shorter than two windows."""
+    bias = group_indices("gyro_bias")
+    width = max(round(REST_WINDOW / data.dt), 2)
+    largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, float(belief.sigma[bias].max()))
+    if len(data) < 2 * width:
+        return Quietest(np.nan, largest_rate, np.nan, largest_change)
+    mean = window_mean(data.gyro - belief.mean[bias], width)
+    rate = float(np.abs(mean).max(axis=1).min())
+    change = float(np.abs(mean[width:] - mean[:-width]).max(axis=1).min())
+    return Quietest(rate, largest_rate, change, largest_change)
+
+
+def _limits_of_rest(imu: ImuModel, width: int, dt: float, bias_sigma: float) -> tuple[float, float]:
+    """Return the largest rate of a window at rest, and its largest change to the next window, rad/s."""
+    noise = 5.0 * _window_noise(imu, width, dt)
+    return BIAS_SIGMAS * bias_sigma + noise + SLOWEST, noise + np.deg2rad(0.01)
+
+
+def _window_noise(imu: ImuModel, width: int, dt: float) -> float:
+    rounding = 1.0 / (width * dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
+    return float(imu.gyro_arw / np.sqrt(width * dt) + imu.quantisation[0] * rounding)
 
 
 def _steady(force: FloatArray, width: int) -> BoolArray:

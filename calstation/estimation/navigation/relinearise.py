@@ -17,6 +17,7 @@ from calstation.estimation.common import (
     SolveContext,
     StageData,
     Start,
+    quietest,
     starts,
 )
 from calstation.estimation.navigation.filter import History, NavigationFilter, Update
@@ -78,7 +79,7 @@ def solve_navigation(
         )
     found = starts(data, context, prior)
     if not found:
-        raise InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt)
+        raise _no_rest(data, context, prior)
     free = any(s.azimuth_sigma is not None for s in found)
     ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in found)
     meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * ambiguous)
@@ -92,6 +93,13 @@ def solve_navigation(
         point, attitudes = near.point, list(near.attitudes)
         found = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, found, strict=True)]
     return replace(solver.iterate(found, attitudes, point), azimuth_free=free)
+
+
+def _no_rest(data: StageData, context: SolveContext, prior: Belief) -> InsufficientDataError:
+    """Return the error for a recording without a rest, with what its quietest windows show."""
+    seen = quietest(data, context.imu, prior)
+    values = {name: float(np.rad2deg(value)) for name, value in vars(seen).items()}
+    return InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt, **values)
 
 
 @dataclass
