@@ -38,9 +38,9 @@ def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
 
 
 def with_effect(
-    block: SampleBlock, context: SolveContext, parameters: np.ndarray, cause: str, size: float
+    block: SampleBlock, context: SolveContext, parameters: np.ndarray, cause: str, size: float, component: int = 0
 ) -> SampleBlock:
-    """Add the first component of an effect, computed from the samples themselves, to a simulated block."""
+    """Add a component of an effect, computed from the samples themselves, to a simulated block."""
     raw = block.counts * context.imu.count_size
     smooth = np.ones(10) / 10.0
     rate, force = (
@@ -49,12 +49,17 @@ def with_effect(
     )
     dt = 1.0 / context.imu.sample_rate
     motion = Motion(rate, force, np.gradient(rate, dt, axis=0), np.gradient(force, dt, axis=0), block.time)
-    errors = next(c for c in CONSTANT if c.cause == cause).errors(motion)[:, :, 0]
+    errors = next(c for c in CONSTANT if c.cause == cause).errors(motion)[:, :, component]
     return replace(block, counts=block.counts + size * errors / context.imu.count_size)
 
 
 def solved(
-    seed: int, cause: str, size: float, schedules: dict[str, dict[str, float]], stages: tuple[str, ...]
+    seed: int,
+    cause: str,
+    size: float,
+    schedules: dict[str, dict[str, float]],
+    stages: tuple[str, ...],
+    component: int = 0,
 ) -> tuple[list[EffectFound], np.ndarray, np.ndarray]:
     """Effects found in the stages of a simulated navigation-grade unit, its errors in sigmas, and the mean NIS."""
     truth, context = draw_unit("nav", seed, "estimated", instability=False)
@@ -64,7 +69,7 @@ def solved(
     for stage in stages:
         m = method(stage)
         solver = m.solver(context, belief, m.schedule(**schedules.get(stage, {})))
-        solver.feed(with_effect(data[stage], context, truth.parameters, cause, size))
+        solver.feed(with_effect(data[stage], context, truth.parameters, cause, size, component))
         solution = solver.finish()
         belief = solution.belief
         assert solution.sensitivity is not None
@@ -85,25 +90,27 @@ def test_an_effect_is_named_with_its_size_and_what_it_moves() -> None:
     assert errors[INDEX[worst]] == pytest.approx(-first.moves[worst], rel=0.1)
 
 
+#: Sizes and components: a gyro's sensitivity to force along its own axis is an azimuth rate, which gravity hides.
 EFFECTS = {
-    "g_sensitivity": 5e-8,
-    "gyro_asymmetry": 2e-5,
-    "accel_cubic": 1e-6,
-    "accel_off_axis": 5e-3,
-    "time_skew": 2e-3,
+    "g_sensitivity": (5e-8, 1),
+    "gyro_asymmetry": (2e-5, 0),
+    "accel_cubic": (1e-6, 0),
+    "accel_off_axis": (5e-3, 0),
+    "time_skew": (2e-3, 0),
 }
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("cause", EFFECTS)
 def test_every_visible_effect_comes_first(cause: str) -> None:
-    found, errors, _ = solved(2, cause, EFFECTS[cause], {}, DEFAULT_STAGES)
+    size, component = EFFECTS[cause]
+    found, errors, _ = solved(2, cause, size, {}, DEFAULT_STAGES, component)
     assert found[0].excess > 30.0
     alike = {"gyro_asymmetry", "gyro_square"}  # the same at one rate
     assert found[0].cause in (alike if cause in alike else {cause})
-    first = found[0]
-    for name, move in first.moves.items():
-        assert errors[INDEX[name]] == pytest.approx(-move, abs=4.5 + 0.1 * abs(move))
+    moves = found[0].moves
+    worst = max(moves, key=lambda name: abs(moves[name]))
+    assert errors[INDEX[worst]] == pytest.approx(-moves[worst], abs=4.5 + 0.1 * abs(moves[worst]))
 
 
 @pytest.mark.long
