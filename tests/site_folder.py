@@ -22,7 +22,7 @@ PRODUCT: dict[str, Any] = {
         "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
         "six_position": {"dwell_s": 3.0, "oblique_dwell_s": 3.0, **QUICK},
         "excitation": {"rounds": 1, "dwell_s": 3.0, "place_dwell_s": 2.0, **QUICK},
-        "azimuth_flip": {"rounds": 1, "dwell_s": 8.0, **QUICK},
+        "azimuth_flip": {"rounds": 1, "dwell_s": 12.0, **QUICK},
     },
     "limits": {
         "gyro_bias": {"within": 1.5e-5, "sigma_below": 1e-5},
@@ -33,7 +33,13 @@ PRODUCT: dict[str, Any] = {
 }
 STATION: dict[str, Any] = {
     "name": "test bench",
-    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "azimuth_deg": 0.0},
+    "site": {
+        "latitude_deg": 34.25,
+        "longitude_deg": 108.9,
+        "height_m": 400.0,
+        "gravity_mps2": 9.79547,
+        "azimuth_deg": 0.0,
+    },
     "table": {"profile": "bench"},
 }
 #: The bench's settings. Its watchdog runs in host time, and a busy computer may stand still for a second.

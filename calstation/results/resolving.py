@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from calstation.config import gravity_contradiction, in_file, unconfirmed_latitude, unconfirmed_site
+from calstation.config import gravity_contradiction, unconfirmed_latitude, unconfirmed_site
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import PositionResidual
 from calstation.estimation.navigation import warm_up as compile_kernels
@@ -56,10 +56,6 @@ def resolve(
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
     log = open_log(path)
     _check_range(log, first_seq, last_seq)
-    contradiction = gravity_contradiction(log.meta.site)
-    if contradiction is not None:
-        with in_file(path):
-            raise contradiction
     chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
     facts = log.facts()
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
@@ -72,8 +68,8 @@ def resolve(
         both = (solved_parameters(solutions), stored.parameters)
         offline, online = ({name: row.model_dump() for name, row in rows.items()} for rows in both)
         judgement = judgement.with_more(offline_online(section, offline, online))
-    site = unconfirmed_site(log.meta, solutions)
-    if (missing or site is not None) and judgement.passed:
+    contradiction = gravity_contradiction(log.meta.site)
+    if (missing or contradiction is not None) and judgement.passed:
         judgement = replace(judgement, passed=None)
     ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq)
     result = build_result(log.meta, chain.prior, solutions, judgement, ending)
@@ -81,6 +77,9 @@ def resolve(
     unconfirmed = unconfirmed_latitude(log.meta, solutions)
     if unconfirmed is not None:
         messages.append(("latitude_untold", unconfirmed))
+    if contradiction is not None:
+        messages.append(("gravity_contradicts", dict(contradiction.values)))
+    site = unconfirmed_site(log.meta, solutions)
     if site is not None:
         messages.append(("site_unconfirmed", site))
     if log.damaged_rows:

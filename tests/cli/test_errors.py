@@ -356,7 +356,7 @@ def test_study_options(calstation: Run) -> None:
 def test_an_internal_error_shows_no_traceback(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def broken(*_: object) -> int:
+    def broken(*_: object, **__: object) -> int:
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr("calstation.cli.logs.resolve_command", broken)
