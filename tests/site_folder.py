@@ -33,13 +33,7 @@ PRODUCT: dict[str, Any] = {
 }
 STATION: dict[str, Any] = {
     "name": "test bench",
-    "site": {
-        "latitude_deg": 34.25,
-        "longitude_deg": 108.9,
-        "height_m": 400.0,
-        "gravity_mps2": 9.79547,
-        "azimuth_deg": 0.0,
-    },
+    "site": {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "azimuth_deg": 0.0},
     "table": {"profile": "bench"},
 }
 #: The bench's settings. Its watchdog runs in host time, and a busy computer may stand still for a second.
@@ -67,9 +61,7 @@ class SiteFolder:
     def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
         """Write both files, with changes to the product and the bench's settings."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        site = dict(STATION["site"])
-        if (product or {}).get("bench_grade", "nav") != "nav":
-            site["gravity_mps2"] = 9.7955  # surveyed, where gyros do not feel the earth turn
+        site = {**STATION["site"], "gravity_mps2": 9.79547}  # surveyed
         self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {**BENCH, **bench}}), encoding="utf-8")
 
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:

@@ -347,7 +347,7 @@ def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
 
     engineer.show_view(3)
     assert page.analysis.residuals.view.isVisible()
-    for plot, words in zip(page.analysis.residuals.view.plots[:2], ("innovations", "µg"), strict=True):
+    for plot, words in zip(page.analysis.residuals.view.plots[:2], ("outer", "µg"), strict=True):
         point = plot.getPlotItem().getViewBox().mapViewToDevice(plot.getPlotItem().getViewBox().viewRect().center())
         engineer.qtbot.mouseMove(plot.viewport(), point.toPoint())
         engineer.until(lambda words=words: words in engineer.widget("rest_label", QLabel).text())
