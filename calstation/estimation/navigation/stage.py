@@ -15,6 +15,7 @@ from calstation.estimation.common import (
     Site,
     SolveContext,
     Spool,
+    StageData,
     TableModel,
     nis_consistency,
     noise_tests,
@@ -25,12 +26,14 @@ from calstation.estimation.common import (
     starts,
     widened,
 )
+from calstation.estimation.effects import Sensitivity
 from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.estimation.navigation.local_scores import local_scores
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
+from calstation.estimation.navigation.relinearise import NavigationResult
 from calstation.estimation.navigation.response import filter_sensitivity
-from calstation.estimation.navigation.table_noise import solve_with_table_noise
-from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, FloatArray, group_indices
+from calstation.estimation.navigation.table_noise import judged, solve_with_table_noise
+from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, group_indices
 
 #: Duration of data after a start that the live filter needs for alignment, s.
 LIVE_ALIGNMENT = 5.0
@@ -123,12 +126,22 @@ class NavigationStage:
             messages=tuple(messages),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
             tests=noise_tests(self.context, context, measured),
-            sensitivity=filter_sensitivity(
-                result.updates, result.history, data, result.starts, context, result.point, mask
-            ),
+            sensitivity=self._sensitivity(data, context, mask, result),
             local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
         return with_misfit(solution, data, self.context)
+
+    def _sensitivity(
+        self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
+    ) -> Sensitivity:
+        """Return the response to effects: tested with the noise that is there, and of the estimate with its own."""
+
+        def response(r: NavigationResult) -> Sensitivity:
+            return filter_sensitivity(r.updates, r.history, data, r.starts, context, r.point, mask)
+
+        with_noise = judged(self.stage, data, context, self.prior, mask, result)
+        tested = response(with_noise)
+        return tested if with_noise is result else replace(tested, error=response(result).error)
 
 
 def warm_up() -> None:
