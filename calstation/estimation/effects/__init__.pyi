@@ -3,6 +3,7 @@ from .candidates import Candidate as Candidate
 from .candidates import Motion as Motion
 from .candidates import changing as changing
 from .score import EffectFound as EffectFound
+from .score import EffectLimit as EffectLimit
 from .score import EffectTests as EffectTests
 from .score import Estimated as Estimated
 from .sensitivity import Sensitivity as Sensitivity

@@ -6,7 +6,7 @@ P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998). 
 errors D I⁻¹ U in the parameters.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +40,20 @@ class EffectFound:
         return max((abs(move) for move in self.moves.values()), default=0.0)
 
 
+@dataclass(frozen=True)
+class EffectLimit:
+    """How much of one component of an effect a schedule hides."""
+
+    cause: str
+    component: str
+    parameter: str  #: As in `EffectFound`.
+    stage: str  #: As in `EffectFound`.
+    size: float  #: Size that gives the expected χ², in `unit`; infinite if the innovations do not contain it.
+    unit: str
+    moved: str  #: Estimated parameter that this size moves most.
+    move: float  #: Error that this size leaves in it, in its sigmas.
+
+
 @dataclass
 class _Tested:
     """A candidate with its score, information and the error that it leaves so far."""
@@ -50,6 +64,17 @@ class _Tested:
     information: FloatArray
     cross: FloatArray  #: Information shared with the components of `CONSTANT`, shape (k, components).
     error: FloatArray
+
+    def limits(self, chi_square: float, sigma: FloatArray, names: Sequence[str]) -> Iterator[EffectLimit]:
+        """Yield the limit of each component."""
+        c = self.candidate
+        for k, component in enumerate(c.components):
+            information = float(self.information[k, k])
+            size = float(np.sqrt(chi_square / information)) if information > 0.0 else np.inf
+            moves = {name: abs(float(self.error[INDEX[name], k])) / float(sigma[INDEX[name]]) for name in names}
+            moved = max(moves, key=moves.__getitem__)
+            move = size * moves[moved] if moves[moved] > 0.0 else 0.0
+            yield EffectLimit(c.cause, component, c.parameter, self.stage, size, c.unit, moved, move)
 
     def found(self, known: "Estimated", before: FloatArray, sigma: FloatArray, names: Sequence[str]) -> EffectFound:
         """Evaluate the test beside the effects in the model; `before` and `sigma` belong to the 30 parameters."""
@@ -154,15 +179,24 @@ class EffectTests:
 
         `belief` is the latest posterior.
         """
-        tests, at = list(self._changes), 0
+        known, names = self.estimated(), tuple(self._parameters)
+        found = (t.found(known, self._before, belief.sigma, names) for t in self._tested())
+        return sorted(found, key=lambda f: -f.excess)
+
+    def limits(self, belief: Belief, chi_square: float) -> list[EffectLimit]:
+        """Return for every other effect the size at which its test is expected to reach `chi_square`."""
+        names = tuple(self._parameters)
+        return [limit for t in self._tested() for limit in t.limits(chi_square, belief.sigma, names)]
+
+    def _tested(self) -> Iterator[_Tested]:
+        """Yield the effects outside the model."""
+        at = 0
         for c in CONSTANT:
             own = slice(at, at := at + len(c.components))
             parts = self._score[own], self._information[own, own], self._information[own], self._error[:, own]
             if c.cause not in self._states:
-                tests.append(_Tested(c, "", *parts))
-        known, names = self.estimated(), tuple(self._parameters)
-        found = (t.found(known, self._before, belief.sigma, names) for t in tests)
-        return sorted(found, key=lambda f: -f.excess)
+                yield _Tested(c, "", *parts)
+        yield from self._changes
 
 
 def _before(stage: str, name: str, count: int) -> _Tested:
