@@ -290,7 +290,7 @@ def test_the_preview_says_what_ends_a_repeated_stage(engineer: Engineer) -> None
     for rounds, duration, ends in (
         ("2", "", "Azimuth flips: ends after round 2."),
         ("0", "", "Azimuth flips: repeated until it is ended by hand"),
-        ("0", "100", "Azimuth flips: ends by its duration, after round 3."),
+        ("0", "150", "Azimuth flips: ends by its duration, after round 3."),
         ("1", "100", "Azimuth flips: ends after round 1."),
     ):
         engineer.type("schedule_azimuth_flip_rounds", rounds)

@@ -95,6 +95,15 @@ def solve_navigation(
     return replace(solver.iterate(found, attitudes, point), azimuth_free=free)
 
 
+def pass_about(
+    data: StageData, context: SolveContext, prior: Belief, estimated: BoolArray, near: NavigationResult
+) -> NavigationResult:
+    """Run one pass, with the noise of `context`, about the solution `near`."""
+    solver = _Relinearisation(data, context, prior, estimated, _Meter(None, USUAL_PASSES))
+    run, _ = solver.one_pass(near.point, list(near.starts), list(near.attitudes), smooth=True)
+    return replace(near, belief=run.belief, history=run.history, updates=tuple(run.updates))
+
+
 def _no_rest(data: StageData, context: SolveContext, prior: Belief) -> InsufficientDataError:
     """Return the error for a recording without a rest, with what its quietest windows show."""
     seen = quietest(data, context.imu, prior)
@@ -156,7 +165,7 @@ class _Relinearisation:
         for k in range(AZIMUTHS_TRIED):
             turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
             turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
-            run, _ = self._pass(point, turned, [s.attitude for s in turned], smooth=False)
+            run, _ = self.one_pass(point, turned, [s.attitude for s in turned], smooth=False)
             candidates.append((sum(run.history.nis), k, turned))
         return min(candidates, key=lambda c: c[:2])[2]
 
@@ -165,7 +174,7 @@ class _Relinearisation:
         moved = 1.0  # before the first pass the rate at which steps shrink is unknown
         for _ in range(MOST_PASSES):
             self.passes += 1
-            run, ends = self._pass(point, found, attitudes, smooth=self.passes > 1)
+            run, ends = self.one_pass(point, found, attitudes, smooth=self.passes > 1)
             belief = run.belief
             target = np.where(self.estimated, belief.mean, self.prior.mean)
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
@@ -188,9 +197,10 @@ class _Relinearisation:
             updates=tuple(run.updates),
         )
 
-    def _pass(
+    def one_pass(
         self, point: FloatArray, found: list[Start], attitudes: list[FloatArray], smooth: bool
     ) -> tuple[NavigationFilter, list[FloatArray]]:
+        """Run one pass about a point and start attitudes; also return the attitudes at the ends."""
         run = NavigationFilter(self.context, self.prior, point)
         ends = []
         self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) + 1 for s in found))

@@ -139,7 +139,7 @@ class NavigationStage:
         def response(r: NavigationResult) -> Sensitivity:
             return filter_sensitivity(r.updates, r.history, data, r.starts, context, r.point, mask)
 
-        with_noise = judged(self.stage, data, context, self.prior, mask, result)
+        with_noise = judged(data, context, self.prior, mask, result)
         tested = response(with_noise)
         return tested if with_noise is result else replace(tested, error=response(result).error)
 

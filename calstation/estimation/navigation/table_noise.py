@@ -7,7 +7,7 @@ import numpy as np
 from calstation.estimation import Progress
 from calstation.estimation.common import Belief, SolveContext, StageData
 from calstation.estimation.navigation.filter import History
-from calstation.estimation.navigation.relinearise import NavigationResult, solve_navigation
+from calstation.estimation.navigation.relinearise import NavigationResult, pass_about, solve_navigation
 from calstation.physics import BoolArray, FloatArray
 
 #: The profile's noise is used unless the median of the normalised innovation squared exceeds this many of its own.
@@ -15,8 +15,8 @@ _AGREES = 1.25
 #: Median of the χ² distribution with 3 degrees of freedom.
 _MEDIAN = 2.366
 _MOST_ADJUSTMENTS = 4
-#: Smallest factor of the variance in one adjustment: other noise remains.
-_SMALLEST = 0.01
+#: A smaller fraction of the profile's variance is not used: other noise remains, and rounding errors grow.
+_QUIETEST = 0.01
 #: A rotation between two observations slower than this, rad/s, is rest.
 _AT_REST = np.deg2rad(0.1)
 #: Fewest observations at rest, or in motion, of which the median is used.
@@ -48,19 +48,18 @@ def solve_with_table_noise(
 
 
 def judged(
-    stage: str, data: StageData, context: SolveContext, prior: Belief, estimated: BoolArray, result: NavigationResult
+    data: StageData, context: SolveContext, prior: Belief, estimated: BoolArray, result: NavigationResult
 ) -> NavigationResult:
-    """Solve a stage again with the noise that is there, to test the model with, if the table is quieter than `context`.
+    """Return a pass about a solution with the noise that is there, if the table is quieter than `context` says.
 
-    The estimate itself keeps the profile's noise, which also covers what a table does only in some moves.
+    It serves to test the model. The estimate keeps the profile's noise, which also covers what a table does only in
+    some moves.
     """
-    for _ in range(_MOST_ADJUSTMENTS):
-        ratio = _ratio(result.history, data.dt)
-        if ratio > 1.0 / _AGREES:
-            break
-        context = _with_variance(context, max(ratio, _SMALLEST))
-        result = solve_navigation(stage, data, context, prior, estimated, near=result)
-    return result
+    ratio = _ratio(result.history, data.dt)
+    if ratio > 1.0 / _AGREES:
+        return result
+    quieter = pass_about(data, _with_variance(context, max(ratio, _QUIETEST)), prior, estimated, result)
+    return quieter if np.isfinite(quieter.history.nis).all() else result
 
 
 def _with_variance(context: SolveContext, ratio: float) -> SolveContext:

@@ -169,7 +169,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         self._rows = _placed(stages)
         self.plots[0].setLabel("left", self.tr("test, σ"))
         self._draw_tests(self.plots[0])
-        titles = (self.tr("gravity, µg"), self.tr("vertical rate, °/h"), self.tr("horizontal rate, °/h"))
+        titles = (self.tr("gravity, µg"), self.tr("vertical, °/h"), self.tr("horizontal, °/h"))
         for plot, title, (values, sigmas) in zip(self.plots[1:], titles, _columns(stages), strict=True):
             plot.setLabel("left", title)
             self._draw_column(plot, values, sigmas)

@@ -342,11 +342,11 @@
         <translation>重力，µg</translation>
     </message>
     <message>
-        <source>vertical rate, °/h</source>
+        <source>vertical, °/h</source>
         <translation>垂向角速率，°/h</translation>
     </message>
     <message>
-        <source>horizontal rate, °/h</source>
+        <source>horizontal, °/h</source>
         <translation>水平角速率，°/h</translation>
     </message>
     <message>
