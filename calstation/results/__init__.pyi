@@ -1,6 +1,7 @@
 from .calibration import current_calibration as current_calibration
 from .calibration import estimate_of as estimate_of
 from .causes import cause_text as cause_text
+from .causes import missing_state as missing_state
 from .corrected import CorrectedOutput as CorrectedOutput
 from .corrected import CorrectedStream as CorrectedStream
 from .diagnostics import EXCESSIVE as EXCESSIVE
@@ -43,6 +44,7 @@ from .resolving import Resolved as Resolved
 from .resolving import find_log as find_log
 from .resolving import load_finished_run as load_finished_run
 from .resolving import resolve as resolve
+from .resolving import resolve_with_state as resolve_with_state
 from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
 from .result import Parameter as Parameter
