@@ -22,6 +22,7 @@ from .judgement import Ending as Ending
 from .judgement import build_result as build_result
 from .judgement import is_partial as is_partial
 from .judgement import judge as judge
+from .model_tests import ModelTests as ModelTests
 from .offline import drop_partial as drop_partial
 from .offline import export_log as export_log
 from .offline import export_result as export_result
