@@ -89,7 +89,7 @@ def _present(dph_g: float, ppm: float, ug_g3: float, mm: float, ms: float) -> Ef
     )
 
 
-#: Effects of the units of a grade in the cases with optional states: several times what passes without the states.
+#: Effects of the units of a grade in the cases with optional states: many sigmas of the parameters that they resemble.
 PRESENT: dict[GradeName, Effects] = {
     "nav": _present(0.1, 30.0, 10.0, 5.0, 0.5),
     "tactical": _present(3.0, 100.0, 100.0, 10.0, 1.0),
