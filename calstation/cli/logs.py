@@ -1,6 +1,7 @@
 """`resolve`, `import`, `export` and `record`: operations on logs and recordings."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import cast, get_args
 
@@ -12,6 +13,7 @@ from calstation.config import load_station
 from calstation.connection import import_capture
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.messages import event_text, sentence
+from calstation.physics import EffectName
 from calstation.records import SUFFIX, export_csv, open_log, truth_path, write_log
 from calstation.results import resolve, write_json
 from calstation.simulation import GradeName, Kind, make_recording
@@ -25,14 +27,18 @@ def resolve_command(
     json: str | None,
     *,
     residuals: bool,
+    states: Sequence[str] = (),
 ) -> int:
     """Solve a log again, or selected stages between two sequence numbers, and show the result.
 
-    With `residuals`, also show those of every rest and move, or add them to the JSON.
+    With `residuals`, also show those of every rest and move, or add them to the JSON. `states` are added to the model.
 
     Returns 1 if it is outside the limits. Raises InsufficientDataError after showing the result if a stage lacks data.
     """
     check_json(json)
+    for state in states:
+        _check_choice("--state", state, get_args(EffectName))
+    added = cast(tuple[EffectName, ...], tuple(states))
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -42,7 +48,7 @@ def resolve_command(
             share = f", {done:.0%}" if done else ""
             bar.update(task, description=f"solving {stage}, sample {seq}{share}")
 
-        resolved = resolve(log, stages, first, last, show, residuals=residuals)
+        resolved = resolve(log, stages, first, last, show, residuals=residuals, states=added)
     for event_id, values in resolved.messages:
         console.print(sentence(event_text(event_id, values)), highlight=False, markup=False)
     by_stage = {stage: [row.to_json() for row in rows] for stage, rows in resolved.residuals.items()}
@@ -94,8 +100,7 @@ def export_command(log: Path, target: Path) -> int:
 def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     """Write a recording of the virtual bench as the raw log `target`, and its true values as NAME.truth.json."""
     for option, value, choices in (("KIND", kind, get_args(Kind)), ("--grade", grade, get_args(GradeName))):
-        if value not in choices:
-            raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)
+        _check_choice(option, value, choices)
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)
     facts, truth = make_recording(cast(Kind, kind), target, cast(GradeName, grade), seed)
@@ -103,3 +108,8 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     write_json(beside, truth)
     show_line(Console(stderr=True), f"{target}: {facts.samples} samples; truth in {beside}")
     return 0
+
+
+def _check_choice(option: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)

@@ -351,7 +351,8 @@ def check_limits(
     for s in solutions:
         c = s.consistency
         if c.count:
-            checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), misfit=s.misfit))
+            misfit = None if c.passed else s.misfit
+            checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), misfit=misfit))
         checks += [Check.of_model(s.stage, test) for test in s.tests]
     unknown = undetermined(prior, solutions, calibrated)
     checks.append(Check("unobservable", "", float(len(unknown)), 0.0, "1", not unknown))

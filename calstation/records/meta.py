@@ -17,7 +17,17 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, ImuModel, Secondary, Site, SolveContext, StoredPair, TableModel
 from calstation.messages import os_reason
-from calstation.physics import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, EffectName, FloatArray, group_indices
+from calstation.physics import (
+    COUNT,
+    INDEX,
+    NAMES,
+    PAIR_PARAMETERS,
+    PARAMETERS,
+    EffectName,
+    FloatArray,
+    further_parameter,
+    group_indices,
+)
 from calstation.records.atomic import write_atomic
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
@@ -216,7 +226,13 @@ class LogMeta(StrictModel):
                 raise EntryError("log.imu_rates", f"imu{number}", "sample_rate_hz", rate=rate, primary=primary)
         return self
 
-    @field_validator("prior", "prior_correlation", "registers", "previous")
+    @field_validator("registers")
+    @classmethod
+    def _registers(cls, table: dict[str, float]) -> dict[str, float]:
+        cls._parameters({name: value for name, value in table.items() if further_parameter(name) is None})
+        return table
+
+    @field_validator("prior", "prior_correlation", "previous")
     @classmethod
     def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
         for name in table:

@@ -48,6 +48,10 @@
         <translation>存入产品</translation>
     </message>
     <message>
+        <source>The log could not be solved again</source>
+        <translation>日志无法重新解算</translation>
+    </message>
+    <message>
         <source>The product was not saved</source>
         <translation>产品没有保存</translation>
     </message>
@@ -416,6 +420,10 @@
     <message>
         <source>Parameters of the run</source>
         <translation>标定参数</translation>
+    </message>
+    <message>
+        <source>Without state</source>
+        <translation>无该状态</translation>
     </message>
     <message>
         <source>{0} of {1} checks passed</source>
