@@ -133,7 +133,7 @@ class EffectTests:
         self._plausible = np.array([c.plausible or np.nan for c, _ in chosen])
         count = len(causes)
         self._score, self._information = np.zeros(count), np.zeros((count, count))
-        self._last = self._score, self._information
+        self._last, self._noise_ratio = (self._score, self._information), 1.0
         self._error = np.zeros((COUNT, count))
         self._changes: list[_Tested] = []
         self._parameters: dict[str, None] = {}
@@ -145,6 +145,7 @@ class EffectTests:
         into = np.vstack([self._error, np.eye(count)])
         both = slice(0, COUNT + count)
         self._last = into.T @ s.score[both], into.T @ s.information[both, both] @ into
+        self._noise_ratio = s.noise_ratio
         self._score = self._score + self._last[0]
         self._information = self._information + self._last[1]
         self._error = s.error[:, prior] @ self._error + s.error[:, constant]
@@ -171,7 +172,7 @@ class EffectTests:
         covariance: FloatArray = np.linalg.inv(information + np.diag(self._plausible**-2.0)).astype(np.float64)
         size = np.asarray(covariance @ self._score[at], np.float64)
         score, last = self._last[0][at], self._last[1][np.ix_(at, at)]
-        explained = float(2.0 * score @ size - size @ last @ size)
+        explained = self._noise_ratio * float(2.0 * score @ size - size @ last @ size)
         return Estimated(at, self._names, self._units, size, covariance, self._error[:, at], explained)
 
     def found(self, belief: Belief) -> list[EffectFound]:

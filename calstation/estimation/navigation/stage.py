@@ -141,7 +141,10 @@ class NavigationStage:
 
         with_noise = judged(data, context, self.prior, mask, result)
         tested = response(with_noise)
-        return tested if with_noise is result else replace(tested, error=response(result).error)
+        if with_noise is result:
+            return tested
+        ratio = float(np.sum(result.history.nis) / np.sum(with_noise.history.nis))
+        return replace(tested, error=response(result).error, noise_ratio=ratio)
 
 
 def warm_up() -> None:
