@@ -1,7 +1,8 @@
 """Excitation: revolutions about y, x, z, then z, x, y in quarter turns with rests; the 39-state filter estimates all.
 
 The inner axis is horizontal when used, so that gravity observes its rotation. From one revolution to the next a joint
-turns the other way, so that it does not wind up.
+turns the other way, so that it does not wind up. The revolutions about z, x, y are slower, and gravity rests between
+two body axes: a second rate and other components of gravity show errors outside the model.
 """
 
 from collections.abc import Iterator
@@ -16,6 +17,8 @@ from calstation.estimation.navigation import NavigationStage
 from calstation.physics import INNER, JOINTS, NAMES, OUTER, Dwell, JointLimits, Move, RoundEnd, Step, TableGeometry
 
 ORDER = "yxzzxy"
+#: Index in `ORDER` of the first revolution at the second rate.
+SECOND_HALF = 3
 QUARTERS = 4
 QUARTER = 0.5 * np.pi
 
@@ -25,7 +28,8 @@ class Schedule(RepeatedSchedule):
 
     dwell_s: float = Field(20.0, ge=2.0, le=600.0, description="rest after every quarter turn")
     place_dwell_s: float = Field(5.0, ge=1.0, le=600.0, description="rest after an axis was brought into place")
-    rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of every move")
+    rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of moves")
+    second_rate: float = Field(0.5, gt=0.0, le=1.0, description="rate about z, x, y as a fraction of the other rate")
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
 
 
@@ -34,14 +38,19 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
 
     Raises ConfigurationError if the travel of a joint has no room for four quarter turns.
     """
-    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    fast, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    rest, short = schedule.dwell_s, schedule.place_dwell_s
+    whole = QUARTERS * ((QUARTER, rest),)
+    oblique = ((0.5 * QUARTER, rest), *whole[1:], (0.5 * QUARTER, short))
     joints = [0.0, 0.0]
     last: dict[int, int] = {}
-    yield Move(0.0, 0.0, rate, acceleration, ("start",))
-    yield Dwell(schedule.dwell_s)
+    yield Move(0.0, 0.0, fast, acceleration, ("start",))
+    yield Dwell(rest)
     rounds = 0
     while True:
-        for name in ORDER:
+        for number, name in enumerate(ORDER):
+            second = number >= SECOND_HALF
+            rate = fast * schedule.second_rate if second else fast
             turn = geometry.body_turn(np.eye(3)["xyz".index(name)], joints[INNER])
             place = [joints[OUTER], joints[INNER]]
             if turn.inner is None:
@@ -53,12 +62,13 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
             last[turn.joint] = way
             if max(abs(a - b) for a, b in zip(place, joints, strict=True)) > 1e-9:
                 joints = place
-                yield Move(joints[0], joints[1], rate, acceleration, ("into_place", name))
-                yield Dwell(schedule.place_dwell_s)
-            for _ in range(QUARTERS):
-                joints[turn.joint] += way * QUARTER
-                yield Move(joints[0], joints[1], rate, acceleration, ("turn_about", name, 90.0 * way * turn.sign))
-                yield Dwell(schedule.dwell_s)
+                yield Move(joints[0], joints[1], fast, acceleration, ("into_place", name))
+                yield Dwell(short)
+            for angle, dwell in oblique if second else whole:
+                joints[turn.joint] += way * angle
+                label = ("turn_about", name, float(np.rad2deg(angle)) * way * turn.sign)
+                yield Move(joints[0], joints[1], rate, acceleration, label)
+                yield Dwell(dwell)
         rounds += 1
         yield RoundEnd(rounds)
 

@@ -1,6 +1,8 @@
 """Rate: gyro scale factors from whole turns about each gyro axis in both directions, measured by the table encoders.
 
-Mounting, table axes, misalignments and every encoder reading at rest are unknowns with a prior.
+Mounting, table axes, misalignments and every encoder reading at rest are unknowns with a prior. Without encoder angles
+a turn must be proven whole: by gravity in the same direction before and after it, or, about the vertical, by the prior
+of the scale factor.
 """
 
 import itertools
@@ -22,6 +24,7 @@ from calstation.estimation.common import (
     find_rests,
     gauss_newton,
     mean_angles,
+    rest_mean_variance,
     rest_noise,
     restricted,
     widened,
@@ -50,6 +53,12 @@ ESTIMATED = tuple(f"gyro_scale_{axis}" for axis in "xyz")
 SMALLEST_TURN = np.deg2rad(300.0)
 #: Largest deviation of a rotation from a whole number of turns, rad.
 WHOLE = np.deg2rad(5.0)
+#: Smallest sine between a turn's axis and the vertical with which gravity shows whether the turn was whole.
+SEEN_BY_GRAVITY = 0.5
+#: Largest difference from a whole number, in turns, with which that number is beyond doubt.
+BEYOND_DOUBT = 0.25
+#: Largest difference, in standard deviations, of a turn from a whole one.
+PROOF = 3.0
 #: Sigma of the table axes relative to the profile, rad: non-orthogonality and wobble.
 AXIS_SIGMA = np.deg2rad(0.1)
 
@@ -74,6 +83,7 @@ class Turn:
 
     start: int  #: Sample in the middle of the rest before the rotation.
     stop: int  #: Sample in the middle of the rest after the rotation.
+    end: int  #: Sample at which the rotation has ended.
     total: FloatArray  #: Integral of the raw rate, rad, shape (3,).
     joint: int  #: Index of the joint: 0 outer, 1 inner.
     angles: FloatArray  #: Encoder angles before and after, rad, shape (2, 2).
@@ -146,15 +156,54 @@ def find_turns(data: StageData, context: SolveContext, prior: Belief) -> tuple[l
             before, after = mean_angles(data, a0, a1), mean_angles(data, b0, b1)
             if before is None or after is None:
                 assumed = True
+                _require_whole(data, (a0, a1), (b0, b1), turned, context, prior)
                 before, after, joint = _whole_turn(geometry, turned)
             else:
                 joint = int(np.argmax(np.abs(after - before)))
             way = after[joint] - before[joint]
             if abs(way - 2.0 * np.pi * np.round(way / (2.0 * np.pi))) < WHOLE and abs(way) > SMALLEST_TURN:
                 rest = (rest_count + number, rest_count + number + 1)
-                found.append(Turn(start, stop, total, joint, np.vstack([before, after]), rest, duration))
+                found.append(Turn(start, stop, b0, total, joint, np.vstack([before, after]), rest, duration))
         rest_count += len(still)
     return found, assumed
+
+
+def _require_whole(
+    data: StageData,
+    before: tuple[int, int],
+    after: tuple[int, int],
+    turned: FloatArray,
+    context: SolveContext,
+    prior: Belief,
+) -> None:
+    """Raise InsufficientDataError unless gravity or the prior of the scale factor proves a rotation to be whole turns.
+
+    `before` and `after` are the rests, `turned` is the measured rotation between them, rad.
+    """
+    size, gravity = float(np.linalg.norm(turned)), context.site.local_gravity
+    scale = group_indices("gyro_scale")[int(np.argmax(np.abs(turned)))]
+    turns = size / (2.0 * np.pi)
+    whole = round(turns / (1.0 + prior.mean[scale]))
+    beyond = 2.0 * np.pi * abs(turns - whole * (1.0 + prior.mean[scale]))
+    first, second = (data.accel[a:b].mean(axis=0) for a, b in (before, after))
+    seen = float(np.linalg.norm(np.cross(turned / size, first / np.linalg.norm(first))))
+    noise = sum(rest_mean_variance(context, (b - a) * data.dt) for a, b in (before, after)) / gravity**2
+    stops = 2.0 * context.table.encoder_sigma**2
+    if seen > SEEN_BY_GRAVITY:
+        away = float(np.linalg.norm(second - first)) / gravity / seen
+        tolerance = PROOF * float(np.sqrt(stops + 3.0 * noise / seen**2))
+        proven = away < tolerance and beyond < 2.0 * np.pi * BEYOND_DOUBT
+    else:
+        away = beyond
+        tolerance = PROOF * float(np.hypot(2.0 * np.pi * whole * prior.sigma[scale], np.sqrt(stops)))
+        proven = away < tolerance < np.pi
+    if proven:
+        return
+    values = {"turns": turns, "away_deg": float(np.rad2deg(away)), "tolerance_deg": float(np.rad2deg(tolerance))}
+    where = data.seq_range(before[1], after[0])
+    if seen > SEEN_BY_GRAVITY:
+        raise InsufficientDataError("solve.turn_against_gravity", **where, **values)
+    raise InsufficientDataError("solve.turn_unproven", whole=whole, **where, **values)
 
 
 def _whole_turn(geometry: TableGeometry, turned: FloatArray) -> tuple[FloatArray, FloatArray, int]:
@@ -224,7 +273,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,
-        innovations=Innovations(np.array([data.seq[t.stop - 1] for t in turns]), tested),
+        innovations=Innovations(np.array([data.seq[t.end - 1] for t in turns]), tested, white=False),
         details={
             "turns": [
                 {

@@ -76,7 +76,10 @@ class Position:
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Plan z up, z down, y up, y down, x up, x down, and the oblique positions, each at the nearest joint angles."""
+    """Plan z up, z down, y up, y down, x up, x down, the oblique positions, and z up again.
+
+    Each is at the nearest joint angles. What differs between the first and the last rest has drifted.
+    """
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     pose = (0.0, 0.0)
     for axis in (2, 1, 0):
@@ -92,6 +95,9 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
         signs = "".join(f"{'+' if part > 0 else '-'}{axis}" for part, axis in zip(up, "xyz", strict=True))
         yield Move(*pose, rate, acceleration, ("oblique", signs))
         yield Dwell(schedule.oblique_dwell_s)
+    pose = geometry.pose_up(np.eye(3)[2], pose)
+    yield Move(*pose, rate, acceleration, ("face_up", "+z"))
+    yield Dwell(schedule.oblique_dwell_s)
 
 
 def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Schedule) -> Solution:
@@ -177,7 +183,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
         estimated=ESTIMATED,
         consistency=result.redundancy.consistency,
         gaps=data.gaps,
-        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), tested),
+        innovations=Innovations(np.array([data.seq[p.stop - 1] for p in positions]), tested, white=False),
         details={
             "positions": [
                 {**data.seq_range(p.start, p.stop), "force": p.force.tolist(), "residual": r.tolist()}

@@ -22,7 +22,7 @@ PRODUCT: dict[str, Any] = {
         "rate": {"turns": 1, "dwell_s": 2.0, **QUICK},
         "six_position": {"dwell_s": 3.0, "oblique_dwell_s": 3.0, **QUICK},
         "excitation": {"rounds": 1, "dwell_s": 3.0, "place_dwell_s": 2.0, **QUICK},
-        "azimuth_flip": {"rounds": 1, "dwell_s": 8.0, **QUICK},
+        "azimuth_flip": {"rounds": 1, "dwell_s": 12.0, **QUICK},
     },
     "limits": {
         "gyro_bias": {"within": 1.5e-5, "sigma_below": 1e-5},
@@ -61,9 +61,7 @@ class SiteFolder:
     def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
         """Write both files, with changes to the product and the bench's settings."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        site = dict(STATION["site"])
-        if (product or {}).get("bench_grade", "nav") != "nav":
-            site["gravity_mps2"] = 9.7955  # surveyed, where gyros do not feel the earth turn
+        site = {**STATION["site"], "gravity_mps2": 9.79547}  # surveyed
         self.station.write_text(tomli_w.dumps({**STATION, "site": site, "bench": {**BENCH, **bench}}), encoding="utf-8")
 
     def request(self, *stages: str, serial: str = "SN-000042") -> RunRequest:

@@ -127,11 +127,16 @@ def resolve(
     last: Annotated[int | None, typer.Option("--to", help="Last sequence number.", metavar="SEQ")] = None,
     stages: StagesOption = None,
     json: JsonOption = None,
+    residuals: Annotated[bool, typer.Option("--residuals", help="Show the residuals of every rest and move.")] = False,
+    states: Annotated[
+        list[str] | None,
+        typer.Option("--state", help="Add an effect to the error model, for a trial; repeatable.", metavar="NAME"),
+    ] = None,
 ) -> None:
     """Solve a stored log again."""
     from calstation.cli.logs import resolve_command
 
-    raise typer.Exit(resolve_command(log, _stages(stages), first, last, json))
+    raise typer.Exit(resolve_command(log, _stages(stages), first, last, json, residuals=residuals, states=states or ()))
 
 
 @app.command(name="import")

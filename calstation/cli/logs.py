@@ -1,30 +1,44 @@
 """`resolve`, `import`, `export` and `record`: operations on logs and recordings."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import cast, get_args
 
 from rich.console import Console
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from calstation.cli.show import check_json, emit_json, result_table, say, show_line
+from calstation.cli.show import check_json, emit_json, residual_table, result_table, say, show_line
 from calstation.config import load_station
 from calstation.connection import import_capture
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.messages import event_text, sentence
+from calstation.physics import EffectName
 from calstation.records import SUFFIX, export_csv, open_log, truth_path, write_log
 from calstation.results import resolve, write_json
 from calstation.simulation import GradeName, Kind, make_recording
 
 
 def resolve_command(
-    log: Path, stages: tuple[str, ...] | None, first: int | None, last: int | None, json: str | None
+    log: Path,
+    stages: tuple[str, ...] | None,
+    first: int | None,
+    last: int | None,
+    json: str | None,
+    *,
+    residuals: bool,
+    states: Sequence[str] = (),
 ) -> int:
     """Solve a log again, or selected stages between two sequence numbers, and show the result.
+
+    With `residuals`, also show those of every rest and move, or add them to the JSON. `states` are added to the model.
 
     Returns 1 if it is outside the limits. Raises InsufficientDataError after showing the result if a stage lacks data.
     """
     check_json(json)
+    for state in states:
+        _check_choice("--state", state, get_args(EffectName))
+    added = cast(tuple[EffectName, ...], tuple(states))
     console = Console(stderr=True)
     columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
@@ -34,13 +48,16 @@ def resolve_command(
             share = f", {done:.0%}" if done else ""
             bar.update(task, description=f"solving {stage}, sample {seq}{share}")
 
-        resolved = resolve(log, stages, first, last, show)
+        resolved = resolve(log, stages, first, last, show, residuals=residuals, states=added)
     for event_id, values in resolved.messages:
         console.print(sentence(event_text(event_id, values)), highlight=False, markup=False)
-    emit_json(resolved.result.to_json(), json)
+    by_stage = {stage: [row.to_json() for row in rows] for stage, rows in resolved.residuals.items()}
+    emit_json({**resolved.result.to_json(), **({"residuals": by_stage} if residuals else {})}, json)
     passed = resolved.result.passed
     if json != "-":
         out = Console(file=sys.stdout)
+        for stage, rows in resolved.residuals.items():
+            residual_table(stage, rows)
         result_table(out, resolved.result)
         unjudged = "in_part" if resolved.missing_data else "without_limits"
         ending = unjudged if passed is None else "passed" if passed else "failed"
@@ -83,8 +100,7 @@ def export_command(log: Path, target: Path) -> int:
 def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     """Write a recording of the virtual bench as the raw log `target`, and its true values as NAME.truth.json."""
     for option, value, choices in (("KIND", kind, get_args(Kind)), ("--grade", grade, get_args(GradeName))):
-        if value not in choices:
-            raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)
+        _check_choice(option, value, choices)
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)
     facts, truth = make_recording(cast(Kind, kind), target, cast(GradeName, grade), seed)
@@ -92,3 +108,8 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     write_json(beside, truth)
     show_line(Console(stderr=True), f"{target}: {facts.samples} samples; truth in {beside}")
     return 0
+
+
+def _check_choice(option: str, value: str, choices: tuple[str, ...]) -> None:
+    if value not in choices:
+        raise ConfigurationError("cli.unknown_choice", option=option, value=value, choices=choices)

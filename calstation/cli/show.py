@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,15 @@ from rich.console import Console
 from rich.table import Table
 
 from calstation.errors import ConfigurationError
-from calstation.messages import Value, known, render, sentence
-from calstation.physics import DEGREE, display, number
+from calstation.messages import Value, known, render, sentence, term
+from calstation.physics import DEGREE, display, display_by_unit, number
 from calstation.records import Check
-from calstation.results import Result, cause_text, write_json
+from calstation.results import PositionResidual, Result, cause_text, write_json
+
+#: Marks of a rest or move whose residuals are notable, and of one whose data contradict the model.
+_MARKS = {"good": "", "caution": "!", "bad": "!!"}
+#: Largest width of the table of residuals, characters.
+_TABLE_WIDTH = 200
 
 
 def say(code: str, **values: Value) -> str:
@@ -109,8 +114,54 @@ def result_table(console: Console, result: Result) -> None:
     for check in result.checks:
         if check.kind not in ("within", "sigma_below") or (check.kind, check.subject) in limits:
             console.print(_check_line(check), highlight=False)
-            if cause := cause_text(check):
-                console.print(f"  {sentence(cause)}", highlight=False)
+        if cause := cause_text(check):
+            console.print(f"  {sentence(cause)}", highlight=False)
+
+
+def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:
+    """Show the residuals of a stage per rest and move, in sigmas."""
+    if not rows:
+        return
+    table = Table(title=term("stage", stage), title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
+    for heading in (
+        "",
+        "rest or move",
+        "s",
+        "excess σ",
+        "mean σ",
+        "error there",
+        "σ",
+        "force σ",
+        "vert. σ",
+        "horiz. σ",
+    ):
+        left = heading in ("", "rest or move")
+        table.add_column(heading, justify="left" if left else "right", no_wrap=True)
+    for row in rows:
+        component = term("residual", row.component_name)
+        table.add_row(
+            _MARKS[row.state],
+            sentence(row.text),
+            f"{row.duration:.1f}",
+            _sigmas(row.excess),
+            "" if math.isnan(row.mean) else f"{component} {row.mean:+.1f}",
+            _channel_error(row),
+            "" if row.channel is None else _sigmas(row.error / row.error_sigma),
+            *(_sigmas(value) for value in (row.force, row.vertical_rate, row.horizontal_rate)),
+        )
+    Console(file=sys.stdout, width=_TABLE_WIDTH).print(table)
+
+
+def _channel_error(row: PositionResidual) -> str:
+    if row.channel is None:
+        return ""
+    value, unit = display_by_unit(row.error_unit, row.error)
+    sigma, _ = display_by_unit(row.error_unit, row.error_sigma)
+    return f"{term('residual', row.channel_name)} {number(value, sigma)} {unit}"
+
+
+def _sigmas(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:+.1f}"
 
 
 def _check_line(check: Check) -> str:

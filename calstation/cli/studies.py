@@ -117,8 +117,8 @@ def _follow(bar: Progress, name: str) -> Callable[[int, int], None]:
 def _show_groups(console: Console, title: str, row: Mapping[str, Any]) -> None:
     table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("group", no_wrap=True)
-    largest = all("largest" in group for group in row["groups"].values())
-    for heading in ("sigma", "error/sigma", "band", *(["largest"] if largest else [])):
+    more = [key for key in ("largest", "cost") if all(key in group for group in row["groups"].values())]
+    for heading in ("sigma", "error/sigma", "band", *more):
         table.add_column(heading, justify="right", no_wrap=True)
     table.add_column("verdict", no_wrap=True)
     for name, group in row["groups"].items():
@@ -128,7 +128,7 @@ def _show_groups(console: Console, title: str, row: Mapping[str, Any]) -> None:
             f"{group['sigma'] / size:.3g} {unit}",
             f"{group['rms']:.3f}",
             f"{group['low']:.3f} to {group['high']:.3f}",
-            *([f"{group['largest']:.2f}"] if largest else []),
+            *(f"{group[key]:.2f}" for key in more),
             "ok" if group["passed"] else "OUTSIDE",
         )
     console.print(table)

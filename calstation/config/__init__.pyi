@@ -29,6 +29,7 @@ from .schedules import schedule_problems as schedule_problems
 from .site_check import check_latitude as check_latitude
 from .site_check import check_seen_latitude as check_seen_latitude
 from .site_check import confirmation_key as confirmation_key
+from .site_check import gravity_beyond as gravity_beyond
 from .site_check import gravity_contradiction as gravity_contradiction
 from .site_check import is_confirmed as is_confirmed
 from .site_check import latitude_agrees as latitude_agrees
@@ -37,6 +38,7 @@ from .site_check import normal_gravity_at as normal_gravity_at
 from .site_check import site_advice as site_advice
 from .site_check import this_computer as this_computer
 from .site_check import unconfirmed_latitude as unconfirmed_latitude
+from .site_check import unconfirmed_site as unconfirmed_site
 from .station import DEFAULT_PRODUCT as DEFAULT_PRODUCT
 from .station import DEFAULT_STATION as DEFAULT_STATION
 from .station import MANUAL_STATION as MANUAL_STATION

@@ -16,7 +16,7 @@ from pydantic import BaseModel, JsonValue
 from calstation import __version__
 from calstation.config import library, versions
 from calstation.config.request import RunRequest
-from calstation.config.site_check import check_confirmation, check_site
+from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
 from calstation.config.station import (
     ProductConfig,
     StationConfig,
@@ -145,7 +145,7 @@ class ResolvedConfiguration:
         started = (started or datetime.now(UTC)).astimezone(UTC)
         return LogMeta(
             site=self.station.site.place,
-            imu=_section(ImuSection, self.imu.stream, self.imu.noise, serial=self.request.serial),
+            imu=_section(ImuSection, self.imu.quantised_stream, self.imu.noise, serial=self.request.serial),
             table=_section(TableSection, self.table, self.table.accuracy),
             model=ModelSection(states=self.imu.states) if self.imu.states else None,
             prior={
@@ -161,6 +161,7 @@ class ResolvedConfiguration:
                 attempt=attempt,
                 software=__version__,
                 started_utc=started.isoformat(timespec="seconds"),
+                clock_error_ppm=self.station.clock_error_ppm,
                 files={kind: source.section for kind, source in self.sources.items()} or None,
             ),
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
@@ -386,6 +387,7 @@ def check_station(resolved: ResolvedConfiguration) -> None:
     meta, site = resolved.log_meta(), resolved.station.site
     with in_file(resolved.sources["station"].path):
         check_site(meta)
+        check_gravity_sigma(meta, resolved.sigma_limits())
         if resolved.station.bench is None:
             check_confirmation(site, meta)
 

@@ -7,16 +7,17 @@ self-consistent; therefore it lists the computers on which it was confirmed.
 
 import platform
 import uuid
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
-from calstation.estimation import Solution
+from calstation.estimation import Misfit, Solution
 from calstation.estimation.common import LatitudeEstimate, resolves_earth_rate
 from calstation.messages import Finding, Value
-from calstation.physics import normal_gravity
+from calstation.physics import DEGREE_PER_HOUR, RATE, normal_gravity
 from calstation.records import Check, LogMeta, SiteSection, context_from_meta
 from calstation.schema import EntryError
 from procedures import method
@@ -67,12 +68,47 @@ def check_site(meta: LogMeta) -> None:
         raise EntryError("site.gravity_missing", "site", "gravity_mps2")
 
 
+def check_gravity_sigma(meta: LogMeta, limits: Mapping[str, float]) -> None:
+    """Check that the largest permitted sigmas, by parameter, can be reached with this gravity. Raises EntryError."""
+    for name, limit in limits.items():
+        found = gravity_beyond(meta, name, limit)
+        if found is not None:
+            place = "gravity_mps2" if meta.site.gravity_mps2 is None else "gravity_sigma_mps2"
+            raise EntryError("site.gravity_uncertain", "site", place, parameter=name, **found)
+
+
+def gravity_beyond(meta: LogMeta, parameter: str, limit: float) -> dict[str, float] | None:
+    """Return sigma of gravity and limit, ppm, if gravity alone exceeds the largest permitted sigma of a parameter.
+
+    The accelerometer scale factors carry the error of gravity one to one; no duration of a run reduces it.
+    """
+    sigma = context_from_meta(meta).site.relative_gravity_sigma
+    if not parameter.startswith("accel_scale") or sigma < limit:
+        return None
+    return {"sigma_ppm": sigma * 1e6, "limit_ppm": limit * 1e6}
+
+
 def needs_surveyed_gravity(meta: LogMeta) -> bool:
     """Whether the run estimates accelerometer scale factors and the unit's gyros cannot resolve earth rate."""
     context = context_from_meta(meta)
     stages = meta.run.stages if meta.run is not None else []
-    scaled = any("accel_scale_x" in method(stage).estimates(context) for stage in stages)
-    return scaled and not resolves_earth_rate(context.imu)
+    return _blind_scale(meta, [name for stage in stages for name in method(stage).estimates(context)])
+
+
+def unconfirmed_site(meta: LogMeta, solutions: Iterable[Solution]) -> dict[str, float] | None:
+    """Return the site of a recording of another program if a run at it would need a person's confirmation, else None.
+
+    A run asks for the confirmation itself, before it records.
+    """
+    if meta.run is not None or not _blind_scale(meta, [name for s in solutions for name in s.estimated]):
+        return None
+    site = context_from_meta(meta).site
+    place = {"latitude": meta.site.latitude_deg, "longitude": meta.site.longitude_deg, "height": meta.site.height_m}
+    return {**place, "gravity": site.local_gravity, "sigma_ppm": site.relative_gravity_sigma * 1e6}
+
+
+def _blind_scale(meta: LogMeta, estimated: Iterable[str]) -> bool:
+    return "accel_scale_x" in estimated and not resolves_earth_rate(context_from_meta(meta).imu)
 
 
 def gravity_contradiction(site: SiteSection) -> EntryError | None:
@@ -122,20 +158,24 @@ def check_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> list[Check
         return []
     latitude = context_from_meta(meta).site.latitude
     limit = (latitude - seen.tolerance, latitude + seen.tolerance)
-    return [Check.compare("latitude", seen.value, limit, "rad")]
+    check = Check.compare("latitude", seen.value, limit, "rad")
+    values = {
+        "measured": float(np.rad2deg(seen.value)),
+        "latitude": meta.site.latitude_deg,
+        "rate": RATE * float(np.sin(seen.value) - np.sin(latitude)) / DEGREE_PER_HOUR,
+        "rate_sigma": RATE * float(np.cos(seen.value)) * seen.sigma / DEGREE_PER_HOUR,
+    }
+    misfit = Misfit("latitude_unlike", seen.value - latitude, seen.sigma, "rad", values=values)
+    return [check if check.passed else replace(check, misfit=misfit)]
 
 
 def check_seen_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> None:
     """Raise ConfigurationError if the latitude measured by the gyros contradicts that of the file."""
-    seen = _seen(solutions)
-    if seen is None or all(check.passed for check in check_latitude(meta, solutions)):
-        return
-    raise ConfigurationError(
-        "site.latitude_contradicts",
-        latitude=meta.site.latitude_deg,
-        measured=float(np.rad2deg(seen.value)),
-        sigma=float(np.rad2deg(seen.sigma)),
-    )
+    for check in check_latitude(meta, solutions):
+        if check.misfit is not None:
+            found = check.misfit
+            values = {name: found.values[name] for name in ("latitude", "measured", "rate")}
+            raise ConfigurationError("site.latitude_contradicts", sigma=float(np.rad2deg(found.sigma)), **values)
 
 
 def unconfirmed_latitude(meta: LogMeta, solutions: tuple[Solution, ...]) -> dict[str, str | float] | None:

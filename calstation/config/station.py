@@ -14,7 +14,7 @@ from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
 from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.physics import NAMES, PARAMETERS
+from calstation.physics import INDEX, PARAMETERS, further_parameter
 from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
 from calstation.schema import EntryError, Problem, StrictModel, load, near_miss
 from calstation.sequencer import named
@@ -102,6 +102,8 @@ class StationConfig(StrictModel):
     cross_calibration: dict[str, JsonValue] = Field(default_factory=dict)
     #: Settings of the virtual bench that replaces hardware, see `calstation.bench.config.BenchConfig`.
     bench: dict[str, JsonValue] | None = None
+    #: Largest error of the computer's clock, ppm; None for that of a quartz without time synchronisation.
+    clock_error_ppm: float | None = Field(default=None, ge=0)
     #: By default, results are delivered to a folder `handover` next to the runs folder.
     handover: HandoverSection | None = None
 
@@ -259,7 +261,8 @@ def register_conflicts(product: ProductConfig, imu: ImuProfile) -> Iterator[Entr
 
 def _limit_of(product: ProductConfig, parameter: str) -> str | None:
     """Return the name of a parameter's limit: its own or that of its group."""
-    group = PARAMETERS[NAMES.index(parameter)].group
+    known = PARAMETERS[INDEX[parameter]] if parameter in INDEX else further_parameter(parameter)
+    group = "" if known is None else known.group
     return next((name for name in (parameter, group) if name in product.limits), None)
 
 

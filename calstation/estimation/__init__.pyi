@@ -9,3 +9,5 @@ from .method import RepeatedSchedule as RepeatedSchedule
 from .method import Solution as Solution
 from .method import StageSolver as StageSolver
 from .method import batch_method as batch_method
+from .method import stage_residuals as stage_residuals
+from .method import with_misfit as with_misfit

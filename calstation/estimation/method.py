@@ -1,25 +1,37 @@
 """Interface of a calibration method: its plan, its solver and the parameters that it estimates."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, Protocol
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from calstation.estimation.common import (
+    CHANNELS,
     Belief,
     Consistency,
     LatitudeEstimate,
+    Misfit,
     ModelTest,
+    RestResiduals,
     SampleBlock,
+    ScoreFunction,
     SolveContext,
     Spool,
     StageData,
+    StageResiduals,
+    concentration,
+    position_residuals,
+    rest_residuals,
     stage_data,
 )
 from calstation.estimation.effects import Sensitivity
 from calstation.estimation.positions import Evidence
-from calstation.physics import FloatArray, IntArray, Step, TableGeometry
+from calstation.messages import Text
+from calstation.physics import NAMES, FloatArray, IntArray, Step, TableGeometry
+
+#: Number of rests or moves that a message lists.
+_MOST_NAMED = 3
 
 #: Callback that receives the progress from 0 to 1, never decreasing.
 Progress = Callable[[float], None]
@@ -31,6 +43,7 @@ class Innovations:
 
     seq: IntArray  #: Sequence number at the end of each observation, shape (m,).
     normalised: FloatArray  #: Components in units of their sigmas, shape (m, 3); NaN where there is nothing to test.
+    white: bool = True  #: Whether the components are independent of each other.
 
 
 @dataclass(frozen=True)
@@ -57,7 +70,7 @@ class Solution:
     """Result of solving a stage."""
 
     stage: str
-    belief: Belief  #: Joint posterior of the 30 parameters, the next stage's prior.
+    belief: Belief  #: Joint posterior of the 30 parameters; in a chain, with the error of gravity.
     estimated: tuple[str, ...]  #: Names of the parameters that the stage estimated.
     consistency: Consistency  #: Innovation test of the stage.
     gaps: int = 0  #: Number of gaps and resets.
@@ -70,6 +83,46 @@ class Solution:
     latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
     sensitivity: Sensitivity | None = None  #: Response to effects outside the model; None if it is not known.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
+    misfit: Misfit | None = None  #: Where the innovations are too large, if they fail their test.
+    local_scores: ScoreFunction | None = None  #: For diagnosis: score tests of errors during parts of the stage.
+
+
+def stage_residuals(solution: Solution, data: StageData, rests: RestResiduals) -> StageResiduals:
+    """Return the residuals of a solved stage per rest and move; without any row if the method has no innovations."""
+    found = solution.innovations
+    if found is None:
+        return StageResiduals()
+    return position_residuals(
+        data, rests, solution.belief, found.seq, found.normalised, white=found.white, score=solution.local_scores
+    )
+
+
+def with_misfit(solution: Solution, data: StageData, context: SolveContext) -> Solution:
+    """Add to a solution where the innovations are too large, if they fail their test."""
+    if solution.innovations is None or solution.consistency.verdict is not False:
+        return solution
+    residuals = stage_residuals(solution, data, rest_residuals(data, context, solution.belief))
+    if not residuals.rows:
+        return solution
+    found = concentration(residuals, white=solution.innovations.white)
+    rows, scores = [residuals.rows[k] for k in found.rows], residuals.scores
+    named, by_row = [row.text for row in rows[:_MOST_NAMED]], found.place in ("rest", "move")
+    axis = found.axis.split("+") if rows[0].kind == "move" else found.axis
+    where = named if by_row else [Text(f"residual.{found.place}", {"axis": axis, "worst": named})]
+    values: dict[str, Any] = {"where": [text.to_json() for text in where], "percent": 100.0 * min(found.share, 1.0)}
+    if found.signs is not None and scores is not None:
+        channel, error, sigma = scores.single(found.rows, found.signs)
+        shift = error * scores.shift[:, [6 * k + channel for k in found.rows]] @ found.signs / solution.belief.sigma
+        moves = {name: float(shift[NAMES.index(name)]) for name in solution.estimated}
+        values["channel"] = CHANNELS[channel]
+        unit = "rad/s" if channel < 3 else "m/s²"
+        return replace(solution, misfit=Misfit("excess_shift", error, sigma, unit, moves, values))
+    if found.place == "stage":
+        values["times"] = sum(row.total for row in rows) / max(sum(row.freedom for row in rows), 1)
+        return replace(solution, misfit=Misfit("excess_spread", values=values))
+    values["component"] = rows[0].component_name
+    cause = "excess_scatter" if solution.innovations.white else "excess_there"
+    return replace(solution, misfit=Misfit(cause, values=values))
 
 
 class StageSolver(Protocol):
@@ -157,7 +210,8 @@ class BatchStage:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage; the solution is too fast for progress reports."""
-        return self._solve(stage_data(list(self._spool.blocks()), self.context.imu), self.context, self.prior)
+        data = stage_data(list(self._spool.blocks()), self.context.imu)
+        return with_misfit(self._solve(data, self.context, self.prior), data, self.context)
 
 
 def batch_method(

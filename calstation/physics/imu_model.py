@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calstation.physics.arrays import FloatArray
-from calstation.physics.parameters import NAMES, PARAMETERS, group_matrix, group_vector
+from calstation.physics.parameters import EFFECT_PARAMETERS, NAMES, PARAMETERS, group_matrix, group_vector
 
 
 class Compensation(NamedTuple):
@@ -61,6 +61,8 @@ def parameter_vector(values: Mapping[str, float]) -> FloatArray:
 def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, float]:
     """Combine registers with a solution from their output into all 30 parameters, by name, SI; missing ones count as 0.
 
+    Parameters of effects that the solution contains follow.
+
     With raw = (I + M_old) y + b_old and y = (I + M) ω + b, the raw output is
     (I + M_old)(I + M) ω + (I + M_old) b + b_old. Second-order terms and levers, which act on the specific force itself,
     add to first order. The accelerometer matrix stays lower triangular, as a product of lower triangular matrices.
@@ -77,7 +79,8 @@ def compose(old: Mapping[str, float], found: Mapping[str, float]) -> dict[str, f
                 result[i] = matrix[parameter.row, parameter.column]
             elif parameter.group == f"{sensor}_bias":
                 result[i] = bias[parameter.row]
-    return dict(zip(NAMES, result.tolist(), strict=True))
+    effects = {p.name: old.get(p.name, 0.0) + found[p.name] for p in EFFECT_PARAMETERS if p.name in found}
+    return dict(zip(NAMES, result.tolist(), strict=True)) | effects
 
 
 def composition(old: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:

@@ -6,6 +6,8 @@ from .checked_lines import Lines as Lines
 from .checked_lines import append_line as append_line
 from .checked_lines import read_lines as read_lines
 from .checks import ChecksSection as ChecksSection
+from .checks import SampleClockLimit as SampleClockLimit
+from .checks import TemperatureLimit as TemperatureLimit
 from .checks import acceptance as acceptance
 from .checks import offline_online as offline_online
 from .columns import RecordingMeta as RecordingMeta

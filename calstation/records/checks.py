@@ -91,6 +91,18 @@ class Excitation(StrictModel):
     sigma_ratio_below: float = Field(gt=0, le=1)
 
 
+class SampleClockLimit(StrictModel):
+    """Largest relative difference of the sample rate from its nominal value, beside the error of the reference, ppm."""
+
+    within_ppm: float = Field(default=20.0, gt=0)
+
+
+class TemperatureLimit(StrictModel):
+    """Largest change of the temperature over a run, °C."""
+
+    change_within: float = Field(default=10.0, gt=0)
+
+
 class ChecksSection(StrictModel):
     """`[checks]` of a product; a value above the fraction `near_miss_beyond` of its limit is a near miss."""
 
@@ -102,6 +114,8 @@ class ChecksSection(StrictModel):
     offline_online: OfflineOnline | None = None
     previous: Previous | None = None
     excitation: Excitation | None = None
+    sample_clock: SampleClockLimit | None = None  #: None for the default limit.
+    temperature: TemperatureLimit | None = None  #: None for the default limit.
 
     @model_validator(mode="after")
     def _floors(self) -> "ChecksSection":

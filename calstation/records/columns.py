@@ -20,7 +20,9 @@ ANGLES = ("outer_deg", "inner_deg")
 #: Columns that every CSV needs, besides those of `_OPTIONAL`.
 REQUIRED = ("seq", "time_s", *CHANNELS, *ANGLES, "stage", "step")
 JOINTS = ("joint_x_deg", "joint_y_deg", "joint_z_deg")
-COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS)
+#: Time at which the station received a sample, s.
+STATION = "station_s"
+COLUMNS = (*REQUIRED, "temp_c", "valid", *JOINTS, STATION)
 #: Columns that may be absent without a table, and those but the angles in a file of another program.
 _OPTIONAL = (*ANGLES, "seq", "stage", "step")
 _GYROS = CHANNELS[:3]
@@ -143,7 +145,7 @@ def _units(name: str) -> Mapping[str, float]:
         return {**_FORCES, **_SPEEDS}
     if name in (*ANGLES, *JOINTS):
         return _ANGLES
-    return {"time_s": _TIMES, "temp_c": _TEMPERATURES}.get(name, {})
+    return {"time_s": _TIMES, STATION: _TIMES, "temp_c": _TEMPERATURES}.get(name, {})
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ def write_log(target: Path, meta: LogMeta, blocks: Iterator[SampleBlock]) -> Log
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)
     first = next(blocks)  # raises for a log without samples
-    writer = RawLogWriter(target, meta, joints=first.joints.shape[1] > 0)
+    writer = RawLogWriter(target, meta, joints=first.joints.shape[1] > 0, station=first.station.shape[1] > 0)
     try:
         for block in itertools.chain([first], blocks):
             writer.append(block)
@@ -87,7 +87,8 @@ def export_corrected(
         raw = block.counts * size
         return replace(block, counts=np.hstack(compensate(constants, raw[:, :3], raw[:, 3:])))
 
-    imu = meta.imu.model_copy(update={"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0})
+    unit = {"output": "rate", "gyro_lsb": 1.0, "accel_lsb": 1.0, "gyro_quantisation": 0.0, "accel_quantisation": 0.0}
+    imu = meta.imu.model_copy(update=unit)
     changed = {"imu": imu, "prior": {}, "prior_correlation": {}, "registers": {}, "run": None}
     _write(target, meta.model_copy(update=changed), map(corrected, blocks))
 

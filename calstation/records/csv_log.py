@@ -21,6 +21,7 @@ from calstation.records.arrival import SampleTimes, are_arrivals, sample_period,
 from calstation.records.columns import (
     ANGLES,
     JOINTS,
+    STATION,
     ColumnMap,
     Layout,
     RecordingMeta,
@@ -299,6 +300,7 @@ class _Table:
         step = self.integers("step") if "step" in self._header else np.zeros(n, np.int64)
         heat = self.floats("temp_c", True) if "temp_c" in self._header else np.full(n, np.nan)
         others, joints = self._others(n), self._joints(n)
+        station = self.floats(STATION, True)[:, None] if STATION in self._header else np.empty((n, 0))
         stages = self._columns.get("stage", [self._layout.stage] * n)
         if stages.count(stages[0]) == n:
             edges = np.array([0, n])
@@ -318,6 +320,7 @@ class _Table:
                 heat[k],
                 others[k],
                 joints[k],
+                station[k],
             )
 
     def _others(self, count: int) -> FloatArray:
@@ -343,6 +346,7 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
     names = ["seq", "time_s", *(CHANNELS[i] for i in channels), *ANGLES, "stage", "step", "temp_c", "valid"]
     names += [name for number in FURTHER_IMUS[:further] for name in further_channels(number)]
     names += JOINTS if first is not None and first.joints.shape[1] else ()
+    names += [STATION] if first is not None and first.station.shape[1] else []
     stream.write(",".join(names) + "\n")
     for block in itertools.chain([] if first is None else [first], blocks):
         degrees = _shortest_degrees(block.angles)
@@ -357,7 +361,7 @@ def write_csv(stream: IO[str], blocks: Iterator[SampleBlock]) -> None:
             ["1" if v else "0" for v in block.valid.tolist()],
         ]
         columns += [_numbers(column) for column in block.others.reshape(len(block), -1).T]
-        columns += [_blank_nan(column) for column in _shortest_degrees(block.joints).T]
+        columns += [_blank_nan(column) for column in (*_shortest_degrees(block.joints).T, *block.station.T)]
         stream.write("".join(map("{}\n".format, map(",".join, zip(*columns, strict=True)))))
 
 

@@ -68,7 +68,7 @@ class FactsBuilder:
         rows["step"], rows["valid"] = block.step, block.valid
         rows["temperature"] = np.where(np.isnan(block.temperature), np.nan, block.temperature)
         self._rows.update(rows.data)
-        further = [v.reshape(count, -1) for v in (block.others, block.joints) if v.shape[1]]
+        further = [v.reshape(count, -1) for v in (block.others, block.joints, block.station) if v.shape[1]]
         if further:
             self._has_further = True
             columns = np.hstack(further)

@@ -101,6 +101,7 @@ CheckKind = Literal[
     "excitation",
     "change",
     "agreement",
+    "halves",
     "effects",
     "table_noise",
     "imu_noise",
@@ -110,14 +111,15 @@ CheckKind = Literal[
     "other",
 ]
 
-#: Kinds of the tests of the model, one for a stage each.
+#: Kinds of the tests of the model, one for a stage each; the failure of one may also fail those after it.
 MODEL_KINDS: tuple[CheckKind, ...] = (
-    "agreement",
-    "effects",
-    "table_noise",
-    "imu_noise",
     "clipping",
     "sample_clock",
+    "effects",
+    "halves",
+    "agreement",
+    "imu_noise",
+    "table_noise",
     "temperature",
 )
 
@@ -346,11 +348,13 @@ def check_limits(
             limit = limits.get(name, limits.get(parameter.group if parameter else ""))
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near)
+    model = [Check.of_model(s.stage, test) for s in solutions for test in s.tests]
+    checks += sorted(model, key=lambda check: [*MODEL_KINDS].index(check.kind))
     for s in solutions:
         c = s.consistency
         if c.count:
-            checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed)))
-        checks += [Check.of_model(s.stage, test) for test in s.tests]
+            misfit = None if c.passed else s.misfit
+            checks.append(Check("consistency", s.stage, c.nis_mean, c.nis_high, "1", bool(c.passed), misfit=misfit))
     unknown = undetermined(prior, solutions, calibrated)
     checks.append(Check("unobservable", "", float(len(unknown)), 0.0, "1", not unknown))
     changes = _changes(prior, belief, [n for n in estimated_stage(solutions) if n in calibrated])

@@ -2,18 +2,26 @@
 
 import json
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text
+from calstation.physics import FloatArray
+from calstation.records.columns import Layout
 from calstation.records.csv_log import csv_blocks, csv_rows, is_text, load_recording, meta_path
 from calstation.records.facts import FactsBuilder, LogFacts
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import SUFFIX
 from calstation.records.raw_read import DamagedRows, raw_blocks, read_contents, row_count
+
+#: Number of samples of a CSV among which an output that is not an integer shows decimals.
+_DECIMALS_WITHIN = 200
 
 
 @dataclass
@@ -116,8 +124,23 @@ def open_log(path: Path, meta_file: Path | None = None) -> Log:
     if not is_text(path):
         raise InputError("log.not_a_log", file=path)
     meta, layout = load_recording(path, meta_file or meta_path(path))
+    meta = _with_quantisation(path, meta, layout)
     jitter: list[float] = []
     return Log(path, meta, lambda: csv_blocks(path, meta, layout, jitter), _jitter=jitter)
+
+
+def _with_quantisation(path: Path, meta: LogMeta, layout: Layout) -> LogMeta:
+    """Return the configuration of a CSV with quantisation 0, if not given, for sensors whose output has decimals."""
+    counts: list[FloatArray] = []
+    with suppress(InputError):  # reported when the samples are read
+        for block in csv_blocks(path, meta, layout, []):
+            counts.append(block.counts[block.valid])
+            if sum(map(len, counts)) >= _DECIMALS_WITHIN:
+                break
+    decimal = (np.concatenate([np.empty((0, 6)), *counts]) % 1.0 != 0.0).any(axis=0)
+    sensors = {"gyro_quantisation": decimal[:3].any(), "accel_quantisation": decimal[3:].any()}
+    found = {name: 0.0 for name, known in sensors.items() if known and getattr(meta.imu, name) is None}
+    return meta.model_copy(update={"imu": meta.imu.model_copy(update=found)}) if found else meta
 
 
 def estimated_rows(path: Path) -> int:

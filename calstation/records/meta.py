@@ -17,7 +17,17 @@ from pydantic import Field, JsonValue, field_validator, model_validator
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, ImuModel, Secondary, Site, SolveContext, StoredPair, TableModel
 from calstation.messages import os_reason
-from calstation.physics import COUNT, INDEX, NAMES, PAIR_PARAMETERS, PARAMETERS, EffectName, FloatArray, group_indices
+from calstation.physics import (
+    COUNT,
+    INDEX,
+    NAMES,
+    PAIR_PARAMETERS,
+    PARAMETERS,
+    EffectName,
+    FloatArray,
+    further_parameter,
+    group_indices,
+)
 from calstation.records.atomic import write_atomic
 from calstation.records.checks import ChecksSection
 from calstation.records.limits import Limit, check_limit_names
@@ -38,6 +48,8 @@ class SiteSection(StrictModel):
     height_m: float = Field(ge=-1000, le=10000)
     azimuth_deg: float | None = Field(default=None, ge=-360, le=360)
     gravity_mps2: float | None = Field(default=None, ge=9.7, le=9.9)
+    #: 1σ of gravity; by default 1e-6 where it is given and 5e-4 where it is computed.
+    gravity_sigma_mps2: float | None = Field(default=None, gt=0, le=0.1)
 
 
 class ImuSection(StrictModel):
@@ -52,6 +64,8 @@ class ImuSection(StrictModel):
     accel_vrw: float = Field(gt=0)
     gyro_bias_instability: float = Field(default=0.0, ge=0)
     accel_bias_instability: float = Field(default=0.0, ge=0)
+    gyro_quantisation: float | None = Field(default=None, ge=0)  #: None for a count.
+    accel_quantisation: float | None = Field(default=None, ge=0)  #: None for a count.
 
 
 class StoredPairSection(StrictModel):
@@ -154,6 +168,7 @@ class RunSection(StrictModel):
     software: str
     started_utc: str
     files: dict[str, FileSection] | None = None  #: Files by kind.
+    clock_error_ppm: float | None = Field(default=None, ge=0)  #: Largest error of the station's clock.
     resumed_from: str | None = None  #: Name of the log whose completed stages this log begins with.
     calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
 
@@ -211,7 +226,13 @@ class LogMeta(StrictModel):
                 raise EntryError("log.imu_rates", f"imu{number}", "sample_rate_hz", rate=rate, primary=primary)
         return self
 
-    @field_validator("prior", "prior_correlation", "registers", "previous")
+    @field_validator("registers")
+    @classmethod
+    def _registers(cls, table: dict[str, float]) -> dict[str, float]:
+        cls._parameters({name: value for name, value in table.items() if further_parameter(name) is None})
+        return table
+
+    @field_validator("prior", "prior_correlation", "previous")
     @classmethod
     def _parameters(cls, table: dict[str, Any]) -> dict[str, Any]:
         for name in table:
@@ -272,7 +293,7 @@ def context_from_meta(meta: LogMeta) -> SolveContext:
     latitude, longitude = float(np.deg2rad(site.latitude_deg)), float(np.deg2rad(site.longitude_deg))
     secondaries = (Secondary(n, _imu_model(s), _stored_pair(s.stored)) for n, s in meta.secondaries.items())
     return SolveContext(
-        Site(latitude, longitude, site.height_m, azimuth, site.gravity_mps2),
+        Site(latitude, longitude, site.height_m, azimuth, site.gravity_mps2, site.gravity_sigma_mps2),
         _imu_model(meta.imu),
         _table_model(meta.table),
         tuple(secondaries),

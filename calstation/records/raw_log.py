@@ -22,6 +22,7 @@ import zlib
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -70,11 +71,12 @@ _TEXTS = ("events", "results", "closing")
 _SEED = np.uint64(0x9E3779B97F4A7C15)
 
 
-def row_dtype(further_imus: int, joints: bool) -> np.dtype:
-    """Return the dtype of a row with a number of secondary IMUs, with or without the joints of a gimbal."""
+def row_dtype(further_imus: int, joints: bool, station: bool = False) -> np.dtype:
+    """Return the dtype of a row with a number of secondary IMUs, the joints of a gimbal, and the station's time."""
     further = [("others", "<f8", (further_imus, 6))] if further_imus else []
     gimbal = [("joints", "<f8", (3,))] if joints else []
-    return np.dtype([*ROW.descr, *further, *gimbal, (CHECK, "<u4")])
+    clock = [("station", "<f8", (1,))] if station else []
+    return np.dtype([*ROW.descr, *further, *gimbal, *clock, (CHECK, "<u4")])
 
 
 def row_checks(rows: np.ndarray) -> NDArray[np.uint32]:
@@ -109,14 +111,16 @@ _abandoned: list["RawLogWriter"] = []
 
 
 class RawLogWriter:
-    """Appends samples, events and results of a run to a new file; `joints` is True if the blocks have gimbal joints.
+    """Appends samples, events and results of a run to a new file.
+
+    `joints` is True if the blocks have gimbal joints, `station` if they may have the station's time.
 
     The file is locked until the writer closes it (`raw_read.being_written`). Data are buffered between flushes;
     `service`, which every append calls, flushes and syncs when due. Raises ConfigurationError if the file cannot be
     created; so do all methods that write, flush or sync if a write fails, and nothing more is written then.
     """
 
-    def __init__(self, path: Path, meta: LogMeta, joints: bool = False) -> None:
+    def __init__(self, path: Path, meta: LogMeta, joints: bool = False, station: bool = False) -> None:
         self.path = path
         self.meta = meta
         self.free_space = free_space
@@ -133,7 +137,7 @@ class RawLogWriter:
         self._file.attrs["format"] = np.bytes_(FORMAT)  # fixed length: see `raw_read`
         self._file.attrs["meta_crc32"] = zlib.crc32(configuration.tobytes())
         self._file.create_dataset("meta", data=configuration)
-        self._row = row_dtype(len(meta.secondaries), joints)
+        self._row = row_dtype(len(meta.secondaries), joints, station)
         self._samples = self._growing("samples", self._row, CHUNK_ROWS)
         self._stage_names = self._growing("stages", "S64", 16)
         for name in _TEXTS:
@@ -164,8 +168,11 @@ class RawLogWriter:
         rows["step"], rows["valid"] = block.step, block.valid
         with self._writing():
             rows["stage"] = self._stage_index(block.stage)
-        for name, values in (("others", block.others), ("joints", block.joints)):
-            if name in (self._row.names or ()):
+        columns = self._row.names or ()
+        if "station" in columns and not block.station.shape[1]:  # of an older log that this one continues
+            block = replace(block, station=np.full((len(block), 1), np.nan))
+        for name, values in (("others", block.others), ("joints", block.joints), ("station", block.station)):
+            if name in columns:
                 rows[name] = values if values.shape[1] else np.nan
         rows[CHECK] = row_checks(rows)
         self._facts.add(block)

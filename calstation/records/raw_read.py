@@ -199,7 +199,7 @@ def _blocks(rows: np.ndarray, names: list[str]) -> Iterator[SampleBlock]:
             part["step"].astype(np.int64),
             part["valid"] != 0,
             np.ascontiguousarray(part["temperature"]),
-            **{name: np.ascontiguousarray(part[name]) for name in ("others", "joints") if name in columns},
+            **{name: np.ascontiguousarray(part[name]) for name in ("others", "joints", "station") if name in columns},
         )
 
 

@@ -84,8 +84,11 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
     If its run wrote registers, these are returned, except for those that it kept. A result estimated from output
     corrected by registers is combined with the registers in its log.
 
-    Raises InputError if the log is needed but missing, or if the result has another IMU profile than the product.
+    Raises InputError if the log is needed but missing, the result has another IMU profile than the product, or
+    it was solved with states added for a trial.
     """
+    if result.states_added:
+        raise InputError("transfer.result_of_trial", states=", ".join(result.states_added))
     setup = resolve_configuration(request)
     used, own = result.configuration.get("imu"), setup.sources["imu"].section.name
     if used is not None and used.name != own:

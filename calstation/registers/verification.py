@@ -13,6 +13,7 @@ unit's function, but not how it applies the registers.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from calstation.devices import Imu
 from calstation.devices.imu import Closing, Entry, RegisterMap, Step, Transferred, restore
 from calstation.errors import DeviceFaultError
 from calstation.estimation.common import Belief, ImuModel, SolveContext, filter_noise
+from calstation.estimation.effects import effect_errors
 from calstation.physics import (
     AXES,
     COUNT,
@@ -171,22 +173,23 @@ def verify_output(
     context: SolveContext,
     repeatability: float,
     joints: Mapping[str, Mapping[str, float]] | None = None,
+    effects: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[VerificationCheck, ...]:
     """Compare a unit's corrected output with its expected values.
 
     covariance : covariance of the parameters in the registers, SI, shape (30, 30)
     repeatability : repeatability of the table's positions, rad, one sigma
     joints : `value` and `sigma` of each gyro misalignment relative to a gimbal's joint axes, if a run has measured them
+    effects : sizes of known effects without a register, SI by parameter
     """
     if data.drifts:
         return tuple(_drift(drift, registers, covariance, context, joints) for drift in data.drifts)
     checks: list[VerificationCheck] = []
     if data.reference is not None:
         checks += compare(data, data.reference, registers, context, repeatability)
-    own = np.zeros(COUNT) if data.corrected else parameter_vector(registers.held)
-    correction = compensation(own)
-    rests = np.array(data.rests)
-    omega, force = compensate(correction, rests[:, :3], rests[:, 3:])
+    own = {} if data.corrected else registers.held
+    correction = compensation(parameter_vector(own))
+    omega, force = _compensated(np.array(data.rests), {**own, **effects})
     site, imu, seconds = context.site, context.imu, data.seconds
     gravity = site.local_gravity
     noises = _force_noise(context, seconds), _rate_noise(imu, seconds)
@@ -252,7 +255,7 @@ def compare(
         checks.append(_difference("force_difference", force, force_scatter, "m/s²"))
         checks.append(_difference("rate_difference", rate, rate_variance * np.eye(3), "rad/s"))
     for own_turn, before in zip(data.turns, reference.turns, strict=True):
-        there = _net(before, _expected_turn(before, registers), expected)
+        there = _net(before, _expected_turn(before, reference.rests[before.turn.still], registers), expected)
         difference = _net(own_turn, own_turn.angle, seen) - there
         scatter = _turn_scatter(there, (before.seconds, data.seconds), imu, repeatability)
         # Earth rate accumulates if one turn takes longer than the other.
@@ -348,13 +351,24 @@ def _tolerance(covariance: FloatArray, sensor: str, seen: FloatArray, noise: flo
 def _expected(rests: FloatArray, registers: AppliedRegisters) -> FloatArray:
     """Return the rests of the reference, corrected by the unit's current registers, shape (n, 6)."""
     raw = _raw(rests, registers.before)
-    omega, force = compensate(compensation(parameter_vector(registers.held)), raw[:, :3], raw[:, 3:])
-    return np.hstack([omega, force])
+    return np.hstack(_compensated(raw, registers.held))
 
 
-def _expected_turn(turned: Turned, registers: AppliedRegisters) -> FloatArray:
-    """Return the integral of the reference's rate over a turn with the unit's current registers, rad, shape (3,)."""
-    mean = np.hstack([turned.angle / turned.seconds, np.zeros(3)])[None]
+def _compensated(raw: FloatArray, held: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
+    """Return rate and specific force, shape (n, 3), of raw output at rest with the parameters and effects in `held`."""
+    constants = compensation(parameter_vector(held))
+    omega, force = compensate(constants, raw[:, :3], raw[:, 3:])
+    less = raw - effect_errors(held, omega, force)
+    return compensate(constants, less[:, :3], less[:, 3:])
+
+
+def _expected_turn(turned: Turned, rest: FloatArray, registers: AppliedRegisters) -> FloatArray:
+    """Return the integral of the reference's rate over a turn with the unit's current registers, rad, shape (3,).
+
+    Over a whole turn, the mean of the force at the `rest` before it is its component along the axis.
+    """
+    axis = turned.angle / np.linalg.norm(turned.angle)
+    mean = np.hstack([turned.angle / turned.seconds, (rest[3:] @ axis) * axis])[None]
     return _expected(mean, registers)[0, :3] * turned.seconds
 
 
@@ -365,12 +379,13 @@ def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArra
     p = parameter_vector(registers)
     gyro, accel = (np.eye(3) + group_matrix(p, f"{sensor}_scale", f"{sensor}_misalign") for sensor in ("gyro", "accel"))
     force = output[:, 3:]
-    return np.hstack(
+    raw = np.hstack(
         [
             output[:, :3] @ gyro.T + group_vector(p, "gyro_bias"),
             force @ accel.T + group_vector(p, "accel_quadratic") * force**2 + group_vector(p, "accel_bias"),
         ]
     )
+    return np.asarray(raw + effect_errors(registers, output[:, :3], force))
 
 
 def _net(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:

@@ -1,9 +1,13 @@
 from .calibration import current_calibration as current_calibration
 from .calibration import estimate_of as estimate_of
 from .causes import cause_text as cause_text
+from .causes import missing_state as missing_state
 from .corrected import CorrectedOutput as CorrectedOutput
 from .corrected import CorrectedStream as CorrectedStream
+from .diagnostics import EXCESSIVE as EXCESSIVE
+from .diagnostics import NOTABLE as NOTABLE
 from .diagnostics import Diagnostics as Diagnostics
+from .diagnostics import PositionResidual as PositionResidual
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose
 from .handover import Delivery as Delivery
@@ -18,6 +22,7 @@ from .judgement import Ending as Ending
 from .judgement import build_result as build_result
 from .judgement import is_partial as is_partial
 from .judgement import judge as judge
+from .model_tests import ModelTests as ModelTests
 from .offline import drop_partial as drop_partial
 from .offline import export_log as export_log
 from .offline import export_result as export_result
@@ -40,6 +45,7 @@ from .resolving import Resolved as Resolved
 from .resolving import find_log as find_log
 from .resolving import load_finished_run as load_finished_run
 from .resolving import resolve as resolve
+from .resolving import resolve_with_state as resolve_with_state
 from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
 from .result import Parameter as Parameter

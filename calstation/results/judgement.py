@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from calstation import __version__
-from calstation.config import check_latitude, unconfirmed_latitude
+from calstation.config import check_latitude, gravity_beyond, unconfirmed_latitude
 from calstation.errors import CalstationError
-from calstation.estimation import Solution
+from calstation.estimation import Misfit, Solution
 from calstation.estimation.common import Belief
 from calstation.messages import values_to_json
 from calstation.physics import INDEX, PARAMETERS
@@ -51,7 +51,7 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     limits = meta.product.limits if meta.product is not None else {}
     section = meta.product.checks if meta.product is not None else None
     near = section.near_miss_beyond if section is not None else NEAR
-    found = check_limits(limits, prior, solutions, near, meta.calibrated)
+    found = [_explained(meta, c) for c in check_limits(limits, prior, solutions, near, meta.calibrated)]
     if section is not None:
         if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
             section = section.model_copy(update={"excitation": None})
@@ -61,6 +61,17 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
         return Judgement(checks, None)
     passed = bool(found) and all(check.passed for check in checks)
     return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
+
+
+def _explained(meta: LogMeta, check: Check) -> Check:
+    """Return a check of a sigma with the cause if gravity alone exceeds its limit."""
+    if check.kind != "sigma_below" or isinstance(check.limit, tuple):
+        return check
+    found = gravity_beyond(meta, check.subject, check.limit)
+    if found is None:
+        return check
+    size = found["sigma_ppm"] * 1e-6
+    return replace(check, misfit=Misfit("gravity_uncertain", size, values={"parameter": check.subject, **found}))
 
 
 def is_partial(meta: LogMeta) -> bool:

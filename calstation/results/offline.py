@@ -8,6 +8,7 @@ from pathlib import Path
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
+from calstation.physics import EffectName
 from calstation.records import export_csv, partial_path, write_atomic
 from calstation.results.plots import StageSpan
 from calstation.results.resolving import Resolved, resolve
@@ -24,10 +25,11 @@ def offline_solve(
     first_seq: int,
     last_seq: int,
     spans: Sequence[StageSpan],
+    states: tuple[EffectName, ...] = (),
 ) -> Resolved:
     """Job: solve a log between two sequence numbers, see `resolve`; the progress note is the stage.
 
-    `spans` are the log's stages, from its index.
+    `spans` are the log's stages, from its index; `states` are added to its model.
     """
     chosen = [s for s in spans if stages is None or s.stage in stages]
     shares: dict[str, float] = {}
@@ -46,7 +48,7 @@ def offline_solve(
         most = max(most, min(work / total, 0.99))
         report(most, note=stage)
 
-    return resolve(path, stages, first_seq, last_seq, watch)
+    return resolve(path, stages, first_seq, last_seq, watch, states=states)
 
 
 def export_log(report: ProgressCallback, source: Path, target: Path, first_seq: int, last_seq: int) -> Path:

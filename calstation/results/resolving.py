@@ -1,20 +1,32 @@
 """Solves a stored log again with the same solver chain as a run; loads finished runs for analysis."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from calstation.config import unconfirmed_latitude
+from calstation.config import gravity_contradiction, unconfirmed_latitude, unconfirmed_site
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
+from calstation.estimation.common import PositionResidual
 from calstation.estimation.navigation import warm_up as compile_kernels
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, sentence
-from calstation.records import SUFFIX, Log, damage_summary, offline_online, open_log, solved_stages
+from calstation.physics import EffectName
+from calstation.records import (
+    SUFFIX,
+    Log,
+    LogMeta,
+    ModelSection,
+    damage_summary,
+    offline_online,
+    open_log,
+    solved_stages,
+)
+from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
 from calstation.results.judgement import Ending, build_result, judge, solved_parameters
 from calstation.results.result import SCHEMA, DamagedRange, Result, load_result
-from calstation.results.solver_chain import SolveProgress, solve
+from calstation.results.solver_chain import SolveProgress, one_blas_thread, solve
 
 
 def warm_up() -> None:
@@ -29,6 +41,8 @@ class Resolved:
     result: Result
     messages: tuple[tuple[str, dict[str, Any]], ...]
     missing_data: tuple[Text, ...] = ()  #: Reasons why stages could not be solved.
+    #: Residuals per rest and move, by stage in the order of the log; empty unless they were asked for.
+    residuals: Mapping[str, tuple[PositionResidual, ...]] = field(default_factory=dict)
 
 
 def resolve(
@@ -37,11 +51,16 @@ def resolve(
     first_seq: int | None = None,
     last_seq: int | None = None,
     progress: SolveProgress | None = None,
+    *,
+    residuals: bool = False,
+    states: tuple[EffectName, ...] = (),
 ) -> Resolved:
     """Solve a log, or a CSV with its TOML, between two sequence numbers (both included, unwrapped).
 
     Without `stages`, stages of the log that lack data are skipped; the result can then fail but not pass. Damaged rows
-    are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically.
+    are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically. With
+    `residuals`, the log is read a second time for the residuals per rest and move. `states` are estimated beside those
+    of the log's model; the result then says so and is not compared with the stored one.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
@@ -49,33 +68,54 @@ def resolve(
         raise ConfigurationError("solution.range_reversed", first=first_seq, last=last_seq)
     log = open_log(path)
     _check_range(log, first_seq, last_seq)
-    chain = solve(lambda: log.blocks(first_seq, last_seq), log.meta, stages, source=path, progress=progress)
+    meta, added = _with_states(log.meta, states)
+    chain = solve(lambda: log.blocks(first_seq, last_seq), meta, stages, source=path, progress=progress)
     facts = log.facts()
     if log.damaged_rows and stages is None and first_seq is None and last_seq is None:
         _check_complete(log, [*(solution.stage for solution in chain.solutions), *chain.missing_data])
     solutions, missing = tuple(chain.solutions), chain.missing_data
-    judgement = judge(log.meta, chain.prior, solutions)
-    section = log.meta.product.checks if log.meta.product is not None else None
-    stored = None if section is None else stored_result(log)
+    judgement = judge(meta, chain.prior, solutions)
+    section = meta.product.checks if meta.product is not None else None
+    stored = None if section is None or added else stored_result(log)
     if section is not None and stored is not None:
         both = (solved_parameters(solutions), stored.parameters)
         offline, online = ({name: row.model_dump() for name, row in rows.items()} for rows in both)
         judgement = judgement.with_more(offline_online(section, offline, online))
-    if missing and judgement.passed:
+    contradiction = gravity_contradiction(meta.site)
+    if (missing or contradiction is not None) and judgement.passed:
         judgement = replace(judgement, passed=None)
     ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq)
-    result = build_result(log.meta, chain.prior, solutions, judgement, ending)
+    result = build_result(meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
-    unconfirmed = unconfirmed_latitude(log.meta, solutions)
+    unconfirmed = unconfirmed_latitude(meta, solutions)
     if unconfirmed is not None:
         messages.append(("latitude_untold", unconfirmed))
+    if contradiction is not None:
+        messages.append(("gravity_contradicts", dict(contradiction.values)))
+    site = unconfirmed_site(meta, solutions)
+    if site is not None:
+        messages.append(("site_unconfirmed", site))
+    if added:
+        result = result.model_copy(update={"states_added": added})
+        messages.insert(0, ("states_added", {"states": ", ".join(added)}))
     if log.damaged_rows:
         damaged = [DamagedRange(rows=hole.count, seq=hole.missing) for hole in log.damaged_rows]
         result = result.model_copy(update={"log": result.log.model_copy(update={"damaged": damaged})})
         messages.insert(0, ("log_damaged", {"file": path.name, **damage_summary(log.damaged_rows)}))
     if missing:
         result = result.model_copy(update={"missing_data": {stage: sentence(why) for stage, why in missing.items()}})
-    return Resolved(result, tuple(messages), tuple(missing.values()))
+    by_stage = {}
+    if residuals:
+        with one_blas_thread():
+            by_stage = {d.stage: d.residuals for d in stage_diagnostics(log, chain, first_seq, last_seq)}
+    return Resolved(result, tuple(messages), tuple(missing.values()), by_stage)
+
+
+def _with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[str]]:
+    """Return the configuration of a log with more states in its model, and those that it did not have."""
+    held = meta.model.states if meta.model is not None else []
+    added = [state for state in dict.fromkeys(states) if state not in held]
+    return meta.model_copy(update={"model": ModelSection(states=[*held, *added])} if added else {}), list(added)
 
 
 def _check_range(log: Log, first: int | None, last: int | None) -> None:
@@ -140,3 +180,20 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
         history.refresh()
         previous = history.previous(result.serial, result.started_utc)
     return FinishedRun(result, log, previous)
+
+
+def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: EffectName) -> FinishedRun:
+    """Job: solve the log of a run again with one more state; the values that it is compared with are those of the run.
+
+    Raises InputError or ConfigurationError if the log cannot be used or solved.
+    """
+    assert run.log is not None
+    log, stages = run.result.log, tuple(run.result.stages)
+    count = log.last_seq - log.first_seq + 1
+
+    def watch(stage: str, seq: int, done: float) -> None:
+        report(min((seq - log.first_seq) / count, 0.99), note=stage)
+
+    states = (*run.result.states_added, state)
+    found = resolve(run.log, stages, log.first_seq, log.last_seq, watch, states=states).result
+    return FinishedRun(found, run.log, {name: row.value for name, row in run.result.parameters.items()})

@@ -12,6 +12,7 @@ from pydantic import AliasChoices, BaseModel, BeforeValidator, ConfigDict, Field
 from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
 from calstation.messages import known, os_reason, values_from_json
+from calstation.physics import EffectName
 from calstation.records import Check, FileSection, write_atomic
 
 SCHEMA = "calstation.result/1"
@@ -186,6 +187,8 @@ class Result(_Section):
     resumed_from: str | None = None
     #: Reason why a stage could not be solved, by stage.
     missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
+    #: States that were added to the model of the log when it was solved again; never of a run.
+    states_added: list[EffectName] = Field(default_factory=list)
     closed_utc: str | None = None  #: Time of the decision not to resume an incomplete run.
     closed_by: str | None = None  #: Person who made this decision.
 

@@ -14,15 +14,19 @@ from calstation.estimation.common import (
     RestOutput,
     SampleBlock,
     Spool,
+    gravity_sensitivity,
     has_gyros,
+    joined,
     resolves_earth_rate,
     stage_data,
+    with_gravity,
 )
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
-from calstation.physics import FloatArray, composition
+from calstation.physics import COUNT, FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
+from calstation.results.data_checks import DataChecks
 from calstation.results.model_tests import ModelTests
 from calstation.schema import validate
 from procedures import method
@@ -48,10 +52,11 @@ class StageChain:
         self._meta = meta
         self._context = context_from_meta(meta)
         self.prior = prior_from_meta(meta)
-        #: Posterior of the last completed stage.
+        #: Posterior of the last completed stage without the error of gravity, which no stage can reduce.
         self.belief = self.prior
         #: The same without the effects in the model of the unit, from which the next stage starts.
         self._solved = self.prior
+        self._gravity = np.zeros(COUNT)
         self.solutions: list[Solution] = []
         #: Reason why a stage was skipped, by stage.
         self.missing_data: dict[str, Text] = {}
@@ -60,7 +65,8 @@ class StageChain:
         self._stage = ""
         checks = meta.product.checks if meta.product is not None else None
         self._gather = checks is not None and checks.need_samples
-        self._kept: Spool | None = None
+        self._kept = Spool()
+        self._data_checks = DataChecks(meta, self._context)
         offset, matrix = composition(meta.registers)
         #: Parameters that compensate the effect of the registers, which leaves the uncalibrated output.
         self._uncalibrated = np.asarray(np.linalg.solve(matrix, -offset), np.float64)
@@ -79,7 +85,7 @@ class StageChain:
         schedule = validate(chosen.schedule, self._meta.schedule.get(stage, {}), f"schedule of {stage}", InputError)
         self._lacks_gyros = False
         self._solver = chosen.solver(self._context, self._solved, schedule)
-        self._kept = Spool() if self._gather else None
+        self._kept = Spool()
 
     def feed(self, block: SampleBlock) -> None:
         """Add samples of the started stage."""
@@ -88,8 +94,7 @@ class StageChain:
             self._lacks_gyros = True
             return
         self._solver.feed(block)
-        if self._kept is not None:
-            self._kept.append(block)
+        self._kept.append(block)
         if self._resting is not None:
             self._resting.feed(block)
 
@@ -112,15 +117,20 @@ class StageChain:
             what = Text.of("solution.diverged", detail=str(exc))
             raise InputError("solution.in_stage", stage=self._stage, what=what) from exc
         self._solver = None
-        if self._kept is not None:
-            data = stage_data(list(self._kept.blocks()), self._context.imu)
+        blocks = list(self._kept.blocks())
+        data = stage_data(blocks, self._context.imu)
+        if self._gather:
             found = gather(self._stage, data, self._context, self._uncalibrated, solution.belief.mean)
             solution = replace(solution, evidence=found)
         if self._resting is not None:
             solution = replace(solution, latitude=self._resting.latitude(solution.belief))
+        self._gravity = gravity_sensitivity(self._solved, solution.belief, solution.estimated, self._gravity)
         self._solved = solution.belief
         solution = self._model.tested(solution, self.solutions, self.belief)
+        solution = self._data_checks.checked(solution, joined(blocks), data)
         self.belief = solution.belief
+        gravity = self._context.site.relative_gravity_sigma
+        solution = replace(solution, belief=with_gravity(self.belief, self._gravity, gravity))
         self.solutions.append(solution)
         return solution
 

@@ -10,7 +10,7 @@ from calstation.devices import Imu
 from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief
-from calstation.physics import NAMES, compose
+from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
 from calstation.records import context_from_meta, estimated_stage
 from calstation.registers import (
     AppliedRegisters,
@@ -39,6 +39,8 @@ class Finalization:
         self._entries = RegisterMap(tuple(run.setup.imu.registers))
         self._done: Transferred | None = None
         self._belief: Belief | None = None
+        #: Sizes of the effects in the model of the unit, SI by parameter.
+        self._effects: dict[str, float] = {}
 
     def verify_earlier(self) -> Callable[[VerificationData, RunInBackground], None] | None:
         """Return a function that verifies a transfer finished before the run, or None if there is none."""
@@ -78,6 +80,9 @@ class Finalization:
         old = run_in_background(lambda: flash_registers(self._imu))
         self._log_old(old, run_in_background)
         wanted = self._wanted(solutions)
+        kept = [name for name in self._effects if name not in self._entries.parameters]
+        if kept:
+            run.emit(Message("states_without_register", {"states": ", ".join(kept)}))
         check_cancelled = run.prepared.control.check_cancelled
         run.emit(Message("reference"))
         capture_reference()
@@ -111,6 +116,7 @@ class Finalization:
             context_from_meta(run.meta),
             self._setup.repeatability,
             run.chain.solutions[-1].details["least_squares"] if data.drifts else None,
+            {name: size for name, size in self._effects.items() if name not in entry.new},
         )
         run.registers["proof"] = [check.to_json() for check in checks]
         restored = partial(run.registers.__setitem__, "new")
@@ -126,7 +132,9 @@ class Finalization:
         """Return the registers to write; those of parameters that no stage estimated keep their values."""
         self._belief = belief = solutions[-1].belief
         found = dict(zip(NAMES, belief.mean.tolist(), strict=True))
-        answer = {name: found[name] for name in estimated_stage(solutions)}
+        effects = {p.name for p in EFFECT_PARAMETERS}
+        self._effects = {n: e.value for s in solutions for n, e in s.found.items() if n in effects}
+        answer = {name: found[name] for name in estimated_stage(solutions)} | self._effects
         return compose(self._run.meta.registers, answer) if self._setup.after_registers else answer
 
     def _begin(self, old: Mapping[str, float], new: Mapping[str, float]) -> Entry:

@@ -69,7 +69,10 @@ class PreparedRun:
         meta, message = self.meta(registers)
         stem = re.sub(r"[^A-Za-z0-9.-]", "-", self.setup.request.serial)
         log = RawLogWriter(
-            self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5", meta, joints=self.setup.table.gimbal is not None
+            self.folder / f"{stem}_{self.started:%Y%m%dT%H%M%S%f}.h5",
+            meta,
+            joints=self.setup.table.gimbal is not None,
+            station=True,
         )
         with suppress(OSError):  # a full disk is reported when the result is written
             register_pending(self.folder, log.path.stem)

@@ -148,6 +148,8 @@ class Acquisition:
         # Samples after an invalid one belong to a step that is about to be repeated.
         sound = np.logical_and.accumulate(finite & ~saturated)
         polled = self._angles(batch)
+        station = np.full((count, 1), np.nan)
+        station[-1] = now
         block = SampleBlock(
             stage=self.stage,
             seq=batch.seq,
@@ -158,6 +160,7 @@ class Acquisition:
             valid=self.valid & sound,
             temperature=batch.temperature,
             joints=polled if self._gimbal else np.empty((count, 0)),
+            station=station,
         )
         for tap in self._taps:
             tap.append(block)

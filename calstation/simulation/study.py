@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from calstation.bench import BenchConfig
-from calstation.bench.truth import GRADES, BenchTruth, GradeName, Simulator
+from calstation.bench.truth import GRADES, BenchTruth, Effects, GradeName, Simulator
 from calstation.estimation.common import (
     Belief,
     ImuModel,
@@ -23,8 +23,8 @@ from calstation.estimation.common import (
     stage_data,
 )
 from calstation.estimation.navigation import solve_navigation
-from calstation.physics import NAMES, PARAMETERS, TableGeometry, group_indices
-from calstation.results import one_blas_thread
+from calstation.physics import NAMES, PARAMETERS, EffectName, FloatArray, TableGeometry, group_indices
+from calstation.results import ModelTests, one_blas_thread
 from calstation.simulation.instability import instability_ratio
 from calstation.simulation.study_table import UnitResult, summary
 from procedures import DEFAULT_STAGES, method
@@ -46,12 +46,16 @@ Schedules = dict[str, dict[str, Any]]
 
 @dataclass(frozen=True)
 class Case:
-    """One case of the study: the solved stages, and whether the units have an outer lever and bias instability."""
+    """One case of the study: the solved stages, and whether the units have an outer lever and bias instability.
+
+    The units of a case with optional `states` have the effects of `PRESENT`.
+    """
 
     name: str
     stages: tuple[str, ...]
     outer_lever: Lever = "estimated"
     instability: bool = False
+    states: tuple[EffectName, ...] = ()
 
 
 _Job = tuple[GradeName, int, tuple[Case, ...], Schedules]
@@ -65,7 +69,32 @@ CASES = (
     Case("excitation", ("excitation",)),
     Case("azimuth_flip", ("azimuth_flip",)),
     Case("excitation, bias instability", ("excitation",), instability=True),
+    Case(
+        "full, optional states",
+        DEFAULT_STAGES,
+        states=("g_sensitivity", "gyro_asymmetry", "accel_cubic", "accel_off_axis", "time_skew"),
+    ),
 )
+
+
+def _present(dph_g: float, ppm: float, ug_g3: float, mm: float, ms: float) -> Effects:
+    """Return effects of all states; the displacements of two accelerometers along an axis are opposite, not a lever."""
+    displacements = ((0.0, -mm, mm), (mm, 0.0, -mm), (-mm, mm, 0.0))
+    return Effects(
+        g_sensitivity_dph_g=dph_g,
+        gyro_asymmetry_ppm=ppm,
+        accel_cubic_ug_g3=ug_g3,
+        accel_off_axis_mm=displacements,
+        accel_delay_ms=ms,
+    )
+
+
+#: Effects of the units of a grade in the cases with optional states: many sigmas of the parameters that they resemble.
+PRESENT: dict[GradeName, Effects] = {
+    "nav": _present(0.1, 30.0, 10.0, 5.0, 0.5),
+    "tactical": _present(3.0, 100.0, 100.0, 10.0, 1.0),
+    "mems": _present(30.0, 500.0, 500.0, 20.0, 2.0),
+}
 
 
 def run_study(
@@ -111,16 +140,18 @@ def _unit(job: _Job) -> tuple[GradeName, list[UnitResult]]:
     grade, seed, cases, schedules = job
     results = []
     with one_blas_thread():
-        for lever, instability in dict.fromkeys((c.outer_lever, c.instability) for c in cases):
-            chosen = [c for c in cases if (c.outer_lever, c.instability) == (lever, instability)]
-            truth, context = draw_unit(grade, seed, lever, instability)
+        for lever, instability, states in dict.fromkeys((c.outer_lever, c.instability, c.states) for c in cases):
+            chosen = [c for c in cases if (c.outer_lever, c.instability, c.states) == (lever, instability, states)]
+            truth, context = draw_unit(grade, seed, lever, instability, PRESENT[grade] if states else Effects())
             stages = [s for s in DEFAULT_STAGES if any(s in c.stages for c in chosen)]
             data = simulate_stages(truth, seed, stages, schedules)
             results += [_solve(c, truth, context, data, schedules) for c in chosen]
     return grade, results
 
 
-def draw_unit(grade: GradeName, seed: int, outer_lever: Lever, instability: bool) -> tuple[BenchTruth, SolveContext]:
+def draw_unit(
+    grade: GradeName, seed: int, outer_lever: Lever, instability: bool, effects: Effects | None = None
+) -> tuple[BenchTruth, SolveContext]:
     """Draw a bench of the study; return it with the context of its solvers."""
     truth = BenchConfig(
         grade=grade,
@@ -131,6 +162,7 @@ def draw_unit(grade: GradeName, seed: int, outer_lever: Lever, instability: bool
         base_tilt_deg=TILT_DEG,
         azimuth_error_deg=TILT_DEG,
         instability=instability,
+        effects=effects or Effects(),
     ).truth()
     imu = truth.imu
     noise = (imu.gyro_arw, imu.accel_vrw, imu.gyro_bias_instability, imu.accel_bias_instability)
@@ -173,11 +205,16 @@ def simulate_stages(truth: BenchTruth, seed: int, stages: list[str], schedules: 
 def _solve(
     case: Case, truth: BenchTruth, context: SolveContext, data: dict[str, SampleBlock], schedules: Schedules
 ) -> UnitResult:
-    """Solve the stages of a case as a run does, and its bound: the same stages linearised at the truth."""
+    """Solve the stages of a case as a run does, and its bound: the same stages linearised at the truth.
+
+    Optional states add to the bound what they add to the covariance.
+    """
     belief = study_prior(truth.grade, case.outer_lever)
     bound = Belief(truth.parameters, belief.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)
     nis = {}
+    model, joint = ModelTests(belief, case.states), belief
+    added: FloatArray = np.zeros_like(belief.covariance)
     for stage in case.stages:
         m = method(stage)
         schedule = m.schedule(**schedules.get(stage, {}))
@@ -185,6 +222,10 @@ def _solve(
         solver.feed(data[stage])
         solution = solver.finish()
         belief = solution.belief
+        if case.states:
+            solution = model.tested(solution, (), joint)
+        joint = solution.belief
+        added = joint.covariance - belief.covariance
         mask = np.array([n in solution.estimated for n in NAMES])
         if stage in NAVIGATION_STAGES:
             at_truth = solve_navigation(
@@ -199,8 +240,12 @@ def _solve(
         estimated |= mask
         c = solution.consistency
         nis[stage] = (c.nis_mean, c.nis_low, c.nis_high)
-    error = belief.mean - truth.parameters
-    return UnitResult(case.name, estimated, error, belief.covariance, bound.covariance, nis)
+    error = joint.mean - truth.parameters
+    cost = None
+    if case.states:
+        with np.errstate(invalid="ignore"):
+            cost = joint.sigma / belief.sigma
+    return UnitResult(case.name, estimated, error, joint.covariance, bound.covariance + added, nis, cost)
 
 
 def _excitation_problem(grade: GradeName, schedules: Schedules) -> tuple[SampleBlock, SolveContext, Belief]:

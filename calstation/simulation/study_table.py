@@ -23,6 +23,7 @@ class UnitResult:
     covariance: FloatArray
     bound: FloatArray
     nis: dict[str, tuple[float, float, float]]
+    cost: FloatArray | None = None  #: Sigmas with the optional states over those without, shape (30,); None without.
 
 
 def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
@@ -97,6 +98,7 @@ def _group(units: list[UnitResult], chosen: list[int], ratio: FloatArray | None)
         "passed": low <= rms <= high,
         "sigma": float(np.mean([np.sqrt(np.mean(np.diag(unit.covariance)[chosen])) for unit in units])),
         "worst": NAMES[chosen[int(np.argmax(np.sqrt(np.mean(np.square(normalised), axis=0))))]],
+        **({} if units[0].cost is None else {"cost": _rms([u.cost[chosen] for u in units if u.cost is not None])}),
     }
 
 

@@ -179,6 +179,10 @@ def test_the_version_is_shown(calstation: Run) -> None:
 # ---- stations, products, profiles
 
 
+#: A change of the example station: its gravity was surveyed.
+SURVEYED = ("height_m = 400.0", "height_m = 400.0\ngravity_mps2 = 9.79612")
+
+
 def edited(tmp_path: Path, kind: str, name: str, *changes: tuple[str, str]) -> Path:
     """A copy of a shipped file with changes."""
     text = (shipped_folder() / kind / f"{name}.toml").read_text(encoding="utf-8")
@@ -276,9 +280,14 @@ def test_hardware_needs_a_serial_number_and_no_bench_options(calstation: Run, tm
     check(done, 2, "--speed", "virtual bench")
 
 
+def test_a_limit_that_unsurveyed_gravity_cannot_meet_is_refused(calstation: Run, tmp_path: Path) -> None:
+    station = edited(tmp_path, "stations", "example_hardware")
+    done = calstation("run", "--station", station, "--serial", "SN-1")
+    check(done, 2, "site.gravity_mps2", "known to 51 ppm only", "Survey gravity")
+
+
 def test_gyros_that_cannot_resolve_earth_rate_need_a_confirmed_site(calstation: Run, tmp_path: Path) -> None:
-    surveyed = ("height_m = 400.0", "height_m = 400.0\ngravity_mps2 = 9.79612")
-    station = edited(tmp_path, "stations", "example_hardware", surveyed)
+    station = edited(tmp_path, "stations", "example_hardware", SURVEYED)
     product = shipped_folder() / "products" / "mems_c.toml"
     done = calstation("run", "--station", station, "--product", product, "--serial", "SN-1")
     check(done, 2, "site.confirmed_on", "not been confirmed", this_computer())
@@ -312,7 +321,9 @@ def test_a_folder_without_write_permission(calstation: Run, tmp_path: Path) -> N
 
 
 def test_no_port(calstation: Run, tmp_path: Path) -> None:
-    station = edited(tmp_path, "stations", "example_hardware", ("tcp://192.168.1.10:502", "tcp://127.0.0.1:9"))
+    station = edited(
+        tmp_path, "stations", "example_hardware", SURVEYED, ("tcp://192.168.1.10:502", "tcp://127.0.0.1:9")
+    )
     run = ("run", "--station", station, "--serial", "SN-1", "--yes", "--out", tmp_path / "runs")
     done = calstation(*run, "--json", "-")
     assert done.code == 3
@@ -322,7 +333,7 @@ def test_no_port(calstation: Run, tmp_path: Path) -> None:
 
 
 def test_declining_the_motion_stops(calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    station = edited(tmp_path, "stations", "example_hardware")
+    station = edited(tmp_path, "stations", "example_hardware", SURVEYED)
     monkeypatch.setattr("typer.confirm", lambda *a, **k: False)
     check(calstation("run", "--station", station, "--serial", "SN-1"), 4, "nothing has moved")
 
@@ -345,7 +356,7 @@ def test_study_options(calstation: Run) -> None:
 def test_an_internal_error_shows_no_traceback(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def broken(*_: object) -> int:
+    def broken(*_: object, **__: object) -> int:
         raise ZeroDivisionError("division by zero")
 
     monkeypatch.setattr("calstation.cli.logs.resolve_command", broken)

@@ -1,17 +1,20 @@
 """Contradictory latitude and gravity of a station are refused before anything is opened."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from calstation.config.site_check import (
     check_confirmation,
+    check_gravity_sigma,
     check_latitude,
     check_seen_latitude,
     check_site,
     confirmation_key,
     latitude_agrees,
     unconfirmed_latitude,
+    unconfirmed_site,
 )
 from calstation.config.station import StationSite
 from calstation.errors import ConfigurationError
@@ -63,6 +66,27 @@ def test_gyros_that_resolve_earth_rate_need_no_surveyed_gravity() -> None:
             check_site(meta(MEMS, "rate", stage))
 
 
+@pytest.mark.parametrize(("site", "place"), [({}, "gravity_mps2"), ({"gravity_sigma_mps2": 1e-4}, "gravity_mps2")])
+def test_a_limit_that_this_gravity_can_never_meet_is_refused(site: dict[str, float], place: str) -> None:
+    with raises_code(EntryError, "site.gravity_uncertain") as caught:
+        check_gravity_sigma(meta(NAV, "six_position", **site), {"gyro_scale_x": 1e-6, "accel_scale_y": 5e-6})
+    assert caught.value.place == ("site", place)
+    assert caught.value.values["parameter"] == "accel_scale_y"
+    check_gravity_sigma(meta(NAV, "six_position", **site), {"accel_scale_y": 1e-4})
+    check_gravity_sigma(meta(NAV, "six_position", gravity_mps2=9.79547), {"accel_scale_y": 5e-6})
+
+
+def test_a_recording_of_another_program_is_asked_for_its_site_as_a_run_is() -> None:
+    solutions = (replace(solved(None)[0], estimated=("accel_scale_x",)),)
+    foreign = meta(MEMS, gravity_mps2=9.79547).model_copy(update={"run": None})
+    asked = unconfirmed_site(foreign, solutions)
+    assert asked is not None
+    assert asked["latitude"] == 34.25
+    assert unconfirmed_site(meta(MEMS, "six_position"), solutions) is None  # the run asked
+    assert unconfirmed_site(meta(NAV).model_copy(update={"run": None}), solutions) is None
+    assert unconfirmed_site(foreign, solved(None)) is None
+
+
 def station_site(*confirmed: str, **otherwise: float) -> StationSite:
     here = {"latitude_deg": 34.25, "longitude_deg": 108.9, "height_m": 400.0, "gravity_mps2": 9.79547}
     return StationSite.model_validate({**here, **otherwise, "confirmed_on": list(confirmed)})
@@ -112,6 +136,7 @@ def test_another_measured_latitude_fails_the_check_and_ends_the_run() -> None:
         (check,) = check_latitude(log_meta, solved(seen))
         assert (check.name, check.unit, check.passed) == ("latitude", "rad", agrees)
         assert latitude_agrees([check]) is agrees
+        assert agrees or (check.misfit is not None and check.misfit.cause == "latitude_unlike")
     with pytest.raises(ConfigurationError, match=r"as at latitude 34.38° \(sigma 0.01°\)"):
         check_seen_latitude(log_meta, solved(LatitudeEstimate(0.60, 1e-4)))
 

@@ -1,15 +1,20 @@
 """Simulated stages of the bench as solvers process them, with the context of a station."""
 
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from calstation.bench.config import BenchConfig
 from calstation.bench.truth.grades import GRADES
 from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.samples import SampleBlock
 from calstation.physics.parameters import COUNT, PARAMETERS
 from calstation.physics.table import TableGeometry
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
 from procedures import method
 
 QUICK = {"rate_dps": 30.0, "acceleration_dps2": 40.0}
@@ -101,3 +106,16 @@ def errors_in_sigma(belief: Belief, truth: BenchTruth) -> np.ndarray:
     known = belief.sigma == 0.0
     assert np.all(belief.mean[known] == truth.parameters[known])
     return (belief.mean - truth.parameters) / np.where(known, 1.0, belief.sigma)
+
+
+def log_with(path: Path, stage: str, **effects: Any) -> BenchTruth:
+    """Write the log of one stage of a navigation-grade unit with effects outside its model; return the truth."""
+    truth = BenchConfig(grade="nav", seed=7, sample_rate_hz=100.0, effects=effects).truth()
+    table, imu = truth.table, truth.imu
+    site = {"latitude_deg": float(np.rad2deg(table.latitude)), "longitude_deg": 108.9, "height_m": table.height}
+    unit = {"serial": "SIM", "sample_rate_hz": 100.0, "output": "increment", "gyro_lsb": imu.gyro_lsb}
+    unit |= {"accel_lsb": imu.accel_lsb, "gyro_arw": imu.gyro_arw, "accel_vrw": imu.accel_vrw}
+    writer = RawLogWriter(path, LogMeta.model_validate({"site": {**site, "azimuth_deg": 0.0}, "imu": unit}))
+    writer.append(block_of(simulate(Simulator(truth, 7), truth, stage)))
+    writer.close("imported")
+    return truth

@@ -138,7 +138,7 @@ def test_attitude_error_of_a_pass_agrees_with_its_sigma(nav_stage, data):
     (start,) = starts(data, nav_stage.context, known)
     run.run(data, start, start.attitude, smooth=False)
     # the plan ends at rest: up as the unit feels it is up as the filter says
-    up_b = data.accel[-400:].mean(axis=0) - known.mean[[p.group == "accel_bias" for p in PARAMETERS]]
+    up_b = data.accel[-200:].mean(axis=0) - known.mean[[p.group == "accel_bias" for p in PARAMETERS]]
     tilt = np.cross(run.attitude @ up_b / np.linalg.norm(up_b), [0.0, 0.0, 1.0])
     # scale and misalignment of the uncompensated force add up to 1e-3
     assert np.linalg.norm(tilt) < 2e-3

@@ -123,6 +123,7 @@ def test_stage_without_rest_is_refused(nav_stage):
     with raises_code(InsufficientDataError, "solve.no_rest_to_align") as caught:
         solved(nav_stage.truth, nav_stage.prior, [block_of(nav_stage.samples, keep)])
     assert caught.value.values["seconds"] == pytest.approx(1.2)
+    assert caught.value.values["rate"] > 5.0 > caught.value.values["largest_rate"]  # °/s: it turns
 
 
 def test_stage_without_samples_is_refused(nav_stage):

@@ -35,10 +35,32 @@ def test_quantisation_adds_a_uniform_error_per_sample_or_observation():
     increment = filter_noise(with_imu(**coarse))
     # one count of angle per 0.1 s
     assert increment.rate == pytest.approx(1e-14 / 12.0 / 0.1, rel=1e-3)
-    rate = filter_noise(with_imu(**coarse, output="rate"))
+    fine = {"gyro_arw": 0.5e-7 / 200.0**0.5, "accel_vrw": 0.5e-6 / 200.0**0.5}
+    rate = filter_noise(with_imu(**fine, output="rate"))
     # every sample rounds lsb · dt of angle
-    assert rate.rate == pytest.approx((1e-7 / 200.0) ** 2 / 12.0 * 200.0, rel=1e-3)
-    assert rate.force == pytest.approx((1e-6 / 200.0) ** 2 / 12.0 * 200.0, rel=1e-3)
+    assert rate.rate == pytest.approx(fine["gyro_arw"] ** 2 + (1e-7 / 200.0) ** 2 / 12.0 * 200.0)
+    assert rate.force == pytest.approx(fine["accel_vrw"] ** 2 + (1e-6 / 200.0) ** 2 / 12.0 * 200.0)
+    exact = filter_noise(with_imu(**fine, output="rate", gyro_quantisation=0.0, accel_quantisation=2e-6))
+    assert exact.rate == pytest.approx(fine["gyro_arw"] ** 2)
+    assert exact.force > rate.force
+
+
+@pytest.mark.parametrize("duration", [5.0, 20.0, 60.0])
+@pytest.mark.parametrize("step", [0.5, 2.0, 3.0, 10.0, 100.0])
+def test_sigma_of_a_rest_holds_for_any_rounding_step(duration, step):
+    # rests of a unit that outputs rates rounded to `step` sigmas of a sample's noise; their true rates are arbitrary
+    random, sigma = np.random.default_rng(3), 1e-6 * 200.0**0.5
+    noise = filter_noise(with_imu(output="rate", gyro_lsb=step * sigma))
+    count = int(duration * 200.0)
+    errors = []
+    for true in random.uniform(-50.0, 50.0, 300) * step * sigma:
+        samples = true + sigma * random.standard_normal(count)
+        errors.append(np.mean(np.rint(samples / (step * sigma)) * step * sigma) - true)
+    expected = noise.rate / duration + noise.bias_drift[0] ** 2
+    ratio = np.mean(np.square(errors)) / expected
+    assert ratio < 1.3
+    assert np.max(np.abs(errors)) < 4.0 * expected**0.5
+    assert ratio > {0.5: 0.75, 2.0: 0.75, 3.0: 0.0, 10.0: 0.05, 100.0: 0.05}[step]  # steps of 3 sigmas still average
 
 
 def test_bias_drift_has_the_allan_floor_of_the_profile():

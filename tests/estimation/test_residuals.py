@@ -29,7 +29,7 @@ def six():
 def test_true_parameters_leave_only_noise(six):
     _, context, data, answer = six
     left = rest_residuals(data, context, answer)
-    assert len(left) == 10
+    assert len(left) == 11
     assert np.abs(left.force / left.force_sigma).max() < 4.0
     assert np.abs(left.vertical_rate / left.rate_sigma).max() < 5.0
     assert np.abs(left.horizontal_rate / left.rate_sigma).max() < 5.0

@@ -55,10 +55,12 @@ class SiteFolder:
         (self.home / "window.ini").write_text("[General]\nlanguage=en\ntheme=light\n", encoding="utf-8")
         self.write()
 
-    def write(self, product: dict[str, Any] | None = None, **bench: Any) -> None:
-        """Write both files, with changes to the product and to the settings of the bench."""
+    def write(self, product: dict[str, Any] | None = None, *, surveyed: bool = True, **bench: Any) -> None:
+        """Write both files, with changes to the product and to the settings of the bench; gravity may be unknown."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
-        self.station.write_text(tomli_w.dumps({**STATION, "bench": {**BENCH, **bench}}), encoding="utf-8")
+        site = {**STATION["site"], **({"gravity_mps2": 9.79547} if surveyed else {})}
+        station = {**STATION, "site": site, "bench": {**BENCH, **bench}}
+        self.station.write_text(tomli_w.dumps(station), encoding="utf-8")
 
 
 @pytest.fixture(autouse=True)

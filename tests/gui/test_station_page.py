@@ -130,6 +130,7 @@ def operator(
     language.use("en")
     theme.apply("light")
     monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda *_: job_queue)
+    site_folder.write(surveyed=False)
     app = AppContext(site_folder.station)
     page = StationPage(app)
     root = QWidget()

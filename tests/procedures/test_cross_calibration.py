@@ -68,6 +68,23 @@ def test_the_clock_offset_is_found_far_below_a_sample(mems):
     assert abs(secondary.offset) > 1e-3
 
 
+def test_a_bias_that_changes_within_the_recording_fails_and_is_named(mems):
+    primary, secondary, block = mems
+    context = context_of(primary, [secondary])
+    sound = solved(block, context, known(primary))
+    (test,) = sound.tests
+    assert test.value < test.limit
+    others = block.others.astype(np.float64)
+    sigma = sound.found["secondary_gyro_bias_y"].sigma
+    step = 14.0 * sigma / (secondary.imu.gyro_lsb * context.secondaries[0].imu.rate_factor)
+    others[len(block) // 2 :, 0, 1] += step
+    (test,) = solved(replace(block, others=others), context, known(primary)).tests
+    assert test.value > test.limit
+    assert test.misfit.values["parameter"] == "secondary_gyro_bias_y"
+    assert test.misfit.size == pytest.approx(14.0 * sigma, abs=4.0 * test.misfit.sigma)
+    assert set(test.misfit.moves) == {"secondary_gyro_bias_y"}
+
+
 def test_a_unit_mounted_upside_down_is_no_error():
     primary, secondary = pair(4)
     turned = replace(secondary, mounting=Mounting(rotation(np.array([np.pi, 0.02, 0.01])), secondary.mounting.arm))

@@ -8,6 +8,7 @@ from simulated_stages import SCHEDULES, block_of, context_of, errors_in_sigma, s
 
 from calstation.errors import InsufficientDataError
 from calstation.physics.parameters import NAMES, group_indices
+from calstation.physics.rotation import rotation_matrix
 from tests.helpers import raises_code
 
 SCALE = group_indices("gyro_scale")
@@ -69,6 +70,38 @@ def test_without_encoders_turns_are_assumed_whole_and_reported(nav_chain):
     assert [key for key, _ in found.messages] == ["turns_assumed_whole"]
     assert np.abs(errors_in_sigma(found.belief, nav_chain.truth)).max() < 4.0
     assert found.belief.sigma[SCALE] == pytest.approx(nav_chain.solutions["rate"].belief.sigma[SCALE], rel=0.2)
+
+
+def blind_block(chain):
+    """The stage without encoder angles."""
+    block = block_of(chain.samples["rate"])
+    return replace(block, angles=np.full_like(block.angles, np.nan))
+
+
+def test_without_encoders_a_turn_that_misses_its_start_is_refused(nav_chain):
+    block, counts = blind_block(nav_chain), block_of(nav_chain.samples["rate"]).counts.copy()
+    after = block.step > moves(nav_chain)[1]  # from the second turn on, as if the first had ended 4° early
+    counts[after, 3:] = counts[after, 3:] @ rotation_matrix(np.array([np.deg2rad(4.0), 0.0, 0.0])).T
+    with raises_code(InsufficientDataError, "solve.turn_against_gravity") as caught:
+        solved(nav_chain.truth, nav_chain.prior, [replace(block, counts=counts)])
+    assert caught.value.values["away_deg"] == pytest.approx(4.0, abs=0.3)
+
+
+def test_without_encoders_a_turn_about_the_vertical_must_agree_with_the_prior(nav_chain):
+    block = blind_block(nav_chain)
+    counts = block.counts.copy()
+    counts[:, 2] *= 0.92  # 3.68 turns taken for 4
+    with raises_code(InsufficientDataError, "solve.turn_unproven") as caught:
+        solved(nav_chain.truth, nav_chain.prior, [replace(block, counts=counts)])
+    assert caught.value.values["turns"] == pytest.approx(0.92, abs=0.003)
+    assert caught.value.values["away_deg"] == pytest.approx(360.0 * 0.08, abs=1.0)
+
+
+def test_without_encoders_a_wide_prior_proves_no_turn_about_the_vertical(nav_chain):
+    wide = nav_chain.prior.covariance.copy()
+    wide[SCALE[2], SCALE[2]] = 0.2**2
+    with raises_code(InsufficientDataError, "solve.turn_unproven"):
+        solved(nav_chain.truth, replace(nav_chain.prior, covariance=wide), [blind_block(nav_chain)])
 
 
 @pytest.mark.parametrize(("lost", "missing"), [((1,), ["+x", "-x"]), ((5,), ["-y"]), ((7, 8), ["+z", "-z"])])

@@ -51,7 +51,7 @@ def test_part_of_a_log_is_exported(tmp_path: Path, meta: LogMeta, blocks: list[S
     assert_same(list(part.blocks()), list(open_log(source).blocks(first, last)))
 
 
-def test_further_imus_and_a_gimbals_joints_travel_too(tmp_path: Path) -> None:
+def test_further_imus_joints_and_station_times_travel_too(tmp_path: Path) -> None:
     imu = {key: value for key, value in META["imu"].items() if key != "serial"}
     further = {
         **imu,
@@ -66,8 +66,10 @@ def test_further_imus_and_a_gimbals_joints_travel_too(tmp_path: Path) -> None:
         others[random.random(len(plain)) < 0.2, 1] = np.nan
         joints = snap_angles(random.uniform(-3, 3, (len(plain), 3)))
         joints[k::2] = np.nan
-        blocks.append(replace(plain, others=others, joints=joints))
-    writer = RawLogWriter(tmp_path / "run.h5", meta, joints=True)
+        station = 1e5 + plain.seq[:, None] / 100.0 + 0.1 * random.random((len(plain), 1))
+        station[: len(plain) - 1 : 1 + k] = np.nan
+        blocks.append(replace(plain, others=others, joints=joints, station=station))
+    writer = RawLogWriter(tmp_path / "run.h5", meta, joints=True, station=True)
     for block in blocks:
         writer.append(block)
     digest = writer.close("passed").sha256
@@ -79,14 +81,14 @@ def test_further_imus_and_a_gimbals_joints_travel_too(tmp_path: Path) -> None:
         assert log.meta == meta
         back = list(log.blocks())
         assert_same(back, blocks)
-        for column in ("others", "joints"):
+        for column in ("others", "joints", "station"):
             assert np.array_equal(
                 np.concatenate([getattr(b, column) for b in back]),
                 np.concatenate([getattr(b, column) for b in blocks]),
                 equal_nan=True,
             )
     blocks[1].others[17, 0, 3] += 1
-    other = RawLogWriter(tmp_path / "other.h5", meta, joints=True)
+    other = RawLogWriter(tmp_path / "other.h5", meta, joints=True, station=True)
     for block in blocks:
         other.append(block.part(0, 11))
         other.append(block.part(11, len(block)))
@@ -141,3 +143,29 @@ def test_an_export_neither_overwrites_its_source_nor_leaves_half_a_file(tmp_path
     assert sorted(p.name for p in tmp_path.iterdir()) == ["log.csv", "log.toml"]
     with raises_code(InputError, "csv.not_written"):
         export_csv(path, tmp_path / "absent" / "other.csv")
+
+
+def test_a_column_with_decimals_has_no_quantisation_unless_one_is_given(tmp_path: Path) -> None:
+    rows = [row.split(",") for row in csv_rows(400)]
+    for row in rows:
+        row[5:8] = [f"{float(value) + 0.25}" for value in row[5:8]]
+    path = write_csv_log(tmp_path, [",".join(row) for row in rows])
+    imu = open_log(path).meta.imu
+    assert (imu.gyro_quantisation, imu.accel_quantisation) == (None, 0.0)
+    text = path.with_suffix(".toml").read_text()
+    path.with_suffix(".toml").write_text(text.replace("[imu]\n", "[imu]\naccel_quantisation = 1e-3\n"))
+    assert open_log(path).meta.imu.accel_quantisation == 1e-3
+
+
+def test_a_log_without_station_times_continues_in_one_that_has_them(tmp_path: Path) -> None:
+    meta = LogMeta.model_validate(META)
+    writer = RawLogWriter(tmp_path / "run.h5", meta, station=True)
+    blocks = [make_block("rate", 0, 50), make_block("rate", 50, 50)]
+    writer.append(blocks[0])
+    writer.append(replace(blocks[1], station=np.arange(50.0)[:, None]))
+    digest = writer.close("passed").sha256
+    log = open_log(tmp_path / "run.h5")
+    assert log.facts().sha256 == digest
+    station = np.concatenate([block.station for block in log.blocks()])[:, 0]
+    assert np.isnan(station[:50]).all()
+    assert np.array_equal(station[50:], np.arange(50.0))

@@ -51,7 +51,7 @@ def test_the_trajectory_follows_the_plan(site_folder: SiteFolder) -> None:
     rate, six = preview.stages
     assert (rate.begin, six.begin, six.end) == (0.0, rate.end, preview.duration)
     assert rate.moves == 9
-    assert six.moves == 10
+    assert six.moves == 11
     assert np.all(np.diff(preview.time) >= -1e-9)
     assert preview.time[-1] == pytest.approx(preview.duration)
     assert np.ptp(preview.outer) >= 2.0 * np.pi
@@ -77,7 +77,7 @@ def test_every_violated_limit_has_its_step(site_folder: SiteFolder) -> None:
     preview = preview_of(site_folder, "rate", "six_position", six_position={"rate_dps": 150.0})
     (violation,) = preview.violations
     assert (violation.stage, violation.step, violation.label) == ("six_position", 1, ("face_up", "+z"))
-    assert (violation.kind, violation.joint, violation.more) == ("rate", "", 9)
+    assert (violation.kind, violation.joint, violation.more) == ("rate", "", 10)
     assert np.rad2deg([violation.value, violation.high]) == pytest.approx([150.0, 120.0])
     assert "rate of 150 °/s is outside the table's 0 to 120 °/s" in sentence(violation.text)
     assert all(stage.sigma is None for stage in preview.stages)

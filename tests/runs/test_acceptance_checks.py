@@ -20,6 +20,7 @@ from calstation.records.raw_log import RawLogWriter
 from calstation.results.judgement import judge
 from calstation.results.resolving import resolve
 from calstation.results.solver_chain import solve
+from tests.helpers import sampled
 from tests.site_folder import SiteFolder
 
 CHECKS: dict[str, Any] = {
@@ -137,7 +138,7 @@ FOUR_STAGES = {"gravity_at_rest", "level_horizontal", "level_vertical", "motion_
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("product", ["nav_a", "tactical_b", "mems_c"])
+@pytest.mark.parametrize("product", sampled(2, ["nav_a", "tactical_b", "mems_c"]))
 def test_the_checks_of_a_shipped_product_pass_a_sound_unit_and_notice_one_that_changes(
     product: str, site_folder: SiteFolder
 ) -> None:

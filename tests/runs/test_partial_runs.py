@@ -129,7 +129,7 @@ def command(folder: Path, product: str, seed: int, stages: str | None = None) ->
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("product", "seed"), sampled(4, GRADES, (1, 2, 3, 4)))
+@pytest.mark.parametrize(("product", "seed"), sampled(8, GRADES, (1, 2, 3, 4)))
 def test_each_group_passes_alone_on_a_calibrated_unit(tmp_path: Path, product: str, seed: int) -> None:
     code, result = command(tmp_path, product, seed)
     assert (code, result["partial"]) == (0, False)

@@ -53,6 +53,14 @@ def test_errors_agree_with_their_sigmas_and_come_near_the_bound(grade, seeds, na
 
 
 @pytest.mark.exhaustive
+def test_errors_with_effects_and_their_states_agree_with_their_sigmas():
+    (row,) = run("nav", 2, "full, optional states")["rows"]
+    assert row["nees"]["passed"], row["nees"]
+    assert outside({"rows": [row]}) == []
+    assert all(group["cost"] >= 1.0 for group in row["groups"].values())
+
+
+@pytest.mark.exhaustive
 def test_bias_instability_widens_the_bands_by_what_the_noise_explains():
     study = run("tactical", 2, "excitation, bias instability")
     (row,) = study["rows"]

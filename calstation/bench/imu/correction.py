@@ -1,6 +1,6 @@
 """Correction of the sensor output by a unit's registers, according to the documentation of each unit."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -12,8 +12,9 @@ _ROUNDS = 4
 
 @dataclass(frozen=True)
 class Correction:
-    """rate = gyro · (measured − before) + after; force = accel · (measured − bias − quadratic force²) + size effect.
+    """rate = gyro · (measured − before) + after; force = accel · (measured − bias − Q force² − K force³) + size effect.
 
+    Q and K are `quadratic` and `cubic`.
     Matrices have shape (3, 3), vectors shape (3,), SI. `levers` are the accelerometers' offsets along their own axes.
     """
 
@@ -24,6 +25,7 @@ class Correction:
     bias: FloatArray
     quadratic: FloatArray
     levers: FloatArray
+    cubic: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     def applied(self, measured: FloatArray) -> FloatArray:
         """Return the corrected rate (rad/s) and force (m/s²) of measured samples; both arrays have shape (n, 6)."""
@@ -31,7 +33,7 @@ class Correction:
         straight = measured[:, 3:] - self.bias
         force = _times(self.accel, straight)
         for _ in range(_ROUNDS):
-            force = _times(self.accel, straight - self.quadratic * force * force)
+            force = _times(self.accel, straight - self.quadratic * force * force - self.cubic * force**3)
         # An accelerometer displaced along its own axis senses the centripetal acceleration about the two others.
         squares = rate * rate
         outwards = squares[:, [1, 2, 0]] + squares[:, [2, 0, 1]]

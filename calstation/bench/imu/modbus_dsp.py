@@ -7,9 +7,11 @@ Holding registers, 0-based, unit 1, high byte first:
     page 1: 100 gyro matrix, 9 f32, low word first   118 gyro offset, 3 f64
     page 2: 200 accelerometer matrix, 6 i32, 2^-30   212 bias, 3 i32, low word first, 1e-7 m/s²
             218 quadratic, 3 f32                     224 levers, 3 i16, 5e-5 m
+    page 3: 300 third-order terms of the accelerometers, 3 f32, s⁴/m²
 
 The gyro registers contain E column by column: rate = (I + E)⁻¹ measured + offset. The accelerometer registers contain
-the lower triangle of I − C: force = C (measured − bias − quadratic · force²), with the effect of the levers added.
+the lower triangle of I − C: force = C (measured − bias − quadratic · force² − cubic · force³), with the effect of the
+levers added.
 """
 
 import struct
@@ -28,7 +30,7 @@ STREAM, COMMIT, RESET, PAGE = 20, 21, 22, 23
 COMMIT_WORD, RESET_WORD = 0x5A5A, 0xA5A5
 
 #: Calibration registers of each page, as (first, count).
-PAGES = {1: (100, 30), 2: (200, 27)}
+PAGES = {1: (100, 30), 2: (200, 27), 3: (300, 6)}
 
 #: Number of reads of the commit register, after a commit, until it returns ready.
 _BUSY_READS = 2
@@ -159,6 +161,7 @@ class DspUnit(ImuUnit):
     def correction(self) -> Correction:
         """See `ImuUnit.correction`; formulas and addresses are in the module docstring."""
         gyros, accels = (np.array(self._words[page], dtype=">u2") for page in (1, 2))
+        cubic = np.array(self._words[3], dtype=">u2").tobytes()
         columns = gyros[:18].reshape(9, 2)[:, ::-1].tobytes()
         error = np.frombuffer(columns, ">f4").astype(np.float64).reshape(3, 3).T
         less = np.zeros((3, 3))
@@ -171,6 +174,7 @@ class DspUnit(ImuUnit):
             accel=np.eye(3) - less,
             bias=1e-7 * np.frombuffer(bias, ">i4"),
             quadratic=np.frombuffer(accels[18:24].tobytes(), ">f4").astype(np.float64),
+            cubic=np.frombuffer(cubic, ">f4").astype(np.float64),
             levers=5e-5 * accels[24:].astype(np.int16).astype(np.float64),
         )
 

@@ -11,7 +11,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calstation.devices.codecs import number
 from calstation.devices.profiles.entries import LAST_ADDRESS, ModelName, hex_bytes
-from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection, check_samples
+from calstation.devices.profiles.frame import CHANNELS, STATUS_WORDS, FrameSection, check_samples, span
 from calstation.devices.profiles.imu_sections import (
     CommandSection,
     CommandTimes,
@@ -185,6 +185,16 @@ class ImuProfile(StrictModel):
         """The frames of all streams that the unit can send."""
         own = self.corrected.frame if self.corrected is not None else None
         return (self.frame,) if own is None else (self.frame, own)
+
+    @property
+    def quantised_stream(self) -> StreamSection:
+        """The stream with the quantisation that follows from the frame: a count if not otherwise specified."""
+        steps, found = span(self.frame).step, {}
+        for sensor, step in (("gyro", steps[:3].max()), ("accel", steps[3:].max())):
+            if getattr(self.stream, f"{sensor}_quantisation") is None and step != 1.0:
+                known = float(step) if np.isfinite(step) else 0.0
+                found[f"{sensor}_quantisation"] = known * getattr(self.stream, f"{sensor}_lsb")
+        return self.stream.model_copy(update=found)
 
     @property
     def timeout_s(self) -> float:

@@ -38,12 +38,15 @@ class StreamSection(StrictModel):
     """`[stream]`: meaning of a count; units as in the `[imu]` section of a log.
 
     order : whether the stream is taken before or after the unit applies its calibration registers
+    gyro_quantisation, accel_quantisation : step of the rounding; by default a count, and 0 if the frame has floats
     """
 
     sample_rate_hz: float = Field(gt=0, le=100_000)
     output: Literal["increment", "rate"]
     gyro_lsb: float = Field(gt=0)
     accel_lsb: float = Field(gt=0)
+    gyro_quantisation: float | None = Field(default=None, ge=0)
+    accel_quantisation: float | None = Field(default=None, ge=0)
     order: Literal["before_registers", "after_registers"]
 
 

@@ -23,7 +23,7 @@ from calstation.devices.codecs import (
 )
 from calstation.devices.profiles.entries import LAST_ADDRESS, Address, Scale
 from calstation.messages import Text
-from calstation.physics import AXES, GROUPS, NAMES, PARAMETERS
+from calstation.physics import AXES, EFFECT_PARAMETERS, EFFECTS, GROUPS, NAMES, PARAMETERS
 from calstation.schema import EntryError, StrictModel, entry, near_miss
 
 #: Number of standard deviations of its prior up to which a parameter must fit its register.
@@ -32,7 +32,15 @@ _MAX_SIGMAS = 3.0
 #: Largest tolerance of a value that is read back, as a fraction of its range.
 _MAX_TOLERANCE = 0.01
 
-_KNOWN = (*NAMES, *SLOTS, *GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")))
+_EFFECTS = tuple(p.name for p in EFFECT_PARAMETERS)
+_KNOWN = (
+    *NAMES,
+    *SLOTS,
+    *GROUPS,
+    *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")),
+    *_EFFECTS,
+    *EFFECTS,
+)
 _NEVER_IN_REGISTERS = "outer_lever"
 
 #: Sets of matrix elements that may have registers: all nine, lower triangular, or diagonal.
@@ -44,9 +52,9 @@ class RegisterEntry(StrictModel):
     """Consecutive calibration registers; SI value = number in the register × scale.
 
     address : address of the first register; page : page to select before access, if the unit has pages
-    parameters : contents in order: parameters by contract name; slots of the matrix and offset in the unit's own
-        formula, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group, e.g.
-        `gyro_bias` or `gyro_matrix`, includes all names of the group
+    parameters : contents in order: parameters by contract name, also of effects; slots of the matrix and offset in the
+        unit's own formula, e.g. `gyro_matrix_xy`, `gyro_offset_x`; "" for a number that stays 0. The name of a group,
+        e.g. `gyro_bias` or `gyro_matrix`, includes all names of the group
     major : whether the group of a matrix is in row or column order
     type, byte_order, word_order : type and orders of each number; the orders of the link if absent
     span : number of addresses of each number, 0 if all have the same address; set by the protocol if absent
@@ -82,7 +90,8 @@ class RegisterEntry(StrictModel):
                 return rows if self.major == "row" else [rows[3 * (i % 3) + i // 3] for i in range(9)]
             if listed == f"{sensor}_offset":
                 return offset_slots(sensor)
-        return [p.name for p in PARAMETERS if p.group == listed] or [listed]
+        members = [p.name for p in PARAMETERS if p.group == listed]
+        return members or [p.name for p in EFFECT_PARAMETERS if p.group == listed] or [listed]
 
     @property
     def key(self) -> int:
@@ -182,7 +191,7 @@ def _check_entry(register: RegisterEntry, sigmas: Mapping[str, float], pages: bo
     legal = {name: _MAX_SIGMAS * sigma for name, sigma in sigmas.items()}
     for i, name in enumerate(register.names):
         parameter = parameter_of(name)
-        if parameter:
+        if parameter and parameter not in _EFFECTS:
             _check_prior(register, parameter, sigmas)
         if name in SLOTS:
             needed = legal_range(name, legal, register.effective_convention)

@@ -6,6 +6,14 @@ from .alignment import SHORTEST_REST as SHORTEST_REST
 from .alignment import Start as Start
 from .alignment import levelled as levelled
 from .alignment import starts as starts
+from .by_position import CHANNELS as CHANNELS
+from .by_position import EXCESSIVE as EXCESSIVE
+from .by_position import NOTABLE as NOTABLE
+from .by_position import LocalScores as LocalScores
+from .by_position import PositionResidual as PositionResidual
+from .by_position import ScoreFunction as ScoreFunction
+from .by_position import StageResiduals as StageResiduals
+from .by_position import position_residuals as position_residuals
 from .context import Belief as Belief
 from .context import ImuModel as ImuModel
 from .context import Secondary as Secondary
@@ -13,6 +21,8 @@ from .context import Site as Site
 from .context import SolveContext as SolveContext
 from .context import StoredPair as StoredPair
 from .context import TableModel as TableModel
+from .gravity import gravity_sensitivity as gravity_sensitivity
+from .gravity import with_gravity as with_gravity
 from .latitude import LatitudeEstimate as LatitudeEstimate
 from .latitude import RestOutput as RestOutput
 from .latitude import resolves_earth_rate as resolves_earth_rate
@@ -21,6 +31,8 @@ from .least_squares import chi_square_quantile as chi_square_quantile
 from .least_squares import gauss_newton as gauss_newton
 from .least_squares import nis_consistency as nis_consistency
 from .least_squares import restricted as restricted
+from .localisation import Concentration as Concentration
+from .localisation import concentration as concentration
 from .measured_noise import noise_tests as noise_tests
 from .measured_noise import rest_noise as rest_noise
 from .measured_noise import widened as widened
@@ -52,6 +64,7 @@ from .stage import SLOWEST as SLOWEST
 from .stage import StageData as StageData
 from .stage import find_rests as find_rests
 from .stage import mean_angles as mean_angles
+from .stage import quietest as quietest
 from .stage import runs as runs
 from .stage import slope_weights as slope_weights
 from .stage import stage_data as stage_data

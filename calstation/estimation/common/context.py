@@ -7,6 +7,11 @@ import numpy as np
 
 from calstation.physics import FloatArray, TableGeometry, normal_gravity
 
+#: Standard deviation of normal gravity, m/s²: gravity anomalies are of 30 to 50 ppm.
+NORMAL_GRAVITY_SIGMA = 5e-4
+#: Standard deviation of a surveyed gravity, m/s².
+SURVEYED_GRAVITY_SIGMA = 1e-6
+
 
 @dataclass(frozen=True)
 class Site:
@@ -18,10 +23,19 @@ class Site:
     azimuth: float | None = None  #: Heading of body +y at home, rad clockwise from true north; None if unknown.
     gravity: float | None = None  #: Surveyed gravity, m/s²; None for the normal gravity of the site.
 
+    #: Standard deviation of gravity, m/s²; None for that of a surveyed or of normal gravity.
+    gravity_sigma: float | None = None
+
     @property
     def local_gravity(self) -> float:
         """Surveyed gravity, or else the normal gravity of the site, m/s²."""
         return self.gravity or normal_gravity(self.latitude, self.height)
+
+    @property
+    def relative_gravity_sigma(self) -> float:
+        """Standard deviation of gravity as a fraction of it, which the accelerometer scale factors carry one to one."""
+        usual = NORMAL_GRAVITY_SIGMA if self.gravity is None else SURVEYED_GRAVITY_SIGMA
+        return (self.gravity_sigma or usual) / self.local_gravity
 
 
 @dataclass(frozen=True)
@@ -37,6 +51,14 @@ class ImuModel:
     accel_vrw: float  #: Velocity random walk, m/s/√s.
     gyro_bias_instability: float = 0.0  #: rad/s
     accel_bias_instability: float = 0.0  #: m/s²
+    gyro_quantisation: float | None = None  #: Step to which the gyro output is rounded; None for a count.
+    accel_quantisation: float | None = None  #: The same for the accelerometers.
+
+    @property
+    def quantisation(self) -> tuple[float, float]:
+        """Steps to which the output of gyros and accelerometers is rounded, unit as for `output`; 0 for no rounding."""
+        gyro, accel = self.gyro_quantisation, self.accel_quantisation
+        return self.gyro_lsb if gyro is None else gyro, self.accel_lsb if accel is None else accel
 
     @property
     def rate_factor(self) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common.context import Belief, ImuModel
-from calstation.estimation.common.noise import BIAS_DRIFT_PER_INSTABILITY
+from calstation.estimation.common.noise import bias_drift_sigmas
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.common.stage import FORCE_STEP, runs
 from calstation.physics import RATE, FloatArray, IntArray, compensate, compensation, group_indices
@@ -44,7 +44,7 @@ class LatitudeEstimate:
 
 def resolves_earth_rate(imu: ImuModel) -> bool:
     """Whether six rests of 30 s with gyros of this noise distinguish latitudes 5° apart."""
-    rest = np.hypot(BIAS_DRIFT_PER_INSTABILITY * imu.gyro_bias_instability, _noise(imu) / np.sqrt(30.0))
+    rest = np.hypot(bias_drift_sigmas(imu)[0], _noise(imu) / np.sqrt(30.0))
     return bool(rest / np.sqrt(6.0) < _SUFFICIENT * RATE)
 
 
@@ -95,7 +95,7 @@ class RestOutput:
         scatter = sum(float(((along[a:b] - along[a:b].mean()) ** 2).sum()) for a, b in rests)
         white = max(noise**2, scatter / sum(b - a - 1 for a, b in rests))
         length = np.array([b - a for a, b in rests])
-        variance = white / length + (BIAS_DRIFT_PER_INSTABILITY * imu.gyro_bias_instability) ** 2
+        variance = white / length + bias_drift_sigmas(imu)[0] ** 2
         rows = np.array([[*up[a:b].mean(axis=0), 1.0] for a, b in rests])
         seen = np.array([along[a:b].mean() for a, b in rests])
         information = rows.T @ (rows / variance[:, None])
@@ -113,9 +113,10 @@ class RestOutput:
 
 def _noise(imu: ImuModel) -> float:
     """Return the noise of a mean rate over one window, rad/s."""
-    rounded = imu.gyro_lsb / _WINDOW
+    step = imu.quantisation[0]
+    rounded = step / _WINDOW
     if imu.output == "rate":
-        rounded = imu.gyro_lsb / np.sqrt(12.0 * imu.sample_rate * _WINDOW)
+        rounded = step / np.sqrt(12.0 * imu.sample_rate * _WINDOW)
     return float(np.hypot(imu.gyro_arw / np.sqrt(_WINDOW), rounded))
 
 

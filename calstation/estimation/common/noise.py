@@ -4,13 +4,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common.context import SolveContext
+from calstation.estimation.common.context import ImuModel, SolveContext
 from calstation.physics import FloatArray
 
 #: Correlation time of the Gauss-Markov process that models bias instability, s.
 BIAS_DRIFT_TIME = 200.0
 #: Sigma of that process in units of B, so that its Allan deviation at 100 s, half the correlation time, is 0.664 B.
 BIAS_DRIFT_PER_INSTABILITY = 1.375
+#: A rounding step above this many sigmas of a sample's noise leaves an error that averaging does not reduce.
+_COARSE = 2.5
+#: Time for which such an error stays constant, s: that of a rest or of a turn at constant rate.
+_COARSE_TIME = 20.0
 
 
 @dataclass(frozen=True)
@@ -29,22 +33,45 @@ class FilterNoise:
 def filter_noise(context: SolveContext) -> FilterNoise:
     """Return the noise densities for a filter.
 
-    Quantisation has variance lsb²/12. A rate output rounds every sample independently, which is white noise at the
+    Quantisation q has variance q²/12. A rate output rounds every sample independently, which is white noise at the
     sample rate. An increment output carries its remainder over, so one count per observation interval remains. Bias
     instability B has an Allan floor of 0.664 B (IEEE Std 952-2020, annex C). It is modelled as a first-order
-    Gauss-Markov process about the constant bias, so that the estimate of the constant never degrades.
+    Gauss-Markov process about the constant bias, so that the estimate of the constant never degrades. Rounding that is
+    coarse (see `bias_drift_sigmas`) also counts as white noise that is constant for `_COARSE_TIME`.
     """
     imu, table = context.imu, context.table
     interval = table.velocity_interval
     per_count = 1.0 / imu.sample_rate if imu.output == "rate" else 1.0
     rounding_rate = imu.sample_rate if imu.output == "rate" else 1.0 / interval
-    gyro_count, accel_count = imu.gyro_lsb * per_count, imu.accel_lsb * per_count
-    rate = imu.gyro_arw**2 + gyro_count**2 / 12.0 * rounding_rate
-    force = imu.accel_vrw**2 + accel_count**2 / 12.0 * rounding_rate
-    instability = [imu.gyro_bias_instability] * 3 + [imu.accel_bias_instability] * 3
-    bias_drift = BIAS_DRIFT_PER_INSTABILITY * np.array(instability)
+    gyro_count, accel_count = (step * per_count for step in imu.quantisation)
+    gyro_rounding, accel_rounding = coarse_rounding(imu)
+    rate = imu.gyro_arw**2 + gyro_count**2 / 12.0 * rounding_rate + gyro_rounding**2 * _COARSE_TIME
+    force = imu.accel_vrw**2 + accel_count**2 / 12.0 * rounding_rate + accel_rounding**2 * _COARSE_TIME
+    bias_drift = np.repeat(bias_drift_sigmas(imu), 3)
     end_rate = 0.5 * (imu.gyro_arw**2 * imu.sample_rate + (gyro_count * imu.sample_rate) ** 2 / 12.0)
     return FilterNoise(rate, force, table.velocity_sigma**2, max(interval, 1.0 / imu.sample_rate), end_rate, bias_drift)
+
+
+def coarse_rounding(imu: ImuModel) -> tuple[float, float]:
+    """Return the sigma of a rate, rad/s, and of a force, m/s², whose rounding averaging does not reduce, otherwise 0.
+
+    The rounding errors of a constant input are independent only if the noise of a sample exceeds a part of the step
+    (B. Widrow and I. Kollár, *Quantization Noise*, Cambridge 2008, chapter 4); an increment output carries them over.
+    """
+    if imu.output == "increment":
+        return 0.0, 0.0
+    gyro, accel = imu.quantisation
+    root = float(np.sqrt(imu.sample_rate))
+    return (
+        gyro / 12.0**0.5 if gyro > _COARSE * imu.gyro_arw * root else 0.0,
+        accel / 12.0**0.5 if accel > _COARSE * imu.accel_vrw * root else 0.0,
+    )
+
+
+def bias_drift_sigmas(imu: ImuModel) -> FloatArray:
+    """Return the stationary sigma of the drift of a gyro's and an accelerometer's bias, rad/s and m/s², shape (2,)."""
+    instability = np.array([imu.gyro_bias_instability, imu.accel_bias_instability])
+    return np.asarray(np.hypot(BIAS_DRIFT_PER_INSTABILITY * instability, coarse_rounding(imu)))
 
 
 def rest_mean_variance(context: SolveContext, duration: float) -> float:

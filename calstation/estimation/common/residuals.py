@@ -18,6 +18,8 @@ from calstation.physics import FloatArray, IntArray, compensate, compensation, g
 SHORTEST_REST = 1.0
 #: Time omitted at the start of a rest, s, because the last microradians of table settling bias the mean rate.
 CREEP = 0.5
+#: Cosine of 30°; a rest is named after the body axis within this angle of up.
+_UPWARD = np.cos(np.deg2rad(30.0))
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,26 @@ class RestResiduals:
 
     def __len__(self) -> int:
         return len(self.first_seq)
+
+    def axis(self, rest: int) -> str:
+        """Return the body axis that is up at a rest, see `upward_axis`."""
+        return upward_axis(self.up[rest])
+
+    def in_sigma(self, rest: int) -> tuple[float, float, float]:
+        """Return the residuals of force, vertical and horizontal rate of a rest, in sigmas."""
+        force, rate = self.force_sigma[rest], self.rate_sigma[rest]
+        values = self.force[rest] / force, self.vertical_rate[rest] / rate, self.horizontal_rate[rest] / rate
+        return float(values[0]), float(values[1]), float(values[2])
+
+
+def upward_axis(up: FloatArray) -> str:
+    """Return the signed body axis within 30° of `up`, such as "-z", or else those it lies between, such as "+x+y".
+
+    `up` is a unit vector in b, shape (3,).
+    """
+    size = np.abs(up)
+    named = [int(np.argmax(size))] if size.max() > _UPWARD else np.flatnonzero(size > 0.5 * size.max())
+    return "".join(("+" if up[axis] > 0.0 else "-") + "xyz"[axis] for axis in named)
 
 
 def rest_residuals(data: StageData, context: SolveContext, found: Belief) -> RestResiduals:

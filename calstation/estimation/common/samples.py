@@ -42,6 +42,9 @@ class SampleBlock:
     others: FloatArray = field(default_factory=lambda: np.empty((0, 0, 6)))
     #: Angles x, y, z of a gimbal's joints, rad, NaN between polls, shape (n, 3); (n, 0) without a gimbal.
     joints: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
+    #: Station time at which each sample was read, s, NaN but for the last sample read at a time, shape (n, 1); (n, 0)
+    #: if unknown.
+    station: FloatArray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
         """Give absent optional columns the number of rows of the block."""
@@ -49,6 +52,8 @@ class SampleBlock:
             object.__setattr__(self, "others", np.empty((len(self.seq), 0, 6)))
         if self.joints.shape[1] == 0:
             object.__setattr__(self, "joints", np.empty((len(self.seq), 0)))
+        if self.station.shape[1] == 0:
+            object.__setattr__(self, "station", np.empty((len(self.seq), 0)))
 
     def __len__(self) -> int:
         return len(self.seq)
@@ -120,7 +125,7 @@ class Spool:
 def _row_type(block: SampleBlock) -> np.dtype:
     more = [
         (name, np.float64, values.shape[1:])
-        for name, values in (("others", block.others), ("joints", block.joints))
+        for name, values in (("others", block.others), ("joints", block.joints), ("station", block.station))
         if values.shape[1]
     ]
     return np.dtype([*_ROW, *more])

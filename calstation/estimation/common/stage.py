@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.estimation.common.context import ImuModel
+from calstation.estimation.common.context import Belief, ImuModel
 from calstation.estimation.common.samples import SampleBlock
-from calstation.physics import BoolArray, FloatArray, IntArray
+from calstation.physics import BoolArray, FloatArray, IntArray, group_indices
 
 #: Width of the averaging window of rest detection, s.
 REST_WINDOW = 0.5
@@ -17,6 +17,8 @@ BIAS_SIGMAS = 3.0
 SLOWEST = np.deg2rad(0.1)
 #: Time removed from both ends of a rest found in the data, s, because a table creeps before it settles.
 REST_MARGIN = 0.3
+#: Number of samples before and after a step of time whose medians show whether it is lasting.
+_JITTER_SAMPLES = 20
 #: A larger change of mean specific force from one window to the next, m/s², indicates a new position.
 FORCE_STEP = 0.5
 
@@ -57,7 +59,7 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
     seq = _joined([b.seq for b in blocks], np.int64)[valid]
     time = _joined([b.time for b in blocks], np.float64)[valid]
     counts = _joined([b.counts for b in blocks], np.float64, 6)[valid]
-    broken = (np.diff(seq) != 1) | (np.abs(np.diff(time) - dt) > 0.5 * dt)
+    broken = (np.diff(seq) != 1) | _time_jumps(seq, time, dt)
     cuts = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(seq)]])
     return StageData(
         dt=dt,
@@ -72,6 +74,16 @@ def stage_data(blocks: list[SampleBlock], imu: ImuModel) -> StageData:
         others=np.concatenate([b.others for b in blocks])[valid] if blocks else np.empty((0, 0, 6)),
         joints=np.concatenate([b.joints for b in blocks])[valid] if blocks else np.empty((0, 0)),
     )
+
+
+def _time_jumps(seq: IntArray, time: FloatArray, dt: float) -> BoolArray:
+    """Return the steps of time, shape (n − 1,), that are lasting; a jitter of the times of arrival is none."""
+    jumps = np.abs(np.diff(time) - dt) > 0.5 * dt
+    late = time - seq * dt
+    for k in np.flatnonzero(jumps & (np.diff(seq) == 1)):
+        before, after = late[max(k + 1 - _JITTER_SAMPLES, 0) : k + 1], late[k + 1 : k + 1 + _JITTER_SAMPLES]
+        jumps[k] = abs(float(np.median(after) - np.median(before))) > 0.5 * dt
+    return jumps
 
 
 def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarray:
@@ -102,12 +114,11 @@ def find_rests(
     if stop - start < 2 * width:
         return []
     mean = window_mean(data.gyro[start:stop] - gyro_bias, width)
-    noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.gyro_lsb * (
-        1.0 / (width * data.dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
-    )
-    small = np.abs(mean).max(axis=1) < BIAS_SIGMAS * bias_sigma + 5.0 * noise + SLOWEST
+    noise = _window_noise(imu, width, data.dt)
+    largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, bias_sigma)
+    small = np.abs(mean).max(axis=1) < largest_rate
     flat = np.zeros(len(mean), dtype=np.bool_)
-    flat[width:] = np.abs(mean[width:] - mean[:-width]).max(axis=1) < 5.0 * noise + np.deg2rad(0.01)
+    flat[width:] = np.abs(mean[width:] - mean[:-width]).max(axis=1) < largest_change
     if not np.any(small & flat):
         return []
     at_rest = np.median(mean[small & flat], axis=0)
@@ -122,6 +133,40 @@ def find_rests(
         if end - begin >= width:
             found.append((begin, end))
     return found
+
+
+@dataclass(frozen=True)
+class Quietest:
+    """Smallest rate of a recording and smallest change of it, and the largest ones at a rest of `find_rests`, rad/s."""
+
+    rate: float  #: Smallest rate of a window less the prior bias.
+    largest_rate: float
+    change: float  #: Smallest change from one window to the next.
+    largest_change: float
+
+
+def quietest(data: StageData, imu: ImuModel, belief: Belief) -> Quietest:
+    """Return why a recording has no rest; NaN in one shorter than two windows."""
+    bias = group_indices("gyro_bias")
+    width = max(round(REST_WINDOW / data.dt), 2)
+    largest_rate, largest_change = _limits_of_rest(imu, width, data.dt, float(belief.sigma[bias].max()))
+    if len(data) < 2 * width:
+        return Quietest(np.nan, largest_rate, np.nan, largest_change)
+    mean = window_mean(data.gyro - belief.mean[bias], width)
+    rate = float(np.abs(mean).max(axis=1).min())
+    change = float(np.abs(mean[width:] - mean[:-width]).max(axis=1).min())
+    return Quietest(rate, largest_rate, change, largest_change)
+
+
+def _limits_of_rest(imu: ImuModel, width: int, dt: float, bias_sigma: float) -> tuple[float, float]:
+    """Return the largest rate of a window at rest, and its largest change to the next window, rad/s."""
+    noise = 5.0 * _window_noise(imu, width, dt)
+    return BIAS_SIGMAS * bias_sigma + noise + SLOWEST, noise + np.deg2rad(0.01)
+
+
+def _window_noise(imu: ImuModel, width: int, dt: float) -> float:
+    rounding = 1.0 / (width * dt) if imu.output == "increment" else 1.0 / np.sqrt(width)
+    return float(imu.gyro_arw / np.sqrt(width * dt) + imu.quantisation[0] * rounding)
 
 
 def _steady(force: FloatArray, width: int) -> BoolArray:

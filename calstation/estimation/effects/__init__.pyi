@@ -2,7 +2,9 @@ from .candidates import CONSTANT as CONSTANT
 from .candidates import Candidate as Candidate
 from .candidates import Motion as Motion
 from .candidates import changing as changing
+from .candidates import effect_errors as effect_errors
 from .score import EffectFound as EffectFound
+from .score import EffectLimit as EffectLimit
 from .score import EffectTests as EffectTests
 from .score import Estimated as Estimated
 from .sensitivity import Sensitivity as Sensitivity

@@ -4,7 +4,7 @@ Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and acceleromete
 Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,6 +109,20 @@ CONSTANT: tuple[Candidate, ...] = (
     _optional("accel_off_axis", _off_axis),
     _optional("time_skew", _skew),
 )
+
+
+def effect_errors(sizes: Mapping[str, float], rate: FloatArray, force: FloatArray) -> FloatArray:
+    """Return the error of the six channels, shape (n, 6), at constant rate and force, SI, shape (n, 3).
+
+    `sizes` are the sizes of effects by parameter; other names are ignored.
+    """
+    still = np.zeros_like(rate)
+    motion, errors = Motion(rate, force, still, still, np.zeros(len(rate))), np.zeros((len(rate), 6))
+    for candidate in CONSTANT:
+        names = [f"{candidate.cause}_{component}".rstrip("_") for component in candidate.components]
+        if not sizes.keys().isdisjoint(names):
+            errors += candidate.errors(motion) @ [sizes.get(name, 0.0) for name in names]
+    return errors
 
 
 def changing(duration: float) -> Iterator[Candidate]:

@@ -6,7 +6,7 @@ P. de Jong, J. Penzer, *Diagnosing shocks in time series*, JASA 93(442), 1998). 
 errors D I⁻¹ U in the parameters.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +40,20 @@ class EffectFound:
         return max((abs(move) for move in self.moves.values()), default=0.0)
 
 
+@dataclass(frozen=True)
+class EffectLimit:
+    """How much of one component of an effect a schedule hides."""
+
+    cause: str
+    component: str
+    parameter: str  #: As in `EffectFound`.
+    stage: str  #: As in `EffectFound`.
+    size: float  #: Size that gives the expected χ², in `unit`; infinite if the innovations do not contain it.
+    unit: str
+    moved: str  #: Estimated parameter that this size moves most.
+    move: float  #: Error that this size leaves in it, in its sigmas.
+
+
 @dataclass
 class _Tested:
     """A candidate with its score, information and the error that it leaves so far."""
@@ -50,6 +64,17 @@ class _Tested:
     information: FloatArray
     cross: FloatArray  #: Information shared with the components of `CONSTANT`, shape (k, components).
     error: FloatArray
+
+    def limits(self, chi_square: float, sigma: FloatArray, names: Sequence[str]) -> Iterator[EffectLimit]:
+        """Yield the limit of each component."""
+        c = self.candidate
+        for k, component in enumerate(c.components):
+            information = float(self.information[k, k])
+            size = float(np.sqrt(chi_square / information)) if information > 0.0 else np.inf
+            moves = {name: abs(float(self.error[INDEX[name], k])) / float(sigma[INDEX[name]]) for name in names}
+            moved = max(moves, key=moves.__getitem__)
+            move = size * moves[moved] if moves[moved] > 0.0 else 0.0
+            yield EffectLimit(c.cause, component, c.parameter, self.stage, size, c.unit, moved, move)
 
     def found(self, known: "Estimated", before: FloatArray, sigma: FloatArray, names: Sequence[str]) -> EffectFound:
         """Evaluate the test beside the effects in the model; `before` and `sigma` belong to the 30 parameters."""
@@ -108,7 +133,7 @@ class EffectTests:
         self._plausible = np.array([c.plausible or np.nan for c, _ in chosen])
         count = len(causes)
         self._score, self._information = np.zeros(count), np.zeros((count, count))
-        self._last = self._score, self._information
+        self._last, self._noise_ratio = (self._score, self._information), 1.0
         self._error = np.zeros((COUNT, count))
         self._changes: list[_Tested] = []
         self._parameters: dict[str, None] = {}
@@ -120,6 +145,7 @@ class EffectTests:
         into = np.vstack([self._error, np.eye(count)])
         both = slice(0, COUNT + count)
         self._last = into.T @ s.score[both], into.T @ s.information[both, both] @ into
+        self._noise_ratio = s.noise_ratio
         self._score = self._score + self._last[0]
         self._information = self._information + self._last[1]
         self._error = s.error[:, prior] @ self._error + s.error[:, constant]
@@ -146,7 +172,7 @@ class EffectTests:
         covariance: FloatArray = np.linalg.inv(information + np.diag(self._plausible**-2.0)).astype(np.float64)
         size = np.asarray(covariance @ self._score[at], np.float64)
         score, last = self._last[0][at], self._last[1][np.ix_(at, at)]
-        explained = float(2.0 * score @ size - size @ last @ size)
+        explained = self._noise_ratio * float(2.0 * score @ size - size @ last @ size)
         return Estimated(at, self._names, self._units, size, covariance, self._error[:, at], explained)
 
     def found(self, belief: Belief) -> list[EffectFound]:
@@ -154,15 +180,24 @@ class EffectTests:
 
         `belief` is the latest posterior.
         """
-        tests, at = list(self._changes), 0
+        known, names = self.estimated(), tuple(self._parameters)
+        found = (t.found(known, self._before, belief.sigma, names) for t in self._tested())
+        return sorted(found, key=lambda f: -f.excess)
+
+    def limits(self, belief: Belief, chi_square: float) -> list[EffectLimit]:
+        """Return for every other effect the size at which its test is expected to reach `chi_square`."""
+        names = tuple(self._parameters)
+        return [limit for t in self._tested() for limit in t.limits(chi_square, belief.sigma, names)]
+
+    def _tested(self) -> Iterator[_Tested]:
+        """Yield the effects outside the model."""
+        at = 0
         for c in CONSTANT:
             own = slice(at, at := at + len(c.components))
             parts = self._score[own], self._information[own, own], self._information[own], self._error[:, own]
             if c.cause not in self._states:
-                tests.append(_Tested(c, "", *parts))
-        known, names = self.estimated(), tuple(self._parameters)
-        found = (t.found(known, self._before, belief.sigma, names) for t in tests)
-        return sorted(found, key=lambda f: -f.excess)
+                yield _Tested(c, "", *parts)
+        yield from self._changes
 
 
 def _before(stage: str, name: str, count: int) -> _Tested:

@@ -25,6 +25,8 @@ class Sensitivity:
     error: FloatArray  #: D: error left in each parameter, truth minus estimate, shape (30, c).
     changing: tuple[Candidate, ...] = ()  #: Effects that change a parameter during the stage.
     duration: float = 0.0  #: Duration of the stage, s.
+    #: χ² of the innovations with the noise of the estimate over that with the noise of `score` and `information`.
+    noise_ratio: float = 1.0
 
 
 def all_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> FloatArray:

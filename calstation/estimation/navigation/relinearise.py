@@ -17,6 +17,7 @@ from calstation.estimation.common import (
     SolveContext,
     StageData,
     Start,
+    quietest,
     starts,
 )
 from calstation.estimation.navigation.filter import History, NavigationFilter, Update
@@ -78,7 +79,7 @@ def solve_navigation(
         )
     found = starts(data, context, prior)
     if not found:
-        raise InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt)
+        raise _no_rest(data, context, prior)
     free = any(s.azimuth_sigma is not None for s in found)
     ambiguous = any((s.azimuth_sigma or 0.0) > AMBIGUOUS_AZIMUTH_SIGMA for s in found)
     meter = _Meter(progress, USUAL_PASSES * (1 + free) + AZIMUTHS_TRIED * ambiguous)
@@ -92,6 +93,22 @@ def solve_navigation(
         point, attitudes = near.point, list(near.attitudes)
         found = [replace(n, prior_sigma=s.prior_sigma) for n, s in zip(narrow, found, strict=True)]
     return replace(solver.iterate(found, attitudes, point), azimuth_free=free)
+
+
+def pass_about(
+    data: StageData, context: SolveContext, prior: Belief, estimated: BoolArray, near: NavigationResult
+) -> NavigationResult:
+    """Run one pass, with the noise of `context`, about the solution `near`."""
+    solver = _Relinearisation(data, context, prior, estimated, _Meter(None, USUAL_PASSES))
+    run, _ = solver.one_pass(near.point, list(near.starts), list(near.attitudes), smooth=True)
+    return replace(near, belief=run.belief, history=run.history, updates=tuple(run.updates))
+
+
+def _no_rest(data: StageData, context: SolveContext, prior: Belief) -> InsufficientDataError:
+    """Return the error for a recording without a rest, with what its quietest windows show."""
+    seen = quietest(data, context.imu, prior)
+    values = {name: float(np.rad2deg(value)) for name, value in vars(seen).items()}
+    return InsufficientDataError("solve.no_rest_to_align", seconds=len(data) * data.dt, **values)
 
 
 @dataclass
@@ -148,7 +165,7 @@ class _Relinearisation:
         for k in range(AZIMUTHS_TRIED):
             turn = axis_rotation((0.0, 0.0, 1.0), 2.0 * np.pi * k / AZIMUTHS_TRIED)
             turned = [replace(s, prior=turn @ s.prior, attitude=turn @ s.attitude) for s in found]
-            run, _ = self._pass(point, turned, [s.attitude for s in turned], smooth=False)
+            run, _ = self.one_pass(point, turned, [s.attitude for s in turned], smooth=False)
             candidates.append((sum(run.history.nis), k, turned))
         return min(candidates, key=lambda c: c[:2])[2]
 
@@ -157,7 +174,7 @@ class _Relinearisation:
         moved = 1.0  # before the first pass the rate at which steps shrink is unknown
         for _ in range(MOST_PASSES):
             self.passes += 1
-            run, ends = self._pass(point, found, attitudes, smooth=self.passes > 1)
+            run, ends = self.one_pass(point, found, attitudes, smooth=self.passes > 1)
             belief = run.belief
             target = np.where(self.estimated, belief.mean, self.prior.mean)
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
@@ -180,9 +197,10 @@ class _Relinearisation:
             updates=tuple(run.updates),
         )
 
-    def _pass(
+    def one_pass(
         self, point: FloatArray, found: list[Start], attitudes: list[FloatArray], smooth: bool
     ) -> tuple[NavigationFilter, list[FloatArray]]:
+        """Run one pass about a point and start attitudes; also return the attitudes at the ends."""
         run = NavigationFilter(self.context, self.prior, point)
         ends = []
         self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) + 1 for s in found))

@@ -1,11 +1,12 @@
 """Solver of excitation and azimuth flips: stores the stage, updates sigmas live and solves by MAP at the end."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from calstation.estimation import Innovations, Progress, Ranking, Solution
+from calstation.estimation import Innovations, Progress, Ranking, Solution, with_misfit
 from calstation.estimation.common import (
     Belief,
     ImuModel,
@@ -14,6 +15,7 @@ from calstation.estimation.common import (
     Site,
     SolveContext,
     Spool,
+    StageData,
     TableModel,
     nis_consistency,
     noise_tests,
@@ -24,11 +26,14 @@ from calstation.estimation.common import (
     starts,
     widened,
 )
+from calstation.estimation.effects import Sensitivity
 from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.local_scores import local_scores
 from calstation.estimation.navigation.observability import ObservabilityAnalysis, observability_analysis
+from calstation.estimation.navigation.relinearise import NavigationResult
 from calstation.estimation.navigation.response import filter_sensitivity
-from calstation.estimation.navigation.table_noise import solve_with_table_noise
-from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, FloatArray, group_indices
+from calstation.estimation.navigation.table_noise import judged, solve_with_table_noise
+from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, group_indices
 
 #: Duration of data after a start that the live filter needs for alignment, s.
 LIVE_ALIGNMENT = 5.0
@@ -110,7 +115,7 @@ class NavigationStage:
             messages.append(("azimuth_from_data", {"stage": self.stage}))
         if not result.converged:
             messages.append(("not_settled", {"stage": self.stage, "passes": result.passes}))
-        return Solution(
+        solution = Solution(
             stage=self.stage,
             belief=restricted(self.prior, result.belief, mask),
             estimated=self.estimated,
@@ -121,10 +126,25 @@ class NavigationStage:
             messages=tuple(messages),
             innovations=Innovations(data.seq[result.history.index - 1], result.history.innovation),
             tests=noise_tests(self.context, context, measured),
-            sensitivity=filter_sensitivity(
-                result.updates, result.history, data, result.starts, context, result.point, mask
-            ),
+            sensitivity=self._sensitivity(data, context, mask, result),
+            local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
+        return with_misfit(solution, data, self.context)
+
+    def _sensitivity(
+        self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
+    ) -> Sensitivity:
+        """Return the response to effects: tested with the noise that is there, and of the estimate with its own."""
+
+        def response(r: NavigationResult) -> Sensitivity:
+            return filter_sensitivity(r.updates, r.history, data, r.starts, context, r.point, mask)
+
+        with_noise = judged(data, context, self.prior, mask, result)
+        tested = response(with_noise)
+        if with_noise is result:
+            return tested
+        ratio = float(np.sum(result.history.nis) / np.sum(with_noise.history.nis))
+        return replace(tested, error=response(result).error, noise_ratio=ratio)
 
 
 def warm_up() -> None:

@@ -31,12 +31,15 @@ BLOCK = 0.5
 LARGEST_OFFSET = 1.0
 #: Residuals above this multiple of the typical size have proportionally lower weights.
 FAR = 4.0
+#: Smallest share of the information about any direction with which half a recording is solved alone.
+LEAST_SHARE = 0.05
 MOST_ITERATIONS = 20
 CONVERGED = 1e-3
 GYRO_BIAS, GYRO_MATRIX = slice(0, 3), slice(3, 12)
 ACCEL_BIAS, ACCEL_MATRIX = slice(12, 15), slice(15, 24)
 LEVER, OFFSET = slice(24, 27), 27
 COUNT = len(PAIR_PARAMETERS)
+_BIASES = np.array([p.group.endswith("bias") for p in PAIR_PARAMETERS])
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,8 @@ class PairFit:
     #: if the covariance is consistent.
     halves: float
     converged: bool  #: Whether the last iteration made no significant change.
+    change: FloatArray  #: Second half of the recording minus the first, SI, NaN if not compared, shape (28,).
+    change_sigma: FloatArray  #: Standard deviation of `change`, including the bias drift, SI, shape (28,).
 
 
 def fit_pair(
@@ -102,10 +107,23 @@ def fit_pair(
             break
     covariance = np.zeros((COUNT, COUNT))
     covariance[np.ix_(fitted, fitted)] = system.covariance()
-    for place, imu_sigma in _bias_drift_sigmas(data, primary, secondary):
-        covariance[place, place] += imu_sigma**2 if fitted[place] else 0.0
+    duration = max(float(data.time[-1] - data.time[0]), data.dt)
+    drift = _bias_drift_variances(duration, primary, secondary)
+    covariance[fitted, fitted] += drift[fitted]
+    # the variance of the difference between both halves' means, which are correlated
+    between = 4.0 * (_bias_drift_variances(0.5 * duration, primary, secondary) - drift)
+    change, variance = system.change()
     return PairFit(
-        value, covariance, fitted, system.rms, system.expected, len(system.gradient), system.halves(), converged
+        value,
+        covariance,
+        fitted,
+        system.rms,
+        system.expected,
+        len(system.gradient),
+        system.halves(),
+        converged,
+        change,
+        np.sqrt(variance + between),
     )
 
 
@@ -177,6 +195,32 @@ class _System:
         apart = solutions[0] - solutions[1]
         return float(np.mean(apart**2 / np.diag(covariances[0] + covariances[1])))
 
+    def change(self) -> tuple[FloatArray, FloatArray]:
+        """Return the change from the first to the second half and its variance, NaN where not compared, shape (28,).
+
+        A half that does not determine all parameters alone is compared by its biases, the rest being that of the whole.
+        """
+        middle = len(self.gradient) // 2
+        halves = [(self._normals[part], self.gradient[part]) for part in (slice(0, middle), slice(middle, None))]
+        everything = np.arange(len(self.normal))
+        biases = np.flatnonzero(_BIASES[self._fitted])
+        told = all(_share(normals.sum(axis=0), self.normal) > LEAST_SHARE for normals, _ in halves)
+        chosen = everything if told else biases
+        change, variance = np.full(COUNT, np.nan), np.full(COUNT, np.nan)
+        at = np.flatnonzero(self._fitted)[chosen]
+        if len(chosen) and middle > 1:
+            parts = [(normals[:, chosen][:, :, chosen], gradient[:, chosen]) for normals, gradient in halves]
+            first, second = (np.linalg.solve(n.sum(axis=0), g.sum(axis=0)) for n, g in parts)
+            change[at], variance[at] = second - first, sum(np.diag(_jackknife(n, g)) for n, g in parts)
+        return change, variance
+
+
+def _share(part: FloatArray, whole: FloatArray) -> float:
+    """Return the smallest share of the information of the whole recording that a part has about any direction."""
+    root = np.linalg.cholesky(whole)
+    white = np.linalg.solve(root, np.linalg.solve(root, part).T)
+    return float(np.linalg.eigvalsh(0.5 * (white + white.T))[0])
+
 
 def _jackknife(normals: FloatArray, gradient: FloatArray) -> FloatArray:
     """Return the covariance of the solution from its changes when each block is omitted, shape (k, k).
@@ -218,18 +262,19 @@ def _weights(left: FloatArray) -> FloatArray:
 
 def _white(imu: ImuModel) -> FloatArray:
     """Return the white noise of rate and force of a sample, including quantisation, rad/s and m/s², shape (2,)."""
-    gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.gyro_lsb * imu.rate_factor) ** 2 / 12.0
-    accel = imu.accel_vrw**2 * imu.sample_rate + (imu.accel_lsb * imu.rate_factor) ** 2 / 12.0
+    gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.quantisation[0] * imu.rate_factor) ** 2 / 12.0
+    accel = imu.accel_vrw**2 * imu.sample_rate + (imu.quantisation[1] * imu.rate_factor) ** 2 / 12.0
     return np.sqrt([gyro, accel])
 
 
-def _bias_drift_sigmas(data: PairData, primary: ImuModel, secondary: ImuModel) -> list[tuple[int, float]]:
-    """Return index and sigma of the mean bias drift of both IMUs over the recording, for each bias.
+def _bias_drift_variances(duration: float, primary: ImuModel, secondary: ImuModel) -> FloatArray:
+    """Return the variance of the mean bias drift of both IMUs over a duration, s, for each parameter, shape (28,).
 
     The variance of the mean of a Gauss-Markov process over T is 2 σ² τ/T (1 − τ/T (1 − e^(−T/τ))).
     """
-    T = max(float(data.time[-1] - data.time[0]), data.dt) / BIAS_DRIFT_TIME
+    T = duration / BIAS_DRIFT_TIME
     share = np.sqrt(2.0 / T * (1.0 - (1.0 - np.exp(-T)) / T)) * BIAS_DRIFT_PER_INSTABILITY
-    gyro = share * np.hypot(primary.gyro_bias_instability, secondary.gyro_bias_instability)
-    accel = share * np.hypot(primary.accel_bias_instability, secondary.accel_bias_instability)
-    return [*((GYRO_BIAS.start + i, gyro) for i in range(3)), *((ACCEL_BIAS.start + i, accel) for i in range(3))]
+    variances = np.zeros(COUNT)
+    variances[GYRO_BIAS] = (share * np.hypot(primary.gyro_bias_instability, secondary.gyro_bias_instability)) ** 2
+    variances[ACCEL_BIAS] = (share * np.hypot(primary.accel_bias_instability, secondary.accel_bias_instability)) ** 2
+    return variances

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import partial
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,8 @@ from PySide6.QtWidgets import QToolTip, QWidget
 from calstation.gui.engineer.shared_views import ROW, Band, CellTable, StackedPlots, StageCombo, dashed
 from calstation.gui.text import on_language_change, say, term
 from calstation.gui.widgets import Column, ElidedLabel, EmptyState, ThemedPlot, column, label, row, scroll_area, theme
-from calstation.physics import DEGREE_PER_HOUR, MICRO_G, OBSERVABLE, FloatArray
-from calstation.results import Diagnostics, StageDiagnostics
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G, OBSERVABLE, FloatArray, display_by_unit
+from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual, StageDiagnostics
 from calstation.sequencer import StageRanked
 
 #: Maximum number of observations within ±3 σ drawn per plot; larger numbers are decimated.
@@ -128,17 +129,20 @@ def _nis_cells(stage: StageDiagnostics) -> dict[str, str]:
 
 
 _LEFT = 9 * theme.GRID
-#: Cosine of 30°; a rest period is named after the body axis within this angle of the upward direction.
-_COS_UPWARD = np.cos(np.deg2rad(30.0))
+#: Width of the bars of rests and moves, in rests.
+_BAR = {"rest": 0.4, "move": 0.16}
 
 
 class ResidualsView(StackedPlots[Diagnostics]):
-    """Three plots over the rest periods of all stages, with a description of the one under the pointer."""
+    """Innovations per rest and move, and three plots over the rests of all stages, with a description of what is
+    under the pointer."""
 
     def __init__(self) -> None:
-        super().__init__(3, _LEFT)
+        super().__init__(4, _LEFT)
         #: Stage and index within the stage of each rest period drawn.
         self._rests: list[tuple[StageDiagnostics, int]] = []
+        #: Stage, row and horizontal position of each rest and move drawn; moves are between the rests.
+        self._rows: list[tuple[StageDiagnostics, PositionResidual, float]] = []
         self._rest_label = ElidedLabel()
         self._rest_label.setObjectName("rest_label")
         for plot in self.plots:
@@ -162,11 +166,14 @@ class ResidualsView(StackedPlots[Diagnostics]):
             bands.append((term("stage", stage.stage), begin, begin + len(stage.rests)))
             begin += len(stage.rests)
         self.add_bands(bands)
-        titles = (self.tr("gravity, µg"), self.tr("vertical rate, °/h"), self.tr("horizontal rate, °/h"))
-        for plot, title, (values, sigmas) in zip(self.plots, titles, _columns(stages), strict=True):
+        self._rows = _placed(stages)
+        self.plots[0].setLabel("left", self.tr("test, σ"))
+        self._draw_tests(self.plots[0])
+        titles = (self.tr("gravity, µg"), self.tr("vertical, °/h"), self.tr("horizontal, °/h"))
+        for plot, title, (values, sigmas) in zip(self.plots[1:], titles, _columns(stages), strict=True):
             plot.setLabel("left", title)
             self._draw_column(plot, values, sigmas)
-        self.plots[2].setLabel("bottom", self.tr("rest, by the axis that is up"))
+        self.plots[-1].setLabel("bottom", self.tr("rest, by the axis that is up"))
         self.plots[0].setXRange(-0.5, max(len(self._rests) - 0.5, 0.5), padding=0.01)
         self._name_ticks()
 
@@ -180,6 +187,26 @@ class ResidualsView(StackedPlots[Diagnostics]):
         self._explain()
         super().leaveEvent(event)
 
+    def _draw_tests(self, plot: ThemedPlot) -> None:
+        """Draw the worst test of every rest (wide) and move (narrow); a triangle or a cross marks the notable ones."""
+        c = theme.colours()
+        for state, colour, symbol in (("good", c.accent, ""), ("caution", c.caution, "t1"), ("bad", c.bad, "x")):
+            drawn = [(x, row) for _, row, x in self._rows if row.state == state and np.isfinite(row.worst)]
+            x = np.array([at for at, _ in drawn])
+            height = np.array([row.worst for _, row in drawn])
+            width = np.array([_BAR[row.kind] for _, row in drawn])
+            if not len(x):
+                continue
+            brush = pg.mkBrush(colour)
+            self.add(plot, pg.BarGraphItem(x=x, height=height, width=width, brush=brush, pen=None), scaled=False)
+            if symbol:
+                marks = pg.ScatterPlotItem(x, height, size=11, symbol=symbol, pen=None, brush=brush)
+                self.add(plot, marks, scaled=False)
+        for level in (NOTABLE, EXCESSIVE):
+            self.add(plot, pg.InfiniteLine(level, 0, pen=dashed(c.muted)), scaled=False)
+        most = max((row.worst for _, row, _ in self._rows if np.isfinite(row.worst)), default=0.0)
+        plot.setYRange(0.0, 1.15 * max(most, EXCESSIVE), padding=0.0)
+
     def _draw_column(self, plot: ThemedPlot, values: FloatArray, sigmas: FloatArray) -> None:
         c = theme.colours()
         number = np.arange(len(values), dtype=np.float64)
@@ -191,9 +218,9 @@ class ResidualsView(StackedPlots[Diagnostics]):
         plot.setYRange(-reach, reach, padding=0.0)
 
     def _name_ticks(self) -> None:
-        ticks = [(k, upward_axis(stage.rests.up[i])) for k, (stage, i) in enumerate(self._rests)]
-        room = max(1, (self.plots[2].width() - _LEFT) // (4 * theme.GRID))
-        self.plots[2].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
+        ticks = [(k, stage.rests.axis(i).replace("-", "−")) for k, (stage, i) in enumerate(self._rests)]
+        room = max(1, (self.plots[-1].width() - _LEFT) // (4 * theme.GRID))
+        self.plots[-1].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
 
     def _explain(self) -> None:
         theme.set_kind(self._rest_label, "muted")
@@ -203,7 +230,11 @@ class ResidualsView(StackedPlots[Diagnostics]):
         view = plot.getPlotItem().getViewBox()
         if not self._rests or not view.sceneBoundingRect().contains(at):
             return
-        k = min(max(round(view.mapSceneToView(at).x()), 0), len(self._rests) - 1)
+        at_x = view.mapSceneToView(at).x()
+        if plot is self.plots[0]:
+            self._describe_row(at_x)
+            return
+        k = min(max(round(at_x), 0), len(self._rests) - 1)
         stage, i = self._rests[k]
         rests = stage.rests
         up = dict(zip("xyz", rests.up[i].tolist(), strict=True))
@@ -220,13 +251,36 @@ class ResidualsView(StackedPlots[Diagnostics]):
         theme.set_kind(self._rest_label, "")
         self._rest_label.setText(text)
 
+    def _describe_row(self, at: float) -> None:
+        """Describe the rest or move nearest to a horizontal position."""
+        if not self._rows:
+            return
+        stage, row, _ = min(self._rows, key=lambda placed: abs(placed[2] - at))
+        text = say("engineer.residual", stage=stage.stage, row=row.text)
+        if row.channel is not None:
+            error, unit = display_by_unit(row.error_unit, row.error)
+            sigma, _ = display_by_unit(row.error_unit, row.error_sigma)
+            shown = {"channel": row.channel_name, "error": error, "sigma": sigma, "unit": unit}
+            text += say("engineer.residual_error", **shown, ratio=row.error / row.error_sigma)
+        if row.freedom:
+            text += say("engineer.residual_test", excess=row.excess, component=row.component_name, mean=row.mean)
+        theme.set_kind(self._rest_label, "")
+        self._rest_label.setText(text)
 
-def upward_axis(up: FloatArray) -> str:
-    """Return the signed axis within 30° of `up`, "" if there is none; `up` is in the body frame, shape (3,)."""
-    axis = int(np.argmax(np.abs(up)))
-    if abs(up[axis]) < _COS_UPWARD:
-        return ""
-    return ("+" if up[axis] > 0.0 else "−") + "xyz"[axis]
+
+def _placed(stages: Sequence[StageDiagnostics]) -> list[tuple[StageDiagnostics, PositionResidual, float]]:
+    """Return the rests and moves of all stages with their horizontal positions; moves are between the rests."""
+    placed: list[tuple[StageDiagnostics, PositionResidual, float]] = []
+    first = 0
+    for stage in stages:
+        last = first - 1
+        for is_move, group in groupby(stage.residuals, lambda found: found.kind == "move"):
+            together = list(group)
+            for number, found in enumerate(together, 1):
+                last = last if is_move else first + found.number - 1
+                placed.append((stage, found, last + number / (len(together) + 1) if is_move else last))
+        first += len(stage.rests)
+    return placed
 
 
 def _columns(stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, FloatArray]]:

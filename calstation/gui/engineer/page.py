@@ -92,6 +92,9 @@ class EngineerPage(Page):
         self.analysis.changed.connect(lambda: self._source.setText(self.analysis.source()))
         self.analysis.loaded.connect(self._loaded)
         self.analysis.failed.connect(self._not_loaded)
+        self.notice.report_failures(
+            self.analysis.adding, lambda: self.tr("The log could not be solved again"), self.analysis.result.setFocus
+        )
         self.registers.changed.connect(self._update)
         self._tabs.currentChanged.connect(self._show_view)
         app.engine_link.event.connect(self._follow)

@@ -11,7 +11,17 @@ from calstation.errors import CalstationError
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ObservabilityView, ResidualsView
 from calstation.gui.engineer.shared_views import CellTable
 from calstation.gui.shell import AppContext
-from calstation.gui.text import KINDS, bind, error_text, local_time, of_parameter, on_language_change, say, term
+from calstation.gui.text import (
+    KINDS,
+    bind,
+    error_text,
+    event_sentence,
+    local_time,
+    of_parameter,
+    on_language_change,
+    say,
+    term,
+)
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     ChecksTable,
@@ -19,6 +29,7 @@ from calstation.gui.widgets import (
     EmptyState,
     JobRow,
     JobWatch,
+    MissingState,
     StateBadge,
     Words,
     button,
@@ -28,7 +39,7 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
-from calstation.physics import NAMES, display, number
+from calstation.physics import NAMES, EffectName, display, further_parameter, number
 from calstation.records import Check
 from calstation.results import (
     Diagnostics,
@@ -39,6 +50,7 @@ from calstation.results import (
     Result,
     diagnose,
     load_finished_run,
+    resolve_with_state,
 )
 from calstation.sequencer import Event, StageRanked, StateChanged
 
@@ -53,9 +65,10 @@ _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad",
 class ResultView(QWidget):
     """The run's verdict, the parameter table, and the checks that do not concern a single parameter."""
 
-    def __init__(self) -> None:
+    def __init__(self, adding: JobWatch) -> None:
         super().__init__()
         self.shown: FinishedRun | None = None
+        self.missing = MissingState(adding, "add_state_button")
         self._badge = StateBadge(theme.SECTION)
         self._about = label(wrap=True)
         self._table = table = CellTable("result_table", grouped=True)
@@ -64,7 +77,7 @@ class ResultView(QWidget):
                 table.column(lambda: self.tr("Unit"), "unit", number=False),
                 table.column(lambda: self.tr("Value"), "value"),
                 table.column(lambda: self.tr("± σ"), "sigma"),
-                table.column(lambda: self.tr("Previous"), "previous"),
+                table.column(self._compared_heading, "previous"),
                 table.column(lambda: self.tr("Change"), "change"),
                 Column(
                     lambda: self.tr("in σ"),
@@ -94,6 +107,7 @@ class ResultView(QWidget):
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
             (table, 1),
+            self.missing,
             self._checks,
             on=self,
             margins=(0, theme.GRID, 0, 0),
@@ -117,7 +131,12 @@ class ResultView(QWidget):
         self._checks.show_checks(general)
         self._checks.setFixedHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))
         self._checks.setVisible(bool(general))
+        self.missing.show_result(result if finished.log is not None else None)
         self._show_texts()
+
+    def _compared_heading(self) -> str:
+        trial = self.shown is not None and self.shown.result.states_added
+        return self.tr("Without state") if trial else self.tr("Previous")
 
     def _show_texts(self) -> None:
         self._table.parameters.refresh()
@@ -137,6 +156,8 @@ class ResultView(QWidget):
             about.append(self.tr("near-misses: {0}").format(near))
         if result.registers is not None and result.verified:
             about += _register_texts(result.registers)
+        if result.states_added:
+            about.append(event_sentence("states_added", {"states": ", ".join(result.states_added)}))
         self._about.setText("  ·  ".join(about))
 
 
@@ -206,8 +227,8 @@ def _limit(value: float, digits: int = 4) -> str:
 
 
 def _display(name: str, value: float) -> tuple[float, str]:
-    """Return a value in its display unit and the unit; (value, "") if `name` is not one of the 30 parameters."""
-    return display(name, value) if name in NAMES else (value, "")
+    """Return a value in its display unit and the unit; (value, "") for a parameter of another version."""
+    return display(name, value) if name in NAMES or further_parameter(name) else (value, "")
 
 
 class ResultAnalysis(QObject):
@@ -234,7 +255,8 @@ class ResultAnalysis(QObject):
         self._diagnosed_log: Path | None = None
         self.loading = JobWatch(self, self._loaded, self._not_loaded)
         self._diagnosing = JobWatch(self, self._diagnosed, cancelled=self._not_diagnosed)
-        self.result, self.observability = _LazyView(ResultView), _LazyView(ObservabilityView)
+        self.adding = JobWatch(self, self._loaded)
+        self.result, self.observability = _LazyView(self._result_view), _LazyView(ObservabilityView)
         self.innovations = _LazyView(InnovationsView, self._diagnosing)
         self.residuals = _LazyView(ResidualsView, self._diagnosing)
         self._computed = self.innovations, self.residuals
@@ -245,6 +267,7 @@ class ResultAnalysis(QObject):
     def open(self, path: Path) -> None:
         """Open a result or a log."""
         self.loading.cancel()
+        self.adding.cancel()
         self._path = path
         self.loading.watch(self._app.job_queue.submit(load_finished_run, path, self._app.runs_folder))
         self.changed.emit()
@@ -290,8 +313,19 @@ class ResultAnalysis(QObject):
         if self._run is None:
             return ""
         result = self._run.result
-        parts = (result.serial, local_time(result.started_utc or ""), verdict_text(result, stages=False))
+        added = " ".join(f"+ {state}" for state in result.states_added)
+        parts = (result.serial, added, local_time(result.started_utc or ""), verdict_text(result, stages=False))
         return "  ·  ".join(part for part in parts if part)
+
+    def _result_view(self) -> ResultView:
+        view = ResultView(self.adding)
+        view.missing.wanted.connect(self._add_state)
+        return view
+
+    def _add_state(self, state: EffectName) -> None:
+        """Solve the log of the run shown again with one more state in its model."""
+        assert self._run is not None
+        self.adding.watch(self._app.job_queue.submit(resolve_with_state, self._run, state))
 
     def _loaded(self, run: FinishedRun) -> None:
         self._diagnosing.cancel()

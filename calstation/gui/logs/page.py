@@ -26,6 +26,7 @@ from calstation.gui.widgets import (
     JobRow,
     JobStack,
     JobWatch,
+    MissingState,
     NoticeBar,
     button,
     column,
@@ -36,6 +37,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
+from calstation.physics import EffectName
 from calstation.results import History, Resolved, offline_solve
 from calstation.results.plots import Columns, LogIndex, log_index, samples
 
@@ -91,13 +93,13 @@ class OfflinePage(Page):
         self._stack.setCurrentWidget(self._reading)
         self.reader.watch(self.app.job_queue.submit(log_index, path.absolute(), self._index_folder))
 
-    def solve(self) -> None:
-        """Solve the selected range and stages."""
+    def solve(self, *states: EffectName) -> None:
+        """Solve the selected range and stages with these states added to the model of the log."""
         if self.log is None or self._why_not_solve():
             return
         self.notice.dismiss()
         stages = self.stages.chosen if self.stages.chosen != self.stages.in_range else None  # None: as in the run
-        job = self.app.job_queue.submit(offline_solve, self.log.path, stages, *self.range.range, self.log.spans)
+        job = self.app.job_queue.submit(offline_solve, self.log.path, stages, *self.range.range, self.log.spans, states)
         self.solver.watch(job)
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
@@ -132,7 +134,9 @@ class OfflinePage(Page):
         self._pointer = label(kind="muted")
         self._pointer.setFixedHeight(2 * theme.GRID + 4)
         self.stages, self.comparison = StageChoice(), Comparison()
-        self.solve_button = button("solve_button", lambda: self.tr("Start offline solve"), self.solve, kind="primary")
+        self.solve_button = button(
+            "solve_button", lambda: self.tr("Start offline solve"), lambda: self.solve(), kind="primary"
+        )
         jobs = JobStack(
             self.solve_button,
             JobRow(self.solver, "solve_cancel_button"),
@@ -142,8 +146,9 @@ class OfflinePage(Page):
         self.log_button = button("export_log_button", None, self._export_log)
         left, right = QWidget(), QWidget()
         column(self.head, (self.plot, 1), self._pointer, self.range, on=left, margins=(0, 0, theme.GRID, 0))
+        self.missing = MissingState(self.solver, "offline_add_state_button")
         exports = row(self.result_button, self.log_button, None)
-        column(self.stages, jobs, (self.comparison, 1), exports, on=right, margins=(theme.GRID, 0, 0, 0))
+        column(self.stages, jobs, (self.comparison, 1), self.missing, exports, on=right, margins=(theme.GRID, 0, 0, 0))
         return split((left, 10), (right, 10))
 
     def _connect(self) -> None:
@@ -156,6 +161,7 @@ class OfflinePage(Page):
         self.plot.samples_wanted.connect(self._fetch_samples)
         self.plot.pointed.connect(self._show_pointed)
         self.stages.changed.connect(self._update)
+        self.missing.wanted.connect(self._add_state)
         for watch in (self.reader, self.solver, self.exports.watch):
             watch.busy_changed.connect(self._update)
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
@@ -222,6 +228,7 @@ class OfflinePage(Page):
         self.stages.show_stages(log.spans)
         self.stages.set_range(*self.range.range)
         self.comparison.show_log(log)
+        self.missing.show_result(log.stored)
         self._stack.setCurrentWidget(self._open)
         self.plot.show_log(log)
         self._update()
@@ -230,7 +237,12 @@ class OfflinePage(Page):
     def _show_solved(self, solved: Resolved) -> None:
         self.solved = solved
         self.comparison.show_solved(solved)
+        self.missing.show_result(solved.result)
         self._update()
+
+    def _add_state(self, state: EffectName) -> None:
+        """Solve again with one more state than the result shown."""
+        self.solve(*(self.solved.result.states_added if self.solved is not None else ()), state)
 
     def _export_log(self) -> None:
         if self.log is not None:

@@ -48,6 +48,10 @@
         <translation>存入产品</translation>
     </message>
     <message>
+        <source>The log could not be solved again</source>
+        <translation>日志无法重新解算</translation>
+    </message>
+    <message>
         <source>The product was not saved</source>
         <translation>产品没有保存</translation>
     </message>
@@ -195,7 +199,7 @@
     <name>ObservabilityView</name>
     <message>
         <source>Stage</source>
-        <extracomment>Strength above which a state counts as observable. Range of the colour scale in decades: strengths from 1 to 100 000.</extracomment>
+        <extracomment>Strength above which a state counts as observable. Range of the colour scale in decades: strengths from 1 to 100 000. Latest ranking of each stage of the run that is followed; empty for a result or a preview.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -333,16 +337,20 @@
 <context>
     <name>ResidualsView</name>
     <message>
+        <source>test, σ</source>
+        <extracomment>Width of the bars of rests and moves, in rests. Stage and index within the stage of each rest period drawn. Stage, row and horizontal position of each rest and move drawn; moves are between the rests.</extracomment>
+        <translation>检验值，σ</translation>
+    </message>
+    <message>
         <source>gravity, µg</source>
-        <extracomment>Cosine of 30°; a rest period is named after the body axis within this angle of the upward direction. Stage and index within the stage of each rest period drawn.</extracomment>
         <translation>重力，µg</translation>
     </message>
     <message>
-        <source>vertical rate, °/h</source>
+        <source>vertical, °/h</source>
         <translation>垂向角速率，°/h</translation>
     </message>
     <message>
-        <source>horizontal rate, °/h</source>
+        <source>horizontal, °/h</source>
         <translation>水平角速率，°/h</translation>
     </message>
     <message>
@@ -354,7 +362,7 @@
     <name>ResultAnalysis</name>
     <message>
         <source>Opening {0}</source>
-        <extracomment>The log whose diagnostics are shown or being computed. The views in order: parameters, innovations, residuals, observability.</extracomment>
+        <extracomment>Whether the observability shown is that of the run in progress. Whether a run or a register operation has begun, and no stage has reported its observability since. The log whose diagnostics are shown or being computed. The views in order: parameters, innovations, residuals, observability.</extracomment>
         <translation>正在打开 {0}</translation>
     </message>
 </context>
@@ -412,6 +420,10 @@
     <message>
         <source>Parameters of the run</source>
         <translation>标定参数</translation>
+    </message>
+    <message>
+        <source>Without state</source>
+        <translation>无该状态</translation>
     </message>
     <message>
         <source>{0} of {1} checks passed</source>

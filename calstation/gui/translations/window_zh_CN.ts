@@ -108,6 +108,17 @@
     </message>
 </context>
 <context>
+    <name>MissingState</name>
+    <message>
+        <source>Add this state and solve again</source>
+        <translation>加入该状态重新解算</translation>
+    </message>
+    <message>
+        <source>Solves the stored log; nothing is stored or written to the unit</source>
+        <translation>解算已存日志；不保存结果，也不写入产品</translation>
+    </message>
+</context>
+<context>
     <name>NoticeBar</name>
     <message>
         <source>Close</source>

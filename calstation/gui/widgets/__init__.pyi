@@ -31,6 +31,7 @@ from .layout import scroll_area as scroll_area
 from .layout import show_text as show_text
 from .layout import split as split
 from .layout import stack as stack
+from .missing_state import MissingState as MissingState
 from .notice import Choice as Choice
 from .notice import NoticeBar as NoticeBar
 from .parameter_table import NOTABLE_SIGMAS as NOTABLE_SIGMAS

@@ -1,0 +1,114 @@
+"""Where the excess of a stage's innovations is: in one rest or move, in those of a kind, or everywhere."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from calstation.estimation.common.by_position import PositionResidual, StageResiduals
+from calstation.physics import FloatArray
+
+#: Share of the excess from which rests or moves are named.
+_MOST = 0.5
+#: Scatter is in some rests or moves if its excess per component is this many times that elsewhere.
+_DENSER = 2.0
+#: A larger fraction of the share that a constant error does not explain is scatter.
+_SCATTER = 0.15
+#: A single rest or move is named if its share is this many times that of any other one.
+_CLEARER = 1.5
+#: Innovations that are not independent: rests or moves this close to the worst, in sigmas, are named with it.
+_CLOSE = 1.0
+
+#: One rest or move, those with the same axis up or of rotation, all rests, all moves, or the whole stage.
+Place = Literal["rest", "move", "rests_up", "moves_about", "rests", "moves", "stage"]
+
+
+#: Places of rests or moves with a common axis, and of all of them.
+_PLACES: dict[str, tuple[Place, Place]] = {"rest": ("rests_up", "rests"), "move": ("moves_about", "moves")}
+
+
+@dataclass(frozen=True)
+class Concentration:
+    """Rests and moves that contain most of the excess, and what is wrong there."""
+
+    place: Place
+    rows: tuple[int, ...]  #: Indices of the rests and moves, the worst first.
+    share: float  #: Share of the excess of the squares.
+    signs: FloatArray | None = None  #: Signs by row of a common error of a channel; None for scatter.
+    axis: str = ""  #: Axis that the rests or moves have in common.
+
+
+def concentration(residuals: StageResiduals, *, white: bool) -> Concentration:
+    """Find the fewest rests or moves of a stage that contain most of its excess.
+
+    The excess is either scatter, which stays where it is, or follows from a constant error of a channel during these
+    rests or moves, whose effect the filter spreads over all that come later. With innovations that are not `white`,
+    the rests or moves of the worst ones are named.
+    """
+    rows = residuals.rows
+    if not white:
+        worst = np.array([np.nan_to_num(row.excess) for row in rows])
+        named = _sorted(np.flatnonzero(worst > worst.max() - _CLOSE), rows)
+        return Concentration(rows[named[0]].kind if 2 * len(named) < len(rows) else "stage", named, 1.0)
+    one = sorted(_single(residuals), key=lambda c: -c.share)
+    if one[0].share > _MOST and one[0].share > _CLEARER * max((c.share for c in one[1:]), default=0.0):
+        return one[0]
+    for candidates in (_common(residuals), _scattered(rows, by_axis=True), _scattered(rows)):
+        best = max(candidates, key=lambda c: c.share, default=None)
+        if best is not None and best.share > _MOST:
+            return best
+    return Concentration("stage", _sorted(range(len(rows)), rows), 1.0)
+
+
+def _excess(rows: Sequence[PositionResidual]) -> float:
+    return sum(row.total - row.freedom for row in rows)
+
+
+def _single(residuals: StageResiduals) -> Iterator[Concentration]:
+    """Yield every rest and move, with an error of all channels and the scatter that it leaves."""
+    total, scores = _excess(residuals.rows), residuals.scores
+    for k, row in enumerate(residuals.rows):
+        left = _excess([row])
+        shift = 0.0
+        if scores is not None:
+            left -= scores.own_explained(k)
+            shift = max(scores.explained([k], np.ones(1)), 0.0)
+        share = (shift + max(left, 0.0)) / total
+        yield Concentration(row.kind, (k,), share, np.ones(1) if left < _SCATTER * share * total else None)
+
+
+def _common(residuals: StageResiduals) -> Iterator[Concentration]:
+    """Yield the rests with the same axis up, and the moves about the same joint or body axis, with a common error."""
+    rows, scores = residuals.rows, residuals.scores
+    if scores is None:
+        return
+    total = _excess(rows)
+    sets: dict[tuple[Place, str], list[int]] = {}
+    for k, row in enumerate(rows):
+        for axis in dict.fromkeys((row.axis, row.body[1:] or row.axis)):
+            sets.setdefault((_PLACES[row.kind][0], axis), []).append(k)
+    for (place, axis), chosen in sets.items():
+        if len(chosen) > 1:
+            ordered = _sorted(chosen, rows)
+            signs = np.array([-1.0 if rows[k].body.startswith("-") else 1.0 for k in ordered])
+            for sign in (np.ones(len(ordered)), signs):
+                share = scores.explained(ordered, sign) / total
+                yield Concentration(place, ordered, share, sign, axis)
+
+
+def _scattered(rows: Sequence[PositionResidual], *, by_axis: bool = False) -> Iterator[Concentration]:
+    """Yield the rests with the same axis up and the moves about a joint, or all rests or moves, if scatter is there."""
+    total, freedom = _excess(rows), sum(row.freedom for row in rows)
+    sets: dict[tuple[Place, str], list[int]] = {}
+    for k, row in enumerate(rows):
+        with_axis, every = _PLACES[row.kind]
+        sets.setdefault((with_axis, row.axis) if by_axis else (every, ""), []).append(k)
+    for (place, axis), chosen in sets.items():
+        inside, share = _excess([rows[k] for k in chosen]), sum(rows[k].freedom for k in chosen) / freedom
+        if inside * (1.0 - share) > _DENSER * (total - inside) * share:
+            yield Concentration(place, _sorted(chosen, rows), inside / total, axis=axis)
+
+
+def _sorted(chosen: Sequence[int] | np.ndarray, rows: Sequence[PositionResidual]) -> tuple[int, ...]:
+    return tuple(sorted((int(k) for k in chosen), key=lambda k: -np.nan_to_num(rows[k].worst)))

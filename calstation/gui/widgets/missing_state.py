@@ -1,0 +1,49 @@
+"""The effect that a result lacks in its error model, and the button that adds it and solves the log again."""
+
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QWidget
+
+from calstation.gui.text import on_language_change, show
+from calstation.gui.widgets.jobs import JobRow, JobStack, JobWatch
+from calstation.gui.widgets.layout import button, label, row
+from calstation.records import Check
+from calstation.results import Result, cause_text, missing_state
+
+
+class MissingState(QWidget):
+    """Shown beside a result only if a failed check of it names such an effect; `wanted(name)` asks to add it.
+
+    The jobs of `watch` replace the button while they run.
+    """
+
+    wanted = Signal(str)
+
+    def __init__(self, watch: JobWatch, name: str) -> None:
+        super().__init__()
+        self._check: Check | None = None
+        self._about = label(wrap=True)
+        add = button(
+            name,
+            lambda: self.tr("Add this state and solve again"),
+            self._add,
+            tip=lambda: self.tr("Solves the stored log; nothing is stored or written to the unit"),
+        )
+        jobs = JobStack(add, JobRow(watch, f"{name}_cancel"))
+        row((self._about, 2), (jobs, 1), on=self)
+        self.hide()
+        on_language_change(self, self._refresh)
+
+    def show_result(self, result: Result | None) -> None:
+        """Show the effect that a result lacks, if any."""
+        self._check = None if result is None else missing_state(result)
+        self.setVisible(self._check is not None)
+        self._refresh()
+
+    def _add(self) -> None:
+        assert self._check is not None
+        assert self._check.misfit is not None
+        self.wanted.emit(self._check.misfit.cause)
+
+    def _refresh(self) -> None:
+        cause = None if self._check is None else cause_text(self._check)
+        self._about.setText("" if cause is None else show(cause))

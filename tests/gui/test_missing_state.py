@@ -1,0 +1,76 @@
+"""A failed test of the model names an effect; a button adds it to the model and solves the log again."""
+
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QPushButton
+
+from calstation.gui.engineer.page import EngineerPage
+from calstation.gui.logs.page import OfflinePage
+from calstation.gui.text import language
+from tests.estimation.simulated_stages import log_with
+from tests.gui.conftest import Operator
+
+pytestmark = pytest.mark.timeout(120)
+NAMES = {f"accel_cubic_{axis}" for axis in "xyz"}
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log of six positions of a unit with a third-order accelerometer error."""
+    path = tmp_path_factory.mktemp("cubic") / "log.h5"
+    log_with(path, "six_position", accel_cubic_ug_g3=300.0)
+    return path
+
+
+def test_a_state_is_added_on_the_engineer_page(operator: Operator, log: Path) -> None:
+    window = operator.window
+    window.show_page("engineer_page")
+    page = window.findChild(EngineerPage, "engineer_page")
+    assert page is not None
+    analysis = page.analysis
+    analysis.open(log)
+    operator.until(lambda: analysis.result.view.missing.isVisible())
+    before = analysis.result.view.shown
+    assert before is not None
+    assert "The accelerometer has a third-order error" in operator.says()
+    held = log.read_bytes()
+
+    operator.press("add_state_button")
+    operator.until(lambda: analysis.result.view.shown is not before)
+    after = analysis.result.view.shown
+    assert after is not None
+    assert after.result.states_added == ["accel_cubic"]
+    assert set(after.result.parameters) - set(before.result.parameters) == NAMES
+    assert after.previous == {name: row.value for name, row in before.result.parameters.items()}
+    assert "a trial that replaces neither the stored result nor any register" in operator.says()
+    assert "+ accel_cubic" in analysis.source()
+    assert not operator.widget("add_state_button", QPushButton).isVisible()
+    assert log.read_bytes() == held
+
+    operator.until(lambda: not window.app.job_queue.busy)
+    assert page.registers.target is None, "no register is written from a trial"
+    language.use("zh_CN")
+    assert "仅为试算" in operator.says()
+    assert page.registers.why_not_write()
+
+
+@pytest.mark.long
+def test_a_state_is_added_on_the_offline_page(operator: Operator, log: Path) -> None:
+    window = operator.window
+    window.show_page("offline_page")
+    page = window.findChild(OfflinePage, "offline_page")
+    assert page is not None
+    page.open(log)
+    operator.until(lambda: operator.widget("solve_button", QPushButton).isEnabled())
+    operator.press("solve_button")
+    operator.until(lambda: page.missing.isVisible())
+    operator.press("offline_add_state_button")
+    operator.until(lambda: page.solved is not None and page.solved.result.states_added == ["accel_cubic"])
+    assert not page.missing.isVisible()
+    assert "Solved with accel_cubic added" in page.comparison.note_label.text()
+    rows = {
+        page.comparison.model.headerData(k, Qt.Orientation.Vertical) for k in range(page.comparison.model.rowCount())
+    }
+    assert rows >= NAMES
