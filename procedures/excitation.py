@@ -1,8 +1,8 @@
 """Excitation: revolutions about y, x, z, then z, x, y in quarter turns with rests; the 39-state filter estimates all.
 
 The inner axis is horizontal when used, so that gravity observes its rotation. From one revolution to the next a joint
-turns the other way, so that it does not wind up. The revolutions about z, x, y are slower, and gravity rests between
-two body axes: a second rate and other components of gravity show errors outside the model.
+turns the other way, so that it does not wind up. Every second move is slower, and in every second revolution the rests
+are between two body axes: a second rate and other components of gravity show errors outside the model.
 """
 
 from collections.abc import Iterator
@@ -17,8 +17,6 @@ from calstation.estimation.navigation import NavigationStage
 from calstation.physics import INNER, JOINTS, NAMES, OUTER, Dwell, JointLimits, Move, RoundEnd, Step, TableGeometry
 
 ORDER = "yxzzxy"
-#: Index in `ORDER` of the first revolution at the second rate.
-SECOND_HALF = 3
 QUARTERS = 4
 QUARTER = 0.5 * np.pi
 
@@ -29,7 +27,9 @@ class Schedule(RepeatedSchedule):
     dwell_s: float = Field(20.0, ge=2.0, le=600.0, description="rest after every quarter turn")
     place_dwell_s: float = Field(5.0, ge=1.0, le=600.0, description="rest after an axis was brought into place")
     rate_dps: float = Field(20.0, gt=0.0, le=360.0, description="rate of moves")
-    second_rate: float = Field(0.5, gt=0.0, le=1.0, description="rate about z, x, y as a fraction of the other rate")
+    second_rate: float = Field(
+        0.5, gt=0.0, le=1.0, description="rate of every second move of a revolution, times the rate"
+    )
     acceleration_dps2: float = Field(20.0, gt=0.0, le=1000.0, description="acceleration of every move")
 
 
@@ -49,8 +49,6 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
     rounds = 0
     while True:
         for number, name in enumerate(ORDER):
-            second = number >= SECOND_HALF
-            rate = fast * schedule.second_rate if second else fast
             turn = geometry.body_turn(np.eye(3)["xyz".index(name)], joints[INNER])
             place = [joints[OUTER], joints[INNER]]
             if turn.inner is None:
@@ -64,7 +62,8 @@ def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
                 joints = place
                 yield Move(joints[0], joints[1], fast, acceleration, ("into_place", name))
                 yield Dwell(short)
-            for angle, dwell in oblique if second else whole:
+            for k, (angle, dwell) in enumerate(oblique if number % 2 else whole):
+                rate = fast * schedule.second_rate if k % 2 else fast
                 joints[turn.joint] += way * angle
                 label = ("turn_about", name, float(np.rad2deg(angle)) * way * turn.sign)
                 yield Move(joints[0], joints[1], rate, acceleration, label)

@@ -9,7 +9,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
@@ -99,6 +99,8 @@ def run(case: Case) -> Outcome:
                 s = simulator.run(steps, stage, getattr(schedule, "rounds", None))
                 valid = np.ones(len(s.seq), dtype=np.bool_)
                 block = SampleBlock(stage, s.seq, s.time, s.counts, s.angles, s.step, valid, s.temperature)
+                station = s.time / (1.0 + 1e-6 * config.effects.sample_clock_ppm)
+                block = replace(block, station=station[:, None])
                 chain.start(stage)
                 chain.feed(block)
                 chain.finish()

@@ -4,8 +4,9 @@ Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and acceleromete
 Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -40,9 +41,14 @@ class Candidate:
     components: tuple[str, ...]  #: Names of the components: axes or pairs of axes, or "".
     #: (motion) -> error of the six channels per unit of each size, shape (n, 6, k).
     errors: Callable[[Motion], FloatArray]
-    parameter: str = ""  #: Parameter that changes during the stage; "" for an effect that is always there.
-    #: Change of that parameter from the start to the end of the stage per unit of each size, given its duration, s.
+    #: Parameter that each component changes during the stage; empty for an effect that is always there.
+    parameters: tuple[str, ...] = ()
+    #: Change of these parameters from the start to the end of the stage per unit of each size, given its duration, s.
     change: Callable[[float], FloatArray] = lambda duration: np.zeros(0)
+
+    def parameter_of(self, component: int) -> str:
+        """Return the parameter that a component changes, "" for an effect that is always there."""
+        return self.parameters[component] if self.parameters else ""
 
 
 def _diagonal(sensor: int, values: FloatArray) -> FloatArray:
@@ -129,17 +135,16 @@ def changing(duration: float) -> Iterator[Candidate]:
     """Yield the drifts and jumps of every bias and scale factor within a stage of `duration` s."""
     for sensor, (name, bias_unit) in enumerate((("gyro", "rad/s"), ("accel", "m/s²"))):
         for what, unit in (("bias", bias_unit), ("scale", "1")):
-            for axis in range(3):
-                parameter = f"{name}_{what}_{AXES[axis]}"
+            axes = tuple(f"{name}_{what}_{axis}" for axis in AXES)
+            yield Candidate(
+                "drift", unit, None, 6 * ("",), _changing(sensor, what, range(3), _drift, duration),
+                tuple(np.repeat(axes, 2).tolist()), lambda end: np.tile(_drift(np.array([end]), end)[0], 3),
+            )  # fmt: skip
+            for axis, share in product(range(3), JUMPS):
                 yield Candidate(
-                    "drift", unit, None, ("", ""), _changing(sensor, what, axis, _drift, duration), parameter,
-                    lambda end: _drift(np.array([end]), end)[0],
+                    "jump", unit, None, ("",), _changing(sensor, what, (axis,), _jump(share), duration), (axes[axis],),
+                    lambda _: np.ones(1),
                 )  # fmt: skip
-                for share in JUMPS:
-                    yield Candidate(
-                        "jump", unit, None, ("",), _changing(sensor, what, axis, _jump(share), duration), parameter,
-                        lambda _: np.ones(1),
-                    )  # fmt: skip
 
 
 def _drift(time: FloatArray, duration: float) -> FloatArray:
@@ -153,15 +158,17 @@ def _jump(share: float) -> Callable[[FloatArray, float], FloatArray]:
 
 
 def _changing(
-    sensor: int, what: str, axis: int, shape: Callable[[FloatArray, float], FloatArray], duration: float
+    sensor: int, what: str, axes: Sequence[int], shape: Callable[[FloatArray, float], FloatArray], duration: float
 ) -> Callable[[Motion], FloatArray]:
-    """Return the error of a channel whose bias or scale factor changes over time by `shape`."""
+    """Return the errors of channels whose biases or scale factors change over time by `shape`, axis after axis."""
 
     def errors(m: Motion) -> FloatArray:
         course = shape(m.time, duration)
-        found = np.zeros((len(course), 6, course.shape[1]))
-        input_ = (m.rate, m.force)[sensor][:, axis : axis + 1] if what == "scale" else 1.0
-        found[:, 3 * sensor + axis] = course * input_
+        width = course.shape[1]
+        found = np.zeros((len(course), 6, width * len(axes)))
+        for k, axis in enumerate(axes):
+            input_ = (m.rate, m.force)[sensor][:, axis : axis + 1] if what == "scale" else 1.0
+            found[:, 3 * sensor + axis, width * k : width * (k + 1)] = course * input_
         return found
 
     return errors

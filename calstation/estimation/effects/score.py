@@ -74,7 +74,7 @@ class _Tested:
             moves = {name: abs(float(self.error[INDEX[name], k])) / float(sigma[INDEX[name]]) for name in names}
             moved = max(moves, key=moves.__getitem__)
             move = size * moves[moved] if moves[moved] > 0.0 else 0.0
-            yield EffectLimit(c.cause, component, c.parameter, self.stage, size, c.unit, moved, move)
+            yield EffectLimit(c.cause, component, c.parameter_of(k), self.stage, size, c.unit, moved, move)
 
     def found(self, known: "Estimated", before: FloatArray, sigma: FloatArray, names: Sequence[str]) -> EffectFound:
         """Evaluate the test beside the effects in the model; `before` and `sigma` belong to the 30 parameters."""
@@ -82,15 +82,16 @@ class _Tested:
         score = self.score - shared @ known.size
         information = self.information - shared @ known.covariance @ shared.T
         error = self.error - known.error @ known.covariance @ shared.T
-        plausible = self.candidate.plausible or float(before[INDEX[self.candidate.parameter]])
-        covariance = np.linalg.inv(plausible**2 * information + np.eye(len(score))) * plausible**2
+        changed = [before[INDEX[name]] for name in self.candidate.parameters]
+        plausible = np.diag(changed or len(score) * [self.candidate.plausible])
+        covariance = plausible @ np.linalg.inv(plausible @ information @ plausible + np.eye(len(score))) @ plausible
         size, own = covariance @ score, np.sqrt(np.diag(covariance))
         freedom = float(np.sum(covariance * information))
         best = int(np.argmax(np.abs(size) / own))
         moved = error @ size / np.where(sigma > 0.0, sigma, np.inf)
         c = self.candidate
         return EffectFound(
-            c.cause, c.components[best], c.parameter, self.stage, float(score @ size) - freedom,
+            c.cause, c.components[best], c.parameter_of(best), self.stage, float(score @ size) - freedom,
             float(size[best]), float(own[best]), c.unit, {name: float(moved[INDEX[name]]) for name in names},
         )  # fmt: skip
 
@@ -160,7 +161,8 @@ class EffectTests:
         for candidate in s.changing:
             own = slice(at, at := at + len(candidate.components))
             error = s.error[:, own].copy()
-            error[INDEX[candidate.parameter]] += candidate.change(s.duration)
+            changed = [INDEX[name] for name in candidate.parameters]
+            error[changed, range(len(changed))] += candidate.change(s.duration)
             cross = s.information[own, both] @ into
             self._changes.append(_Tested(candidate, stage, s.score[own], s.information[own, own], cross, error))
         self._parameters |= dict.fromkeys(estimated)
@@ -203,7 +205,7 @@ class EffectTests:
 def _before(stage: str, name: str, count: int) -> _Tested:
     """Return the test for a jump of a parameter before a stage."""
     unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(name.rpartition("_")[0], "1")
-    candidate = Candidate("jump_before", unit, None, ("",), lambda motion: np.empty(0), name)
+    candidate = Candidate("jump_before", unit, None, ("",), lambda motion: np.empty(0), (name,))
     return _Tested(
         candidate, stage, np.zeros(1), np.zeros((1, 1)), np.zeros((1, count)), np.eye(COUNT)[:, [INDEX[name]]]
     )
