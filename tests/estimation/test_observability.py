@@ -81,7 +81,9 @@ def test_gyro_scale_factor_becomes_observable_in_a_turn_about_its_axis(passed, l
     turns = [n for n, label in labels.items() if label[0] == "into_place" and axis == "z"]
     first = first_turn_about(labels, axis)
     last = first + (abs(labels[first][2]) < 90.0)  # half a quarter turn shows too little
-    assert min([first, *turns]) <= found["states"][f"gyro_scale_{axis}"]["step"] <= last
+    strengths = found["states"][f"gyro_scale_{axis}"]["by_step"]
+    assert strengths[min([first, *turns]) - 2] < 1.5
+    assert strengths[last - 1] > 5.0
 
 
 def test_information_of_a_turn_is_carried_between_rests(passed, nav_stage):
