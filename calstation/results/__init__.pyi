@@ -1,7 +1,5 @@
 from .calibration import current_calibration as current_calibration
 from .calibration import estimate_of as estimate_of
-from .causes import cause_text as cause_text
-from .causes import missing_state as missing_state
 from .corrected import CorrectedOutput as CorrectedOutput
 from .corrected import CorrectedStream as CorrectedStream
 from .diagnostics import EXCESSIVE as EXCESSIVE
@@ -20,8 +18,10 @@ from .inspection import Inspection as Inspection
 from .inspection import inspect_recording as inspect_recording
 from .judgement import Ending as Ending
 from .judgement import build_result as build_result
+from .judgement import cause_text as cause_text
 from .judgement import is_partial as is_partial
 from .judgement import judge as judge
+from .judgement import missing_state as missing_state
 from .model_tests import ModelTests as ModelTests
 from .offline import drop_partial as drop_partial
 from .offline import export_log as export_log

@@ -1,4 +1,4 @@
-"""Judges the solutions of a run against the product's limits, and builds its result."""
+"""Judges the solutions of a run against the product's limits, says what a failed test shows, and builds its result."""
 
 import hashlib
 import tomllib
@@ -11,8 +11,8 @@ from calstation.config import check_latitude, gravity_beyond, unconfirmed_latitu
 from calstation.errors import CalstationError
 from calstation.estimation import Misfit, Solution
 from calstation.estimation.common import Belief
-from calstation.messages import values_to_json
-from calstation.physics import INDEX, PARAMETERS
+from calstation.messages import Text, values_from_json, values_to_json
+from calstation.physics import EFFECTS, INDEX, PARAMETERS, display, display_by_unit
 from calstation.records import (
     NEAR,
     Check,
@@ -28,6 +28,9 @@ from calstation.records import (
 )
 from calstation.results.result import SCHEMA, CalibrationUsed, Parameter, Result, StageConsistency, plain
 from procedures import DEFAULT_STAGES
+
+#: Number of parameters that the sentence about a failed test lists.
+_MOST_MOVES = 3
 
 
 @dataclass(frozen=True)
@@ -178,3 +181,25 @@ def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:
         for name, found in solution.found.items():
             parameters[name] = Parameter(value=found.value, sigma=found.sigma, unit=found.unit, stage=solution.stage)
     return parameters
+
+
+def cause_text(check: Check) -> Text | None:
+    """Return the message about the cause of a failed test of the model; None for any other check."""
+    found = check.misfit
+    if found is None:
+        return None
+    parameter = found.values.get("parameter", "")
+    (size, unit), (sigma, _) = (
+        display(parameter, value) if parameter else display_by_unit(found.unit, value)
+        for value in (found.size, found.sigma)
+    )
+    worst = sorted(found.moves, key=lambda name: -abs(found.moves[name]))[:_MOST_MOVES]
+    moves = ", ".join(f"{name} {found.moves[name]:+.0f} σ" for name in worst)
+    shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": check.subject}
+    return Text(f"cause.{found.cause}", {**shown, **values_from_json(found.values)})
+
+
+def missing_state(result: Result) -> Check | None:
+    """Return the most significant failed check whose cause a further state of the model would describe, or None."""
+    failed = [c for c in result.failed_checks if c.misfit is not None and c.misfit.cause in EFFECTS]
+    return max(failed, key=lambda check: check.value, default=None)

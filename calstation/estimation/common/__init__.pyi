@@ -1,5 +1,3 @@
-from .agreement import Agreement as Agreement
-from .agreement import stage_agreement as stage_agreement
 from .alignment import AMBIGUOUS_AZIMUTH_SIGMA as AMBIGUOUS_AZIMUTH_SIGMA
 from .alignment import FREE_AZIMUTH_SIGMA as FREE_AZIMUTH_SIGMA
 from .alignment import SHORTEST_REST as SHORTEST_REST
@@ -33,16 +31,18 @@ from .least_squares import nis_consistency as nis_consistency
 from .least_squares import restricted as restricted
 from .localisation import Concentration as Concentration
 from .localisation import concentration as concentration
-from .measured_noise import noise_tests as noise_tests
-from .measured_noise import rest_noise as rest_noise
-from .measured_noise import widened as widened
+from .model_test import Agreement as Agreement
 from .model_test import Misfit as Misfit
 from .model_test import ModelTest as ModelTest
+from .model_test import stage_agreement as stage_agreement
 from .noise import BIAS_DRIFT_PER_INSTABILITY as BIAS_DRIFT_PER_INSTABILITY
 from .noise import BIAS_DRIFT_TIME as BIAS_DRIFT_TIME
 from .noise import FilterNoise as FilterNoise
 from .noise import filter_noise as filter_noise
+from .noise import noise_tests as noise_tests
 from .noise import rest_mean_variance as rest_mean_variance
+from .noise import rest_noise as rest_noise
+from .noise import widened as widened
 from .planned import PlannedSamples as PlannedSamples
 from .planned import profile as profile
 from .residuals import RestResiduals as RestResiduals
