@@ -120,7 +120,7 @@ class BenchConfig(BaseModel):
     acceleration_deg_s2: Positive = 200.0
     homing_rate_deg_s: Positive = 5.0
     interlock_closed: bool = True
-    watchdog_ms: Annotated[int, Field(ge=0, le=65535)] = 2000
+    watchdog_ms: Annotated[int, Field(ge=0, le=65535)] = 10_000
 
     table_protocol: Literal["modbus", "drives", "imu_link", "atl", "acl", "mn", "hand", "gimbal"] = "modbus"
     table_transport: Literal["tcp", "rtu"] = "tcp"

@@ -24,7 +24,7 @@ from calstation.simulation.soak_plan import FROM_LISTENER, MILD, Planned
 SIGMAS = 6.0
 
 #: Time allowed for the bench to write its report, host time, s.
-_REPORT_TIMEOUT = 10.0
+_REPORT_TIMEOUT = 20.0
 
 #: A gap of more samples is a counter jump, not a loss: no run survives such a long silence.
 _JUMP = 5_000

@@ -62,7 +62,7 @@ def test_the_register_map_over_a_real_client(start_bench, transport):
         try:
             identity = struct.pack(">16H", *read(client, 0, 16))
             assert identity == b"bench-table".ljust(16, b"\0") + b"T-42".ljust(16, b"\0")
-            assert read(client, 16, 7) == [0, 0x0660, 0, 1, 2000, 0, 0]
+            assert read(client, 16, 7) == [0, 0x0660, 0, 1, 10_000, 0, 0]
             assert read(client, 40, 4) == words(-108_000_000, 108_000_000)
             assert write(client, 22, 1) == 4  # not enabled
             assert write(client, 17, 1) == 2  # read-only

@@ -83,7 +83,7 @@ def test_the_virtual_benchs_table_is_right() -> None:
     assert identified.values == {"model": "bench-table", "serial": "T-0001"}
     watchdog, angles, travel = (report.find(name) for name in ("watchdog", "angles", "travel"))
     assert watchdog is not None
-    assert watchdog.values["seconds"] == 2.0
+    assert watchdog.values["seconds"] == 10.0
     assert angles is not None
     assert travel is not None
     assert (travel.values["low"], travel.values["high"]) == (-1080.0, 1080.0)

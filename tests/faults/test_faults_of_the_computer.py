@@ -68,7 +68,7 @@ def test_a_disk_that_takes_longer_than_the_watchdog_stops_nothing(
             slow[0] = 1
 
     monkeypatch.setattr(os, "fsync", wait)
-    ran = fault_runs.run(on_event=on_event)
+    ran = fault_runs.run(on_event=on_event, watchdog_ms=2000)
     assert slow[0] == 5
     assert ran.verdict.outcome == "passed", ran.verdict.result["error"]
     assert ran.verdict.result["registers"]["verified"] is True
@@ -76,7 +76,7 @@ def test_a_disk_that_takes_longer_than_the_watchdog_stops_nothing(
 
 @pytest.mark.long
 def test_a_killed_engine_leaves_an_incomplete_run(fault_runs: FaultRuns) -> None:
-    with Engine.start(fault_runs.request(fault("engine_killed", step=4)), BenchHooks) as engine:
+    with Engine.start(fault_runs.request(fault("engine_killed", step=4), watchdog_ms=1000), BenchHooks) as engine:
         events = engine.events()
         with raises_code(DeviceFaultError, "run.engine_ended"):
             list(events)

@@ -111,7 +111,7 @@ def test_requests_with_wrong_checksums_are_repeated(fault_runs: FaultRuns) -> No
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals exist only on POSIX systems")
 def test_a_line_with_only_wrong_checksums_stops_the_run(fault_runs: FaultRuns) -> None:
     """As at a wrong baud: every answer of the table is damaged, and its own watchdog stops it."""
-    ran = fault_runs.run(fault("garble_table", 100_000), table_transport="rtu")
+    ran = fault_runs.run(fault("garble_table", 100_000), table_transport="rtu", watchdog_ms=1000)
     ran.assert_stopped("Table: ", "cannot be read on", "Check cable, power and unit number")
     assert ran.bench["fault"] == "WATCHDOG"
 

@@ -62,7 +62,7 @@ def test_setting_the_clock_does_not_change_a_run(fault_runs: FaultRuns, wall_clo
     begun = datetime.now(UTC)
     steps = 0
     last: Event | None = None
-    with Engine.start(fault_runs.request(watchdog_ms=10_000)) as engine:
+    with Engine.start(fault_runs.request()) as engine:
         for event in engine.events():
             last = event
             if not isinstance(event, StepStarted) or not event.stage:
@@ -95,7 +95,7 @@ def test_setting_the_clock_does_not_change_a_run(fault_runs: FaultRuns, wall_clo
 def test_a_killed_run_is_recognised_as_dead_at_once(
     fault_runs: FaultRuns, wall_clock: WallClock, by: timedelta
 ) -> None:
-    with Engine.start(fault_runs.request(watchdog_ms=10_000)) as engine:
+    with Engine.start(fault_runs.request()) as engine:
         for event in engine.events():
             if isinstance(event, StepStarted) and event.stage:
                 wall_clock.step(by)

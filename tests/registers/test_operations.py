@@ -46,7 +46,6 @@ class Floor:
         settings = {
             "seed": 5,
             "start_deg": [1.0, -1.0],
-            "watchdog_ms": 10_000,
             **{name: str(self.site_folder.folder / file) for name, file in files.items()},
             **bench,
         }

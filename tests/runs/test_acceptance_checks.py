@@ -138,7 +138,7 @@ FOUR_STAGES = {"gravity_at_rest", "level_horizontal", "level_vertical", "motion_
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("product", sampled(2, ["nav_a", "tactical_b", "mems_c"]))
+@pytest.mark.parametrize("product", sampled(3, ["mems_c", "nav_a", "tactical_b"]))
 def test_the_checks_of_a_shipped_product_pass_a_sound_unit_and_notice_one_that_changes(
     product: str, site_folder: SiteFolder
 ) -> None:

@@ -129,7 +129,7 @@ def command(folder: Path, product: str, seed: int, stages: str | None = None) ->
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("product", "seed"), sampled(8, GRADES, (1, 2, 3, 4)))
+@pytest.mark.parametrize(("product", "seed"), sampled(12, GRADES, (1, 2, 3, 4)))
 def test_each_group_passes_alone_on_a_calibrated_unit(tmp_path: Path, product: str, seed: int) -> None:
     code, result = command(tmp_path, product, seed)
     assert (code, result["partial"]) == (0, False)
@@ -148,7 +148,7 @@ def test_each_group_passes_alone_on_a_calibrated_unit(tmp_path: Path, product: s
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("product", "stages"), sampled(2, GRADES, GROUPS[:2]))
+@pytest.mark.parametrize(("product", "stages"), sampled(3, GRADES, GROUPS[:2]))
 def test_a_group_alone_fails_on_an_uncalibrated_unit(
     tmp_path: Path, product: str, stages: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
