@@ -210,6 +210,7 @@ def test_the_parameters_at_the_end_are_what_the_output_shows() -> None:
     assert last[3:] == pytest.approx(G * forces() + found[[INDEX[f"accel_bias_{a}"] for a in "xyz"]], abs=1e-7)
 
 
+@pytest.mark.long
 def test_changes_do_not_depend_on_the_sizes_of_the_requests() -> None:
     effects = {"gyro_random_walk_dph_sqrt_h": 6.0, "warm_up_accel_scale_ppm": 9.0, "accel_delay_ms": 3.0}
     truth = BenchConfig(effects=effects).truth()

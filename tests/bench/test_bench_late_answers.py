@@ -41,6 +41,7 @@ def test_limits_and_angles_of_a_slow_table_on_rtu_are_its_own(start_bench):
             table.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("transport", ["socket", "pty"])
 def test_registers_of_a_slow_unit_are_its_own(start_bench, transport):
     profile = load_imu_profile(DATA / "imus" / "dsp_modbus.toml").with_timeout(TIMEOUT)

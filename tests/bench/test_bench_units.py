@@ -126,6 +126,7 @@ def test_a_unit_survives_any_bytes(kind):
 PROTOCOLS = {"vectornav": ("vectornav_vn100", "rate"), "modbus": ("dsp_modbus", "increment")}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @pytest.mark.parametrize("transport", ["socket", "pty"])
 def test_the_driver_reads_writes_and_streams(start_bench, protocol, transport):

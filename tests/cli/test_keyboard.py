@@ -5,6 +5,8 @@ import pty
 import subprocess
 import sys
 
+import pytest
+
 IN_BACKGROUND = """
 import os, subprocess, sys
 running = subprocess.Popen([sys.executable, "-c", sys.argv[1]], process_group=0)
@@ -14,6 +16,7 @@ sys.exit(1 if os.WIFSTOPPED(status) else os.waitstatus_to_exitcode(status))
 LISTENS = "import time; from calstation.cli.show import on_line; on_line('e', print); time.sleep(0.5)"
 
 
+@pytest.mark.long
 def test_a_run_in_the_background_is_not_suspended_by_listening_for_keys() -> None:
     child, terminal = pty.fork()
     if child == 0:

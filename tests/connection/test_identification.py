@@ -200,6 +200,7 @@ def test_the_answering_unit_number_is_reported(run: Callable[..., Fault], imu: s
     assert set(bus.functions) == {READ}
 
 
+@pytest.mark.long
 @needs_terminals
 def test_a_silent_table_is_reported_with_its_unit_number(run: Callable[..., Fault], imu: str) -> None:
     other = Bus(unit=3, model=b"pump")  # another device on the line is not what the profile is for

@@ -185,6 +185,7 @@ def test_a_host_that_serves_nothing() -> None:
 # A table that does not answer, or not as it should
 
 
+@pytest.mark.long
 def test_a_silent_table_over_tcp() -> None:
     with server(silent) as address:
         found = wrong(table(port=f"tcp://{address}", unit=7))
@@ -216,6 +217,7 @@ class FakeDrives:
         return wires.tcp_pdu(heard, bytes([3, len(values)]) + values)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("inner", "expected", "unit"),
     [("silent", "silent_tcp", 2), ("refuses", "exception", 2), ("no number", "no_number", None)],
@@ -304,6 +306,7 @@ def test_unprintable_bytes_are_quoted_as_numbers() -> None:
     assert len(text + mend) < 300
 
 
+@pytest.mark.long
 @needs_terminals
 def test_settings_of_a_serial_server_are_named() -> None:
     with server(lambda _: bytes(range(0x80, 0xA0))) as address:
@@ -428,6 +431,7 @@ def test_an_imu_that_only_streams_passes(streaming: Path) -> None:
     assert report.find("rate") is not None
 
 
+@pytest.mark.long
 @needs_terminals
 def test_an_imu_that_only_streams_at_another_baud_or_not_at_all(
     streaming: Path, monkeypatch: pytest.MonkeyPatch

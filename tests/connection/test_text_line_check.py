@@ -122,6 +122,7 @@ def product(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "products" / "text.toml"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="no pseudo-terminals on Windows")
 @pytest.mark.parametrize(
     ("begins", "expected"), [("$IMU,", "line_short"), ("$ACC,", "line_sync"), ("$IMU;", "line_separator")]

@@ -59,6 +59,7 @@ def test_every_block_read_is_the_requested_one(late: Mapping[int, float | None])
         assert table.read(70, 4) == [70, 71, 72, 73], "and the line is in order again"
 
 
+@pytest.mark.long
 def test_a_device_that_is_always_too_late_is_a_fault_and_never_another_s_register() -> None:
     with link(dict.fromkeys(range(1, 9), TIMEOUT + 0.15)) as (table, _):
         assert table.read(10, 4) == [10, 11, 12, 13]

@@ -325,6 +325,7 @@ def test_a_changed_schedule_is_in_the_log_and_in_the_hash(engineer: Engineer) ->
 SIZE = {"accel_bias": 9.80665e-6, "accel_scale": 1e-6}
 
 
+@pytest.mark.long
 def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
     engineer.tick("stage_check_six_position", "stage_check_azimuth_flip")
     result = engineer.start()

@@ -189,7 +189,7 @@ def test_mbpoll_reads_and_writes_the_bench(start_bench: Any, transport: str) -> 
         assert bytes(b for word in polled(bench, 0, 8) for b in word.to_bytes(2, "big")) == b"bench-table".ljust(
             16, b"\0"
         )
-        assert polled(bench, 16, 7) == [0, 0x0660, 0, 1, 2000, 0, 0]
+        assert polled(bench, 16, 7) == [0, 0x0660, 0, 1, 10_000, 0, 0]
         assert polled(bench, 40, 2, "-t", "4:int", "-B") == [-108_000_000, 108_000_000]
         assert mbpoll(bench, "-r", "22", "=1").returncode == 1, "not enabled: the write is refused"
         assert mbpoll(bench, "-r", "17", "=1").returncode == 1, "read-only"

@@ -57,6 +57,7 @@ def test_errors_of_many_gimbals_agree_with_their_sigmas(grade, seeds):
     assert low < np.mean(np.square(at_once)) < high
 
 
+@pytest.mark.long
 def test_a_return_from_a_small_drift_does_not_disturb_the_rotation_of_the_turn_before_it():
     # the return by 71 arcsec stands inside a rest: its rotation is no part of the gyros' mean at rest
     imu = unit(11, "nav")
