@@ -123,6 +123,7 @@ def solve(data: StageData, context: SolveContext, prior: Belief, schedule: Sched
         consistency=nis_consistency(fit.chi2, max(round(fit.freedom), 1), 1),
         gaps=data.gaps,
         details=_details(data, still, rests, links, fit),
+        sensitivity=fit.sensitivity,
         messages=_messages(data, still, links, fit),
     )
 

@@ -348,7 +348,7 @@ def check_limits(
             limit = limits.get(name, limits.get(parameter.group if parameter else ""))
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near)
-    model = [Check.of_model(s.stage, test) for s in solutions for test in s.tests]
+    model = [Check.of_model(s.stage, test) for s in reversed(solutions) for test in s.tests]
     checks += sorted(model, key=lambda check: [*MODEL_KINDS].index(check.kind))
     for s in solutions:
         c = s.consistency

@@ -4,9 +4,8 @@ Sources: IEEE Std 952-2020 and 1293-2018 (error models of gyros and acceleromete
 Science and Technology* 27 (2016) 095005 (g-sensitivity and cross-coupling on a two-axis table).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -137,13 +136,13 @@ def changing(duration: float) -> Iterator[Candidate]:
         for what, unit in (("bias", bias_unit), ("scale", "1")):
             axes = tuple(f"{name}_{what}_{axis}" for axis in AXES)
             yield Candidate(
-                "drift", unit, None, 6 * ("",), _changing(sensor, what, range(3), _drift, duration),
+                "drift", unit, None, 6 * ("",), _changing(sensor, what, _drift, duration),
                 tuple(np.repeat(axes, 2).tolist()), lambda end: np.tile(_drift(np.array([end]), end)[0], 3),
             )  # fmt: skip
-            for axis, share in product(range(3), JUMPS):
+            for share in JUMPS:
                 yield Candidate(
-                    "jump", unit, None, ("",), _changing(sensor, what, (axis,), _jump(share), duration), (axes[axis],),
-                    lambda _: np.ones(1),
+                    "jump", unit, None, 3 * ("",), _changing(sensor, what, _jump(share), duration), axes,
+                    lambda _: np.ones(3),
                 )  # fmt: skip
 
 
@@ -158,17 +157,17 @@ def _jump(share: float) -> Callable[[FloatArray, float], FloatArray]:
 
 
 def _changing(
-    sensor: int, what: str, axes: Sequence[int], shape: Callable[[FloatArray, float], FloatArray], duration: float
+    sensor: int, what: str, shape: Callable[[FloatArray, float], FloatArray], duration: float
 ) -> Callable[[Motion], FloatArray]:
     """Return the errors of channels whose biases or scale factors change over time by `shape`, axis after axis."""
 
     def errors(m: Motion) -> FloatArray:
         course = shape(m.time, duration)
         width = course.shape[1]
-        found = np.zeros((len(course), 6, width * len(axes)))
-        for k, axis in enumerate(axes):
+        found = np.zeros((len(course), 6, 3 * width))
+        for axis in range(3):
             input_ = (m.rate, m.force)[sensor][:, axis : axis + 1] if what == "scale" else 1.0
-            found[:, 3 * sensor + axis, width * k : width * (k + 1)] = course * input_
+            found[:, 3 * sensor + axis, width * axis : width * (axis + 1)] = course * input_
         return found
 
     return errors

@@ -14,7 +14,7 @@ import numpy as np
 from calstation.estimation.common import Belief
 from calstation.estimation.effects.candidates import CONSTANT, Candidate
 from calstation.estimation.effects.sensitivity import Sensitivity
-from calstation.physics import COUNT, INDEX, NAMES, FloatArray, IntArray
+from calstation.physics import AXES, COUNT, INDEX, FloatArray, IntArray
 
 #: Jumps between two stages are looked for in these groups.
 _JUMPING = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
@@ -151,7 +151,7 @@ class EffectTests:
         self._information = self._information + self._last[1]
         self._error = s.error[:, prior] @ self._error + s.error[:, constant]
         if self._parameters:  # before the first stage, a jump is an error of the prior
-            self._changes += [_before(stage, name, count) for name in NAMES if name.rpartition("_")[0] in _JUMPING]
+            self._changes += [_before(stage, group, count) for group in _JUMPING]
         for change in self._changes:
             change.score = change.score + change.error.T @ s.score[prior]
             change.information = change.information + change.error.T @ s.information[prior, prior] @ change.error
@@ -202,10 +202,10 @@ class EffectTests:
         yield from self._changes
 
 
-def _before(stage: str, name: str, count: int) -> _Tested:
-    """Return the test for a jump of a parameter before a stage."""
-    unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(name.rpartition("_")[0], "1")
-    candidate = Candidate("jump_before", unit, None, ("",), lambda motion: np.empty(0), (name,))
-    return _Tested(
-        candidate, stage, np.zeros(1), np.zeros((1, 1)), np.zeros((1, count)), np.eye(COUNT)[:, [INDEX[name]]]
-    )
+def _before(stage: str, group: str, count: int) -> _Tested:
+    """Return the test for a jump of the parameters of a group before a stage."""
+    unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(group, "1")
+    names = tuple(f"{group}_{axis}" for axis in AXES)
+    candidate = Candidate("jump_before", unit, None, 3 * ("",), lambda motion: np.empty(0), names)
+    error = np.eye(COUNT)[:, [INDEX[name] for name in names]]
+    return _Tested(candidate, stage, np.zeros(3), np.zeros((3, 3)), np.zeros((3, count)), error)

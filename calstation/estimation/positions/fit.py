@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from calstation.estimation.common import Belief, Link, SolveContext, StageData, levelled
+from calstation.estimation.effects import Sensitivity
+from calstation.estimation.positions.response import inverse, position_sensitivity
 from calstation.estimation.positions.rows import Position, PositionRows, Scatter, excess, integrate_rotation
 from calstation.physics import (
     COUNT,
@@ -43,6 +45,7 @@ class PositionFit:
     force_residual: FloatArray  #: Force residuals of the rests, m/s², shape (n, 3).
     turn_residual: FloatArray  #: Rotation residuals of the motions, rad, shape (m, 3).
     converged: bool  #: Whether the last iteration made no significant change.
+    sensitivity: Sensitivity  #: Response to effects outside the model.
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,7 @@ def fit_positions(
     Parameters that are not `estimated` are consider parameters.
     """
     scatter = Scatter()
-    problem = PositionRows(data, rests, links, context, prior, scatter)
+    problem = first = PositionRows(data, rests, links, context, prior, scatter)
     point = _first_point(problem, estimated)
     north = np.zeros((len(problem.chains), 2))
     best = _iterate(problem, point, _first_attitudes(problem, point), north, estimated)
@@ -97,6 +100,7 @@ def fit_positions(
         force_residual=force,
         turn_residual=turn,
         converged=best.converged,
+        sensitivity=position_sensitivity(problem, first, best.point, best.attitudes, best.north, estimated),
     )
 
 
@@ -135,9 +139,7 @@ def _iterate(
     converged = False
     for _ in range(MOST_ITERATIONS):
         H, r = problem.rows(point, attitudes, north)
-        information = H.T @ H
-        scale = 1.0 / np.sqrt(np.diag(information))
-        covariance = np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale)
+        covariance = inverse(H.T @ H)
         x = covariance @ (H.T @ r)
         mean, spread = prior.mean + root @ x[:COUNT], root @ covariance[:COUNT, :COUNT] @ root.T
         target, sigma = np.where(estimated, mean, prior.mean), np.sqrt(np.diag(spread))

@@ -163,6 +163,9 @@ class PositionRows:
         self.force_variance = self.force_noise + scatter.force**2
         self.rate_variance = self.rate_noise + scatter.rate**2
         self.turn_variance = self.turn_noise + scatter.turn**2
+        at_rest = np.repeat([self.force_variance, self.rate_variance], 3, axis=0).T[:, : self.per_rest]
+        #: Standard deviation of each observation, shape (observations,).
+        self.sigma = np.sqrt(np.concatenate([at_rest.ravel(), np.repeat(self.turn_variance, 3)]))
 
     def rows(self, point: FloatArray, attitudes: FloatArray, north: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the Jacobian, shape (rows, columns), and residual, shape (rows,), linearised about a point.
