@@ -21,6 +21,7 @@ from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, Effects, Simulator
 from calstation.config import RunRequest, resolve_configuration
 from calstation.errors import CalstationError
+from calstation.estimation import Misfit
 from calstation.estimation.common import SampleBlock
 from calstation.physics import INDEX, NAMES, FloatArray, parameter_vector
 from calstation.records import Check, estimated_stage
@@ -61,7 +62,7 @@ class Outcome:
     worst: float
     parameter: str
     failed: tuple[str, ...]  #: Names of the failed checks, or the code of the error that ended the calibration.
-    cause: str  #: First failed check that has a cause, and this cause.
+    cause: str  #: First failed check that has a cause, this cause, and the parameter or group that changed.
     seconds: float  #: Processor time.
 
 
@@ -108,10 +109,16 @@ def run(case: Case) -> Outcome:
         failed = tuple(check.name for check in checks if not check.passed)
     except CalstationError as exc:
         failed = (exc.code,)
-    causes = [f"{check.name}: {check.misfit.cause}" for check in checks if check.misfit is not None]
+    causes = [f"{check.name}: {described(check.misfit)}" for check in checks if check.misfit is not None]
     found = simulator.parameters
     worst, parameter = worst_error(chain, found if isinstance(found, np.ndarray) else parameter_vector(found))
     return Outcome(case, not failed, worst, parameter, failed, causes[0] if causes else "", time.process_time() - begin)
+
+
+def described(misfit: Misfit) -> str:
+    """Return a cause and the parameter or group that changed."""
+    changed = misfit.values.get("parameter") or misfit.values.get("group") or ""
+    return f"{misfit.cause} {changed}".rstrip()
 
 
 def plain_bench_of(config: BenchConfig) -> PlainBench:
