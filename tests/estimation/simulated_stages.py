@@ -1,5 +1,6 @@
 """Simulated stages of the bench as solvers process them, with the context of a station."""
 
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,8 @@ from calstation.bench.truth.grades import GRADES
 from calstation.bench.truth.simulate import BenchTruth, Simulated, Simulator
 from calstation.estimation.common.context import Belief, ImuModel, Site, SolveContext, TableModel
 from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.effects import CONSTANT, Motion
+from calstation.physics.imu_model import compensate, compensation
 from calstation.physics.parameters import COUNT, PARAMETERS
 from calstation.physics.table import TableGeometry
 from calstation.records.meta import LogMeta
@@ -119,3 +122,19 @@ def log_with(path: Path, stage: str, **effects: Any) -> BenchTruth:
     writer.append(block_of(simulate(Simulator(truth, 7), truth, stage)))
     writer.close("imported")
     return truth
+
+
+def with_effect(
+    block: SampleBlock, context: SolveContext, parameters: np.ndarray, cause: str, size: float, component: int = 0
+) -> SampleBlock:
+    """Add a component of an effect, computed from the samples themselves, to a simulated block."""
+    raw = block.counts * context.imu.count_size
+    smooth = np.ones(10) / 10.0
+    rate, force = (
+        np.stack([np.convolve(column, smooth, "same") for column in x.T], axis=1)
+        for x in compensate(compensation(parameters), raw[:, :3], raw[:, 3:])
+    )
+    dt = 1.0 / context.imu.sample_rate
+    motion = Motion(rate, force, np.gradient(rate, dt, axis=0), np.gradient(force, dt, axis=0), block.time)
+    errors = next(c for c in CONSTANT if c.cause == cause).errors(motion)[:, :, component]
+    return replace(block, counts=block.counts + size * errors / context.imu.count_size)

@@ -1,13 +1,12 @@
 """Score tests find effects outside the model, with the sizes and shifts that adding them to the model would give."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from simulated_stages import with_effect
 
-from calstation.estimation.common import Belief, SampleBlock, SolveContext
-from calstation.estimation.effects import CONSTANT, EffectFound, EffectTests, Motion, batch_sensitivity
-from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS, compensate, compensation
+from calstation.estimation.common import Belief
+from calstation.estimation.effects import CONSTANT, EffectFound, EffectTests, batch_sensitivity
+from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import DEFAULT_STAGES, method
 
@@ -35,22 +34,6 @@ def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
     assert (found.size, found.sigma) == pytest.approx((solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5)
     expected = (solution[:COUNT] - belief.mean) / belief.sigma
     np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
-
-
-def with_effect(
-    block: SampleBlock, context: SolveContext, parameters: np.ndarray, cause: str, size: float, component: int = 0
-) -> SampleBlock:
-    """Add a component of an effect, computed from the samples themselves, to a simulated block."""
-    raw = block.counts * context.imu.count_size
-    smooth = np.ones(10) / 10.0
-    rate, force = (
-        np.stack([np.convolve(column, smooth, "same") for column in x.T], axis=1)
-        for x in compensate(compensation(parameters), raw[:, :3], raw[:, 3:])
-    )
-    dt = 1.0 / context.imu.sample_rate
-    motion = Motion(rate, force, np.gradient(rate, dt, axis=0), np.gradient(force, dt, axis=0), block.time)
-    errors = next(c for c in CONSTANT if c.cause == cause).errors(motion)[:, :, component]
-    return replace(block, counts=block.counts + size * errors / context.imu.count_size)
 
 
 def solved(

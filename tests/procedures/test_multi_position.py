@@ -9,17 +9,21 @@ import pytest
 import real_recordings as real
 from hand_recordings import QUICK, context_of, prior_of, recording, solved, unit
 from scipy.stats import chi2
-from simulated_stages import block_of, geometry_of
+from simulated_stages import block_of, geometry_of, with_effect
 from simulated_stages import context_of as table_context
 from simulated_stages import prior_of as table_prior
 
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
+from calstation.estimation import Solution
+from calstation.estimation.common import Belief
 from calstation.estimation.common.samples import SampleBlock
+from calstation.estimation.effects import EffectFound, EffectTests
 from calstation.physics.motion import Carry, Dwell, Move
-from calstation.physics.parameters import NAMES, group_indices, group_matrix, group_vector
+from calstation.physics.parameters import INDEX, NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.table import JointLimits, TableGeometry
+from calstation.results.model_tests import MOST_EXCESS
 from calstation.results.resolving import resolve
 from procedures import method
 from procedures.multi_position import ESTIMATED, GROUPS
@@ -97,6 +101,38 @@ def test_noise_beyond_the_profile_enlarges_the_sigmas(mems):
     assert [key for key, _ in found.messages] == ["noisier_than_profile"]
     assert found.details["scatter"]["force"] > 1e-3
     assert found.consistency.passed
+
+
+#: An octant between positions: with a sextant, the fourth power of a cosine looks like its square.
+OCTANT = np.deg2rad(45.0)
+
+
+@pytest.mark.parametrize(
+    ("cause", "size", "component"), [("accel_cubic", 1e-5, 1), ("g_sensitivity", 2e-5, 1), ("gyro_cubic", 1e-3, 0)]
+)
+def test_an_effect_outside_the_model_is_named_though_it_looks_like_noise(mems, cause, size, component):
+    imu, _ = mems
+    prior, context = prior_of("mems"), context_of(imu)
+    recorded = recording(imu, 5, step=OCTANT)
+    sound, found = (
+        solved(block, context, prior)
+        for block in (recorded, with_effect(recorded, context, imu.parameters, cause, size, component))
+    )
+    assert not effects_of(sound, prior)
+    assert tuple(key for key, _ in found.messages) == ("noisier_than_profile",)
+    (first, *_) = effects_of(found, prior)
+    assert first.cause == cause
+    assert first.size == pytest.approx(size, abs=4.5 * first.sigma)
+    changed = (found.belief.mean - sound.belief.mean) / found.belief.sigma
+    worst = max(first.moves, key=lambda name: abs(first.moves[name]))
+    assert changed[INDEX[worst]] == pytest.approx(-first.moves[worst], abs=1.0 + 0.1 * abs(first.moves[worst]))
+
+
+def effects_of(solution: Solution, prior: Belief) -> list[EffectFound]:
+    """What the tests find in a solution, the most significant first."""
+    tests = EffectTests(prior.sigma)
+    tests.add(solution.stage, solution.sensitivity, solution.estimated)
+    return [found for found in tests.found(solution.belief) if found.excess > MOST_EXCESS]
 
 
 def test_the_plan_runs_on_a_motorised_table_too():
