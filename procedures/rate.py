@@ -29,7 +29,7 @@ from calstation.estimation.common import (
     restricted,
     widened,
 )
-from calstation.estimation.effects import Motion, all_errors, batch_sensitivity
+from calstation.estimation.effects import Motion, all_errors, batch_sensitivity, changing
 from calstation.messages import Text
 from calstation.physics import (
     INNER,
@@ -285,21 +285,23 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
                 for t, r in zip(turns, residual, strict=True)
             ]
         },
-        sensitivity=batch_sensitivity(*result.gain, added, mask),
+        sensitivity=batch_sensitivity(*result.gain, added, mask, len(data) * data.dt),
         messages=result.messages + ((("turns_assumed_whole", {"stage": "rate"}),) if assumed else ()),
     )
 
 
 def _effects(data: StageData, turn: Turn) -> FloatArray:
-    """Return what every constant effect adds to the integral of the raw rate over a rotation, rad, shape (3, k)."""
+    """Return what every effect adds to the integral of the raw rate over a rotation, rad, shape (3, k)."""
     stride = max(round(EFFECT_INTERVAL / data.dt), 1)
     count = max((turn.stop - turn.start) // stride, 2)
     rate, force = (
         np.array([part.mean(axis=0) for part in np.array_split(x[turn.start : turn.stop], count)])
         for x in (data.gyro, data.accel)
     )
-    motion = Motion(rate, force, np.zeros_like(rate), np.zeros_like(rate), np.zeros(count))
-    return np.asarray(all_errors(motion, (), np.array([count]))[0, :3] * turn.duration)
+    time = (data.seq[turn.start] - data.seq[0] + (np.arange(count) + 0.5) / count * (turn.stop - turn.start)) * data.dt
+    motion = Motion(rate, force, np.zeros_like(rate), np.zeros_like(rate), time)
+    candidates = tuple(changing(len(data) * data.dt))
+    return np.asarray(all_errors(motion, candidates, np.array([count]))[0, :3] * turn.duration)
 
 
 def _earth_integral(

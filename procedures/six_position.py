@@ -28,7 +28,7 @@ from calstation.estimation.common import (
     slope_weights,
     widened,
 )
-from calstation.estimation.effects import Motion, all_errors, batch_sensitivity
+from calstation.estimation.effects import Motion, all_errors, batch_sensitivity, changing
 from calstation.physics import (
     NAMES,
     Dwell,
@@ -174,8 +174,10 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
     )
     force = np.array([p.force for p in positions])
     still = np.zeros_like(force)
-    motion = Motion(still, force, still, still, np.zeros(len(force)))
-    added = all_errors(motion, (), np.ones(len(force), dtype=np.int64))[:, 3:].reshape(len(observed), -1)
+    time = np.array([data.seq[(p.start + p.stop) // 2] - data.seq[0] for p in positions]) * data.dt
+    motion, duration = Motion(still, force, still, still, time), len(data) * data.dt
+    errors = all_errors(motion, tuple(changing(duration)), np.ones(len(force), dtype=np.int64))
+    added = errors[:, 3:].reshape(len(observed), -1)
     residual, tested = result.residual.reshape(-1, 3), result.redundancy.normalised.reshape(-1, 3)
     return Solution(
         stage="six_position",
@@ -190,7 +192,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
                 for p, r in zip(positions, residual, strict=True)
             ]
         },
-        sensitivity=batch_sensitivity(*result.gain, added, mask),
+        sensitivity=batch_sensitivity(*result.gain, added, mask, duration),
         messages=result.messages,
     )
 

@@ -108,6 +108,7 @@ CheckKind = Literal[
     "clipping",
     "sample_clock",
     "temperature",
+    "convergence",
     "other",
 ]
 
@@ -115,10 +116,11 @@ CheckKind = Literal[
 MODEL_KINDS: tuple[CheckKind, ...] = (
     "clipping",
     "sample_clock",
+    "convergence",
+    "imu_noise",
     "effects",
     "halves",
     "agreement",
-    "imu_noise",
     "table_noise",
     "temperature",
 )
@@ -348,7 +350,10 @@ def check_limits(
             limit = limits.get(name, limits.get(parameter.group if parameter else ""))
             if limit is not None:
                 checks += _check_estimate(name, estimate, limit, limit.sigma_below, near)
-    model = [Check.of_model(s.stage, test) for s in reversed(solutions) for test in s.tests]
+    last = solutions[-1]  # its test for effects uses all stages
+    model = [
+        Check.of_model(s.stage, test) for s in solutions for test in s.tests if test.kind != "effects" or s is last
+    ]
     checks += sorted(model, key=lambda check: [*MODEL_KINDS].index(check.kind))
     for s in solutions:
         c = s.consistency

@@ -12,6 +12,8 @@ LEAST_PROBABILITY = 1e-6
 #: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect moves a parameter by
 #: more than `LEAST_MOVE` of its sigmas.
 MOST_EXCESS, LEAST_MOVE = 30.0, 3.0
+#: An effect whose χ² is smaller than that of the likeliest one by more than this is not the cause.
+_AS_LIKELY = 10.0
 
 
 class ModelTests:
@@ -23,7 +25,7 @@ class ModelTests:
 
     def tested(self, solution: Solution, before: Sequence[Solution], posterior: Belief) -> Solution:
         """Return a solution with its tests; `before` are the stages before, and `posterior` is that of the last one."""
-        tests = list(solution.tests)
+        tests = [*solution.tests, *_convergence(solution)]
         if solution.sensitivity is not None:
             self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
             solution = self._with_effects(replace(solution, sensitivity=None))
@@ -48,13 +50,20 @@ class ModelTests:
 
     def _effects_outside(self, solution: Solution) -> list[ModelTest]:
         """Test for effects outside the error model with all stages so far."""
-        found = [f for f in self._effects.found(solution.belief) if f.largest_move > LEAST_MOVE]
-        if not found:
+        found = self._effects.found(solution.belief)
+        likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY)
+        first = next((f for f in likely if f.largest_move > LEAST_MOVE), None)
+        if first is None:
             return []
-        first = found[0]
         values = {"component": first.component, "parameter": first.parameter, "during": first.stage}
         misfit = Misfit(first.cause, first.size, first.sigma, first.unit, first.moves, values)
         return [ModelTest("effects", first.excess, MOST_EXCESS, "1", misfit)]
+
+
+def _convergence(solution: Solution) -> list[ModelTest]:
+    """Fail a solution whose iteration has not converged: it may be anywhere."""
+    passes = [values["passes"] for code, values in solution.messages if code == "not_settled"]
+    return [ModelTest("convergence", n, n - 1, "1", Misfit("not_settled", values={"passes": n})) for n in passes]
 
 
 def _agreement(solution: Solution, before: Sequence[Solution], posterior: Belief) -> list[ModelTest]:

@@ -5,7 +5,7 @@ import pytest
 from simulated_stages import with_effect
 
 from calstation.estimation.common import Belief
-from calstation.estimation.effects import CONSTANT, EffectFound, EffectTests, batch_sensitivity
+from calstation.estimation.effects import CONSTANT, EffectFound, EffectTests, batch_sensitivity, changing
 from calstation.physics import COUNT, INDEX, NAMES, PARAMETERS
 from calstation.simulation.study import draw_unit, simulate_stages, study_prior
 from procedures import DEFAULT_STAGES, method
@@ -16,19 +16,20 @@ SIGMA = np.array([p.prior_sigma for p in PARAMETERS])
 def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
     random = np.random.default_rng(1)
     count = sum(len(c.components) for c in CONSTANT)
-    H, added = random.normal(size=(80, COUNT)) / SIGMA, random.normal(size=(80, count))
+    H, constant = random.normal(size=(80, COUNT)) / SIGMA, random.normal(size=(80, count))
+    added = np.hstack([constant, np.zeros((80, sum(len(c.components) for c in changing(1.0))))])
     truth = SIGMA * random.normal(size=COUNT)
     tests, belief = EffectTests(SIGMA), Belief(np.zeros(COUNT), np.diag(SIGMA**2))
     size = 0.02 * np.array([c.plausible for c in CONSTANT if c.cause == "time_skew"])[0]
-    observed = H @ truth + size * added[:, -1] + 1e-4 * random.normal(size=80)
+    observed = H @ truth + size * constant[:, -1] + 1e-4 * random.normal(size=80)
     for rows in (slice(0, 45), slice(45, 80)):
         h, y = H[rows], observed[rows] - H[rows] @ belief.mean
         S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
         K = np.linalg.solve(S, h @ belief.covariance).T
-        tests.add("a stage", batch_sensitivity(h, K, S, y, added[rows], np.ones(COUNT, dtype=bool)), NAMES)
+        tests.add("a stage", batch_sensitivity(h, K, S, y, added[rows], np.ones(COUNT, dtype=bool), 1.0), NAMES)
         belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
     found = next(f for f in tests.found(belief) if f.cause == "time_skew")
-    augmented, plausible = np.hstack([H, added[:, -1:]]), 0.02
+    augmented, plausible = np.hstack([H, constant[:, -1:]]), 0.02
     normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, plausible**-2.0])
     solution = np.linalg.solve(normal, augmented.T @ observed * 1e8)
     assert (found.size, found.sigma) == pytest.approx((solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5)

@@ -23,7 +23,7 @@ from calstation.config import RunRequest, resolve_configuration
 from calstation.errors import CalstationError
 from calstation.estimation import Misfit
 from calstation.estimation.common import SampleBlock
-from calstation.physics import INDEX, NAMES, FloatArray, parameter_vector
+from calstation.physics import INDEX, NAMES, FloatArray, group_indices, parameter_vector
 from calstation.records import Check, estimated_stage
 from calstation.results import StageChain, judge, one_blas_thread
 from procedures import method
@@ -111,8 +111,20 @@ def run(case: Case) -> Outcome:
         failed = (exc.code,)
     causes = [f"{check.name}: {described(check.misfit)}" for check in checks if check.misfit is not None]
     found = simulator.parameters
-    worst, parameter = worst_error(chain, found if isinstance(found, np.ndarray) else parameter_vector(found))
+    truth = found.copy() if isinstance(found, np.ndarray) else parameter_vector(found)
+    # Two accelerometers moved along the axis of the third are a lever arm of all, and the third moved back.
+    common = 0.5 * apart(simulator, config).sum(axis=0)
+    truth[group_indices("outer_lever")] += common
+    truth[group_indices("inner_lever")] -= common
+    worst, parameter = worst_error(chain, truth)
     return Outcome(case, not failed, worst, parameter, failed, causes[0] if causes else "", time.process_time() - begin)
+
+
+def apart(simulator: Simulator | PlainBench, config: BenchConfig) -> FloatArray:
+    """Return the displacements of the accelerometers off their axes, m, shape (3, 3)."""
+    if isinstance(simulator, PlainBench):
+        return np.asarray(1e-3 * simulator.effects["accel_off_axis_mm"])
+    return config.truth().imu.effects.off_axis
 
 
 def described(misfit: Misfit) -> str:

@@ -178,13 +178,15 @@ class EffectTests:
         return Estimated(at, self._names, self._units, size, covariance, self._error[:, at], explained)
 
     def found(self, belief: Belief) -> list[EffectFound]:
-        """Return what the data say about every other effect, the most significant first.
+        """Return what the data say about every other effect, the likeliest first.
 
-        `belief` is the latest posterior.
+        `belief` is the latest posterior. A change has more chances than an effect that is always there: for each group
+        of parameters a time in every stage. Its likelihood is divided by their number.
         """
         known, names = self.estimated(), tuple(self._parameters)
-        found = (t.found(known, self._before, belief.sigma, names) for t in self._tested())
-        return sorted(found, key=lambda f: -f.excess)
+        found = [t.found(known, self._before, belief.sigma, names) for t in self._tested()]
+        chances = 2.0 * np.log(max(len(self._changes), 1))
+        return sorted(found, key=lambda f: (chances if f.parameter else 0.0) - f.excess)
 
     def limits(self, belief: Belief, chi_square: float) -> list[EffectLimit]:
         """Return for every other effect the size at which its test is expected to reach `chi_square`."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.effects.candidates import CONSTANT, Candidate, Motion
+from calstation.estimation.effects.candidates import CONSTANT, Candidate, Motion, changing
 from calstation.physics import COUNT, BoolArray, FloatArray, IntArray
 
 
@@ -46,6 +46,7 @@ def batch_sensitivity(
     innovation: FloatArray,
     added: FloatArray,
     estimated: BoolArray,
+    duration: float,
 ) -> Sensitivity:
     """Return the sensitivity of an estimate from m observations in one batch.
 
@@ -53,11 +54,12 @@ def batch_sensitivity(
     ----------
     jacobian, gain : of the 30 parameters, shapes (m, 30) and (30, m)
     covariance, innovation : of the innovations, shapes (m, m) and (m,)
-    added : what each component of `CONSTANT` adds to the observations, shape (m, components)
+    added : what each component of `CONSTANT` and of `changing` adds to the observations, shape (m, components)
     estimated : True for the parameters that the gain corrects, shape (30,)
+    duration : that of the stage, s
     """
     response = np.hstack([jacobian, added])
     weighted = np.linalg.solve(covariance, response)
     before = np.eye(COUNT, response.shape[1])
     error = before - np.where(estimated[:, None], gain, 0.0) @ response
-    return Sensitivity(weighted.T @ innovation, response.T @ weighted, error)
+    return Sensitivity(weighted.T @ innovation, response.T @ weighted, error, tuple(changing(duration)), duration)

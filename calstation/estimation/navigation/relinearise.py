@@ -67,7 +67,7 @@ def solve_navigation(
     progress: Progress | None = None,
     near: NavigationResult | None = None,
 ) -> NavigationResult:
-    """Iterate passes until they converge, relinearising the `estimated` parameters.
+    """Iterate passes, relinearising all parameters, until the `estimated` ones converge.
 
     The first pass linearises about the solution `near`, if there is one. Raises InsufficientDataError if no segment
     contains a rest for alignment.
@@ -176,15 +176,14 @@ class _Relinearisation:
             self.passes += 1
             run, ends = self.one_pass(point, found, attitudes, smooth=self.passes > 1)
             belief = run.belief
-            target = np.where(self.estimated, belief.mean, self.prior.mean)
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
-            before, moved = moved, float(np.max(np.abs(target - point) / sigma))
+            before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated]))
             # steps shrink at least as fast as between the last two, which bounds the next one
             converged = self.passes > 1 and (moved < CONVERGED or moved * moved < CONVERGED * before)
             if converged:
                 break
-            attitudes = self._carry_back(run, target, found, ends)
-            point = target
+            attitudes = self._carry_back(run, belief.mean, found, ends)
+            point = belief.mean
         return NavigationResult(
             belief,
             run.history,

@@ -1,0 +1,30 @@
+"""What the tests of the model add to a solution."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calstation.estimation import Misfit, ModelTest, Solution
+from calstation.estimation.common import Belief, Consistency
+from calstation.physics import COUNT, NAMES
+from calstation.records import check_limits
+from calstation.results.model_tests import ModelTests
+
+PRIOR = Belief(np.zeros(COUNT), np.eye(COUNT))
+SOLVED = Solution("rate", Belief(np.zeros(COUNT), 0.01 * np.eye(COUNT)), NAMES, Consistency(1.0, 0.9, 1.1, 100))
+FOUND = ModelTest("effects", 50.0, 30.0, "1", Misfit("gyro_cubic"))
+
+
+@pytest.mark.parametrize(("message", "failed"), [("not_settled", ["rate convergence"]), ("turns_assumed_whole", [])])
+def test_a_solution_that_has_not_converged_fails(message: str, failed: list[str]) -> None:
+    solution = replace(SOLVED, messages=((message, {"stage": "rate", "passes": 20}),))
+    tested = ModelTests(PRIOR, ()).tested(solution, (), PRIOR)
+    assert [check.name for check in check_limits({}, PRIOR, [tested]) if not check.passed] == failed
+
+
+def test_of_the_tests_for_effects_only_the_last_counts() -> None:
+    first, last = replace(SOLVED, tests=(FOUND,)), replace(SOLVED, stage="excitation")
+    assert all(check.passed for check in check_limits({}, PRIOR, [first, last]))
+    failed = [check.name for check in check_limits({}, PRIOR, [last, first]) if not check.passed]
+    assert failed == ["rate effects"]
