@@ -11,7 +11,7 @@ from scipy.special import gammaincinv
 from calstation.estimation.common.context import Belief
 from calstation.physics import COUNT, BoolArray, FloatArray
 
-MOST_ITERATIONS = 20
+MOST_ITERATIONS = 60
 #: The iteration has converged when its step is below this, in sigmas.
 CONVERGED = 1e-3
 #: Largest variance that unknowns may explain in a tested direction, in units of that of the noise. Near 1, products of
