@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calstation.estimation.common.context import Belief
-from calstation.estimation.common.least_squares import gauss_newton, nis_consistency, redundant, restricted
+from calstation.estimation.common.least_squares import (
+    MOST_ITERATIONS,
+    gauss_newton,
+    nis_consistency,
+    redundant,
+    restricted,
+)
 from calstation.physics.parameters import COUNT
 
 ALL = np.ones(COUNT, dtype=bool)
@@ -258,4 +264,4 @@ def test_divergence_is_reported():
         np.zeros(0),
         ALL,
     )
-    assert result.messages == (("not_settled", {"stage": "rate", "passes": 20}),)
+    assert result.messages == (("not_settled", {"stage": "rate", "passes": MOST_ITERATIONS}),)

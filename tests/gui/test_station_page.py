@@ -314,6 +314,21 @@ def test_gravity_is_compared_with_normal_gravity_while_typing(page_driver: PageD
     assert not edit.isVisible()
 
 
+def test_sigmas_of_gravity_and_clock_are_saved_and_left_out_again(page_driver: PageDriver, site_folder: Any) -> None:
+    page_driver.show_section(SITE)
+    page_driver.type("site_gravity_sigma_mps2_edit", "0")
+    assert "greater than 0" in page_driver.message("site_gravity_sigma_mps2")
+    page_driver.type("site_gravity_sigma_mps2_edit", "2e-6")
+    page_driver.show_section(STATION)
+    page_driver.type("clock_error_ppm_edit", "1")
+    page_driver.press("save_station_button")
+    station = saved(site_folder.station)
+    assert (station["site"]["gravity_sigma_mps2"], station["clock_error_ppm"]) == (2e-6, 1)
+    page_driver.type("clock_error_ppm_edit", "")
+    page_driver.press("save_station_button")
+    assert "clock_error_ppm" not in saved(site_folder.station)
+
+
 def test_a_site_is_confirmed_on_this_computer(page_driver: PageDriver) -> None:
     page_driver.show_section(SITE)
     assert not page_driver.find(QPushButton, "confirm_place_button").isVisible(), (
@@ -582,7 +597,7 @@ def test_tab_follows_the_reading_order_and_the_wheel_changes_nothing(page_driver
     page_driver.show_section(SITE)
     page_driver.choose("gravity_way_combo", "surveyed")
     order = ["site_latitude_deg_edit", "site_longitude_deg_edit", "site_height_m_edit", "azimuth_way_combo"]
-    order += ["site_azimuth_deg_edit", "gravity_way_combo", "site_gravity_mps2_edit"]
+    order += ["site_azimuth_deg_edit", "gravity_way_combo", "site_gravity_mps2_edit", "site_gravity_sigma_mps2_edit"]
     widget = page_driver.find(QLineEdit, order[0])
     widget.setFocus()
     for name in order:

@@ -246,7 +246,7 @@ LABEL, EDITOR, _UNIT = 22 * theme.GRID, 30 * theme.GRID, 9 * theme.GRID
 
 #: Units by field name, and by the last part of a field name.
 _UNITS = {"velocity_sigma": "m/s", "speed": "×"}
-_UNITS_BY_END = {"deg": "°", "dps": "°/s", "dps2": "°/s²", "m": "m", "mps2": "m/s²", "s": "s"}
+_UNITS_BY_END = {"deg": "°", "dps": "°/s", "dps2": "°/s²", "m": "m", "mps2": "m/s²", "s": "s", "ppm": "ppm"}
 
 
 class Field(QWidget):

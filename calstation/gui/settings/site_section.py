@@ -54,6 +54,7 @@ class SiteSection(Section):
             azimuth,
             Row(gravity_box, "gravity"),
             gravity,
+            Field(draft, ("site", "gravity_sigma_mps2")),
             self._confirmation,
             None,
         )

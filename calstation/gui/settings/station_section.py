@@ -30,6 +30,7 @@ class StationSection(Section):
             Field(draft, ("table", "profile"), profiles),
             Field(draft, _FOLDER),
             Row(button("handover_browse_button", lambda: self.tr("Choose a folder"), self._choose_folder)),
+            Field(draft, ("clock_error_ppm",)),
             *self._bench_fields,
             None,
         )
