@@ -26,7 +26,7 @@ MOVE, STOP, HOME = 1, 2, 3
 
 
 def quick(gap: int = 16) -> TableProfile:
-    modbus = PROFILE.modbus.model_copy(update={"timeout_s": 0.15, "gap": gap})
+    modbus = PROFILE.modbus.model_copy(update={"timeout_s": 0.4, "gap": gap})
     return PROFILE.model_copy(update={"modbus": modbus})
 
 
@@ -269,7 +269,7 @@ def test_a_table_may_have_no_more_than_it_needs() -> None:
         del told["registers"][name]
     del told["status_bits"]["moving"]
     told["status_bits"]["homed"] = {"always": True}
-    told["modbus"] |= {"timeout_s": 0.15, "gap": 0}
+    told["modbus"] |= {"timeout_s": 0.4, "gap": 0}
     profile = TableProfile.model_validate(told)
     words = image(status=0x0627)
 
