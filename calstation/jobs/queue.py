@@ -126,11 +126,12 @@ class JobQueue:
         """Queue the call ``work(progress, *args, **kwargs)``; see `ProgressCallback`.
 
         `work` is a function at the top level of a module; arguments and result must be picklable. A job that uses a
-        device must not be `cancellable`: it is never killed.
+        device must not be `cancellable`: it is never killed. After `close`, a job is cancelled immediately.
         """
-        if self._closed:
-            raise RuntimeError("the job queue is closed")
         job = Job(self, bytes(ForkingPickler.dumps((work, args, kwargs))), cancellable)
+        if self._closed:
+            job._end("cancelled")
+            return job
         self._waiting.append(job)
         self.poll()
         return job

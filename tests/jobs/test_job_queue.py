@@ -132,8 +132,7 @@ def test_closing_ends_everything(tmp_path: Path) -> None:
     process.join(PATIENCE)
     assert not process.is_alive()
     assert (running.state, waiting.state) == ("cancelled", "cancelled")
-    with pytest.raises(RuntimeError):
-        job_queue.submit(works.add, 1)
+    assert job_queue.submit(works.add, 1).state == "cancelled", "a window that is closing may still ask"
 
 
 @pytest.mark.parametrize("state", ["idle", "working"])
