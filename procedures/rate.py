@@ -285,7 +285,7 @@ def _solve(data: StageData, turns: list[Turn], context: SolveContext, prior: Bel
                 for t, r in zip(turns, residual, strict=True)
             ]
         },
-        sensitivity=batch_sensitivity(*result.gain, added, mask, len(data) * data.dt),
+        sensitivity=batch_sensitivity(*result.gain, added, mask, float(data.time[0]), len(data) * data.dt),
         messages=result.messages + ((("turns_assumed_whole", {"stage": "rate"}),) if assumed else ()),
     )
 

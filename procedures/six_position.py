@@ -192,7 +192,7 @@ def _solve(data: StageData, positions: list[Position], context: SolveContext, pr
                 for p, r in zip(positions, residual, strict=True)
             ]
         },
-        sensitivity=batch_sensitivity(*result.gain, added, mask, duration),
+        sensitivity=batch_sensitivity(*result.gain, added, mask, float(data.time[0]), duration),
         messages=result.messages,
     )
 

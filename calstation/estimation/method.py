@@ -83,6 +83,7 @@ class Solution:
     latitude: LatitudeEstimate | None = None  #: Latitude from the gyros at all rests so far, if accurate enough.
     sensitivity: Sensitivity | None = None  #: Response to effects outside the model; None if it is not known.
     tests: tuple[ModelTest, ...] = ()  #: Tests of the model; each becomes a check of the result.
+    explanation: ModelTest | None = None  #: A failed test that is harmless, but may be why other checks fail.
     misfit: Misfit | None = None  #: Where the innovations are too large, if they fail their test.
     local_scores: ScoreFunction | None = None  #: For diagnosis: score tests of errors during parts of the stage.
 

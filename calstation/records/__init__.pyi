@@ -20,6 +20,7 @@ from .csv_log import is_text as is_text
 from .facts import LogFacts as LogFacts
 from .limits import NEAR as NEAR
 from .limits import Check as Check
+from .limits import CheckKind as CheckKind
 from .limits import Limit as Limit
 from .limits import Where as Where
 from .limits import check_limit_names as check_limit_names

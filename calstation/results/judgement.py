@@ -2,7 +2,7 @@
 
 import hashlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from calstation.physics import EFFECTS, INDEX, PARAMETERS, display, display_by_u
 from calstation.records import (
     NEAR,
     Check,
+    CheckKind,
     LogFacts,
     LogMeta,
     acceptance,
@@ -29,6 +30,11 @@ from calstation.records import (
 from calstation.results.result import SCHEMA, CalibrationUsed, Parameter, Result, StageConsistency, plain
 from procedures import DEFAULT_STAGES
 
+#: Kinds of checks that fail if the model does not describe the data.
+_OF_THE_MODEL: frozenset[CheckKind] = frozenset({
+    "consistency", "agreement", "gravity_at_rest", "improvement_at_rest", "improvement_at_rest_floor", "motion_angle",
+    "motion_improvement", "motion_improvement_floor",
+})  # fmt: skip
 #: Number of parameters that the sentence about a failed test lists.
 _MOST_MOVES = 3
 
@@ -59,11 +65,20 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
         if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
             section = section.model_copy(update={"excitation": None})
         found += acceptance(section, context_from_meta(meta), prior, solutions, meta.previous)
-    checks = (*found, *check_latitude(meta, solutions))
+    checks = (*_with_explanation(found, solutions), *check_latitude(meta, solutions))
     if not limits and section is None:
         return Judgement(checks, None)
     passed = bool(found) and all(check.passed for check in checks)
     return Judgement(checks, passed, tuple(not_compared(limits, prior, solutions)))
+
+
+def _with_explanation(checks: list[Check], solutions: Sequence[Solution]) -> list[Check]:
+    """Return checks with a failed test of the last stage before the first check that fails because of it."""
+    failed = [k for k, check in enumerate(checks) if not check.passed and check.kind in _OF_THE_MODEL]
+    last = solutions[-1] if solutions else None
+    if not failed or last is None or last.explanation is None:
+        return checks
+    return [*checks[: failed[0]], Check.of_model(last.stage, last.explanation), *checks[failed[0] :]]
 
 
 def _explained(meta: LogMeta, check: Check) -> Check:

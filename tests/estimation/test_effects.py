@@ -26,7 +26,7 @@ def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
         h, y = H[rows], observed[rows] - H[rows] @ belief.mean
         S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
         K = np.linalg.solve(S, h @ belief.covariance).T
-        tests.add("a stage", batch_sensitivity(h, K, S, y, added[rows], np.ones(COUNT, dtype=bool), 1.0), NAMES)
+        tests.add("a stage", batch_sensitivity(h, K, S, y, added[rows], np.ones(COUNT, dtype=bool), 0.0, 1.0), NAMES)
         belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
     found = next(f for f in tests.found(belief) if f.cause == "time_skew")
     augmented, plausible = np.hstack([H, constant[:, -1:]]), 0.02
@@ -34,6 +34,46 @@ def test_a_score_test_is_the_estimate_of_the_augmented_model() -> None:
     solution = np.linalg.solve(normal, augmented.T @ observed * 1e8)
     assert (found.size, found.sigma) == pytest.approx((solution[-1], np.sqrt(np.linalg.inv(normal)[-1, -1])), rel=1e-5)
     expected = (solution[:COUNT] - belief.mean) / belief.sigma
+    np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
+
+
+def test_a_drift_throughout_the_run_is_followed_through_its_stages() -> None:
+    random, settled = np.random.default_rng(2), 300.0
+    stages = {(0.0, 400.0): slice(0, 45), (600.0, 500.0): slice(45, 80)}
+    names = ["gyro_bias_x", "gyro_bias_y", "gyro_bias_z"]
+    i = [INDEX[name] for name in names]
+    H = random.normal(size=(80, COUNT)) / SIGMA
+    time = np.concatenate([np.linspace(0.0, 400.0, 45), np.linspace(600.0, 1100.0, 35)])
+    courses = np.stack([time / 1100.0, np.expm1(-time / settled) / np.expm1(-1100.0 / settled)], axis=1)
+    regressors = (H[:, i, None] * courses[:, None, :]).reshape(80, 6)  # of the sizes at the end
+    theta = 0.1 * np.repeat(SIGMA[i], 2) * random.normal(size=6)
+    observed = regressors @ theta + 1e-4 * random.normal(size=80)
+    tests, belief = EffectTests(SIGMA), Belief(np.zeros(COUNT), np.diag(SIGMA**2))
+    count = sum(len(c.components) for c in CONSTANT)
+    for (begin, duration), rows in stages.items():
+        h, y = H[rows], observed[rows] - H[rows] @ belief.mean
+        S = h @ belief.covariance @ h.T + 1e-8 * np.eye(len(h))
+        K = np.linalg.solve(S, h @ belief.covariance).T
+        part = (time[rows] - begin)[:, None]
+        shapes = np.hstack([part / duration, np.expm1(-part / settled) / np.expm1(-duration / settled)])
+        added = [
+            (h[:, i, None] * shapes[:, None, :]).reshape(len(h), 6)
+            if (c.cause, c.parameters[:1]) == ("drift", ("gyro_bias_x",))
+            else np.zeros((len(h), len(c.components)))
+            for c in changing(duration)
+        ]
+        columns = np.hstack([np.zeros((len(h), count)), *added])
+        tests.add("a stage", batch_sensitivity(h, K, S, y, columns, np.ones(COUNT, bool), begin, duration), NAMES)
+        belief = Belief(belief.mean + K @ y, belief.covariance - K @ h @ belief.covariance)
+    found = next(f for f in tests.found(belief) if f.cause == "drift_throughout" and f.parameter in names)
+    augmented = np.hstack([H, regressors])
+    normal = augmented.T @ augmented * 1e8 + np.diag([*SIGMA**-2.0, *np.repeat(SIGMA[i], 2) ** -2.0])
+    solution, sigma = np.linalg.solve(normal, augmented.T @ observed * 1e8), np.sqrt(np.diag(np.linalg.inv(normal)))
+    best = COUNT + int(np.argmax(np.abs(solution[COUNT:]) / sigma[COUNT:]))
+    assert (found.size, found.sigma) == pytest.approx((solution[best], sigma[best]), rel=1e-5)
+    at_end = solution[:COUNT].copy()
+    at_end[i] += solution[COUNT:].reshape(3, 2).sum(axis=1)
+    expected = (at_end - belief.mean) / belief.sigma
     np.testing.assert_allclose([found.moves[name] for name in NAMES], expected, atol=1e-3 * np.abs(expected).max())
 
 

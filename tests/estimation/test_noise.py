@@ -10,8 +10,9 @@ from simulated_stages import block_of, context_of
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.estimation.common.context import ImuModel, Site, SolveContext, TableModel
-from calstation.estimation.common.noise import filter_noise, rest_mean_variance
+from calstation.estimation.common.noise import RestNoise, filter_noise, rest_mean_variance, rest_noise
 from calstation.estimation.common.stage import slope_weights, stage_data
+from calstation.physics import group_indices
 from calstation.physics.motion import Dwell
 
 IMU = ImuModel("S", 200.0, "increment", 1e-7, 1e-6, 1e-6, 1e-4)
@@ -102,3 +103,32 @@ def test_mean_of_a_rest_on_a_vibrating_base_has_the_predicted_variance():
     found, degrees = scatter(stage_data([block_of(samples)], context.imu).accel, 1000, 10)
     low, high = chi2.ppf([0.0005, 0.9995], degrees) / degrees
     assert low < found / rest_mean_variance(context, 10.0) < high
+
+
+def noise_of(seconds: float = 3000.0, **settings: object) -> RestNoise:
+    truth = BenchConfig(grade="tactical", seed=5, sample_rate_hz=100.0, instability=False, **settings).truth()
+    plain = BenchConfig(grade="tactical", seed=5, sample_rate_hz=100.0, instability=False).truth()
+    samples = Simulator(truth, 5).run([Dwell(seconds)], "six_position")
+    context, bias = context_of(plain), truth.parameters[group_indices("gyro_bias")]
+    return rest_noise(stage_data([block_of(samples)], context.imu), context, bias, 1e-4)
+
+
+def test_noise_at_rest_is_that_of_the_profile():
+    found = noise_of()
+    for ratio in (*found.gyro, *found.accel, found.velocity):
+        assert ratio.excess == pytest.approx(1.0)
+        assert np.all(np.abs(ratio.value - 1.0) < 4.0 * ratio.sigma)
+
+
+@pytest.mark.parametrize("velocity_sigma", [1e-5, 1e-3])
+def test_noise_of_each_sensor_is_told_from_that_of_the_table(velocity_sigma):
+    found = noise_of(velocity_sigma=velocity_sigma, effects={"gyro_noise": 3.0, "accel_noise": 10.0})
+    for ratio, factor in ((found.gyro[0], 3.0), (found.accel[0], 10.0)):
+        assert np.all(np.abs(ratio.excess - factor) < 4.0 * ratio.sigma)
+    assert found.velocity.excess == pytest.approx(1.0)
+
+
+def test_slow_noise_shows_at_the_longer_averaging_time():
+    found = noise_of(effects={"gyro_random_walk_dph_sqrt_h": 500.0})
+    assert np.all(found.gyro[1].value > 1.5 * found.gyro[0].value)
+    assert found.worst()[1:] in [("gyro_x", 4.0), ("gyro_y", 4.0), ("gyro_z", 4.0)]

@@ -1,14 +1,17 @@
 """What the tests of the model add to a solution."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from calstation.config import RunRequest, resolve_configuration
 from calstation.estimation import Misfit, ModelTest, Solution
 from calstation.estimation.common import Belief, Consistency
 from calstation.physics import COUNT, NAMES
 from calstation.records import check_limits
+from calstation.results import judge
 from calstation.results.model_tests import ModelTests
 
 PRIOR = Belief(np.zeros(COUNT), np.eye(COUNT))
@@ -28,3 +31,11 @@ def test_of_the_tests_for_effects_only_the_last_counts() -> None:
     assert all(check.passed for check in check_limits({}, PRIOR, [first, last]))
     failed = [check.name for check in check_limits({}, PRIOR, [last, first]) if not check.passed]
     assert failed == ["rate effects"]
+
+
+@pytest.mark.parametrize(("nis", "failed"), [(1.0, []), (2.0, ["rate effects", "rate consistency"])])
+def test_a_harmless_effect_only_explains_other_failures(nis: float, failed: list[str]) -> None:
+    solution = replace(SOLVED, consistency=replace(SOLVED.consistency, nis_mean=nis), explanation=FOUND)
+    meta = resolve_configuration(RunRequest("SN-1", product=Path("data/products/nav_a.toml"))).log_meta()
+    checks = judge(meta, PRIOR, (solution,)).checks
+    assert [check.name for check in checks if check.kind in ("effects", "consistency") and not check.passed] == failed

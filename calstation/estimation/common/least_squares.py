@@ -49,11 +49,16 @@ class Redundancy:
         return nis_consistency(self.total, self.freedom, 1)
 
 
+#: Probabilities of a NIS below the ends of its band.
+BAND = (0.0005, 0.99999)
+
+
 @dataclass(frozen=True)
 class Consistency:
     """Normalised innovation squared (NIS) of a stage: mean over `count` observations or degrees of freedom, and band.
 
-    The band is that of 99.9 % of the means; without any observation to test, all values are 0.
+    Of sound stages, 1 in 2,000 lies below the band, which is a warning, and 1 in 100,000 above it, which fails the
+    unit. Without any observation to test, all values are 0.
     """
 
     nis_mean: float
@@ -188,10 +193,10 @@ def restricted(prior: Belief, posterior: Belief, estimated: BoolArray) -> Belief
 
 
 def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
-    """Return the mean of `count` NIS values that sum to `total`, and its 99.9 % band (Bar-Shalom et al. 2001, 5.4)."""
+    """Return the mean of `count` NIS values that sum to `total`, and its band (Bar-Shalom et al. 2001, 5.4)."""
     if count == 0:
         return Consistency(0.0, 0.0, 0.0, 0)
-    low, high = (chi_square_quantile(p, count * dimension) / count for p in (0.0005, 0.9995))
+    low, high = (chi_square_quantile(p, count * dimension) / count for p in BAND)
     return Consistency(total / count, float(low), float(high), count)
 
 

@@ -22,10 +22,12 @@ _COARSE = 2.5
 _COARSE_TIME = 20.0
 #: Noise beyond this ratio to the profile's fails a unit or a table; less of it widens the sigmas.
 MOST_NOISE = 3.0
-#: Averaging time at which the angle random walk dominates, s.
-_GYRO_TIME = 1.0
-#: Median of the χ² distribution with 1 degree of freedom; the median ignores what creeps after a move.
-_MEDIAN = 0.4549
+#: Averaging times, s: the first is that at which white noise dominates, the second shows slower noise.
+_TIMES = (1.0, 4.0)
+#: Median of the χ² distribution with 1 degree of freedom, and relative scatter of the median of n values times √n.
+_MEDIAN, _MEDIAN_SCATTER = 0.4549, 2.33
+#: Fewest differences from which an Allan variance is found.
+_FEWEST = 10
 #: An excess below this many of its own standard deviations, or below this ratio, is the scatter of the measurement.
 _SIGMAS, _LEAST_EXCESS = 5.0, 1.05
 
@@ -104,53 +106,99 @@ def rest_mean_variance(context: SolveContext, duration: float) -> float:
 
 
 @dataclass(frozen=True)
-class RestNoise:
-    """Noise at rest in units of that of the profiles, from `count` independent values."""
+class NoiseRatio:
+    """Noise of some channels at an averaging time, in units of that of the profile."""
 
-    gyro: FloatArray  #: Angle random walk of each gyro, shape (3,).
-    velocity: float  #: Velocity of the table.
-    count: int
-
-    def excess(self, ratio: float) -> float:
-        """Return a ratio that is significantly larger than 1, otherwise 1."""
-        return ratio if ratio > max(_LEAST_EXCESS, 1.0 + _SIGMAS * np.sqrt(2.0 / max(self.count, 1))) else 1.0
+    time: float  #: Averaging time, s.
+    value: FloatArray  #: Shape (k,).
+    sigma: FloatArray  #: Scatter of the measurement, shape (k,).
 
     @property
-    def noisiest(self) -> str:
-        """Name of the gyro channel with the most noise."""
-        return CHANNELS[int(np.argmax(self.gyro))]
+    def excess(self) -> FloatArray:
+        """Ratios that are significantly larger than 1, otherwise 1, shape (k,)."""
+        significant = self.value > np.maximum(_LEAST_EXCESS, 1.0 + _SIGMAS * self.sigma)
+        return np.where(significant, self.value, 1.0)
+
+
+@dataclass(frozen=True)
+class RestNoise:
+    """Noise at rest in units of that of the profiles."""
+
+    gyro: tuple[NoiseRatio, ...]  #: Angle random walk of each gyro, at every averaging time.
+    accel: tuple[NoiseRatio, ...]  #: Velocity random walk of each accelerometer, at every averaging time.
+    velocity: NoiseRatio  #: Velocity of the table.
+
+    def worst(self) -> tuple[float, str, float]:
+        """Return the largest significant ratio of an inertial sensor's noise, its channel and averaging time, s."""
+        rows = [np.concatenate([g.excess, a.excess]) for g, a in zip(self.gyro, self.accel, strict=True)]
+        ratios = np.array(rows)
+        time, channel = np.unravel_index(int(np.argmax(ratios)), ratios.shape)
+        return float(ratios[time, channel]), CHANNELS[channel], self.gyro[time].time
 
 
 def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_sigma: float) -> RestNoise:
     """Measure the noise at all rests; `bias` and `bias_sigma` of the gyros are for finding them, as in `find_rests`.
 
-    The gyros' Allan variance at 1 s is that of the angle random walk. The velocity changes of the table between
-    observations, its velocity being white, have a covariance of −σ_v² with their neighbours; the accelerometers' own
-    noise has none (IEEE Std 952-2020, annex C).
+    The velocity changes of the table between observations, its velocity being white, have a covariance of −σ_v² with
+    their neighbours; the accelerometers' own noise has none. The Allan variance at time T is that of the white noise
+    q/T, of the bias drift, and for an accelerometer of the table, 3 σ_v²/T² (IEEE Std 952-2020, annex C).
     """
     noise = filter_noise(context)
-    stride, wide = (max(round(t / data.dt), 1) for t in (noise.interval, _GYRO_TIME))
-    gyro, velocity = [np.empty((0, 3))], [np.empty((0, 3))]
-    for segment in data.segments:
-        for a, b in find_rests(data, segment, context.imu, bias, bias_sigma):
-            gyro.append(np.diff(_means(data.gyro[a:b], wide), axis=0))
-            change = _means(data.accel[a:b], stride) * stride * data.dt
-            change = change - change.mean(axis=0) if len(change) else change
-            velocity.append(change[1:] * change[:-1])
-    steps, products = np.concatenate(gyro), np.concatenate(velocity)
-    if len(steps) < 2:
-        return RestNoise(np.ones(3), 1.0, 0)
-    allan = 0.5 * np.median(steps**2, axis=0) / _MEDIAN * wide * data.dt
-    variance = max(float(-np.mean(products)), 0.0)
-    return RestNoise(np.sqrt(allan / noise.rate), float(np.sqrt(variance / noise.velocity)), len(steps))
+    found = (find_rests(data, segment, context.imu, bias, bias_sigma) for segment in data.segments)
+    rests = [slice(a, b) for each in found for a, b in each]
+    velocity, sigma = _vibration([data.accel[rest] for rest in rests], noise, data.dt)
+    drift = noise.bias_drift[[0, 3]] ** 2 * 2.0 / (3.0 * BIAS_DRIFT_TIME)
+    gyro, accel = [], []
+    for time in _TIMES:
+        width = max(round(time / data.dt), 1)
+        variance, scatter = _allan([data.gyro[rest] for rest in rests], width)
+        gyro.append(_ratio(time, variance, scatter, noise.rate / time + drift[0] * time))
+        variance, scatter = _allan([data.accel[rest] for rest in rests], width)
+        table, table_sigma = 3.0 * velocity / time**2, 3.0 * sigma / time**2
+        own = variance - table, np.hypot(scatter, table_sigma)
+        accel.append(_ratio(time, *own, noise.force / time + drift[1] * time))
+    mean, scatter = np.array([velocity.mean()]), np.array([np.sqrt(np.sum(sigma**2)) / 3.0])
+    return RestNoise(tuple(gyro), tuple(accel), _ratio(noise.interval, mean, scatter, noise.velocity))
+
+
+def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[FloatArray, FloatArray]:
+    """Return the variance of the velocity along each accelerometer at rest, and its scatter, (m/s)², shapes (3,)."""
+    stride = max(round(noise.interval / dt), 1)
+    changes = (_means(rest, stride) * stride * dt for rest in rests)
+    centred = (change - change.mean(axis=0) for change in changes if len(change))
+    products = np.concatenate([np.empty((0, 3)), *(-change[1:] * change[:-1] for change in centred)])
+    if len(products) < _FEWEST:
+        return np.full(3, noise.velocity), np.full(3, np.inf)
+    return np.maximum(products.mean(axis=0), 0.0), products.std(axis=0) * np.sqrt(2.0 / len(products))
+
+
+def _allan(rests: list[FloatArray], width: int) -> tuple[FloatArray, FloatArray]:
+    """Return the Allan variance of three channels for means of `width` samples, and its scatter, shapes (3,).
+
+    The median ignores what creeps after a move.
+    """
+    steps = np.concatenate([np.empty((0, 3)), *(np.diff(_means(rest, width), axis=0) for rest in rests)])
+    if len(steps) < _FEWEST:
+        return np.zeros(3), np.full(3, np.inf)
+    variance = 0.5 * np.median(steps**2, axis=0) / _MEDIAN
+    return variance, variance * _MEDIAN_SCATTER / np.sqrt(len(steps))
+
+
+def _ratio(time: float, variance: FloatArray, sigma: FloatArray, expected: float) -> NoiseRatio:
+    """Return the ratio of sigmas for measured and expected variances."""
+    value = np.sqrt(np.maximum(variance, 0.0) / expected)
+    return NoiseRatio(time, value, 0.5 * sigma / expected / np.maximum(value, 1.0))
 
 
 def widened(context: SolveContext, measured: RestNoise) -> SolveContext:
-    """Return the context with the noise of the gyros, and of the table at rest, that was measured if it is larger."""
-    gyro, velocity = measured.excess(float(measured.gyro.max())), measured.excess(measured.velocity)
-    imu = (
-        replace(context.imu, gyro_arw=gyro * float(np.sqrt(filter_noise(context).rate))) if gyro > 1.0 else context.imu
-    )
+    """Return the context with the noise of the IMU, and of the table at rest, that was measured if it is larger."""
+    noise, imu = filter_noise(context), context.imu
+    gyro, accel = (float(np.max([ratio.excess for ratio in ratios])) for ratios in (measured.gyro, measured.accel))
+    if gyro > 1.0:
+        imu = replace(imu, gyro_arw=gyro * float(np.sqrt(noise.rate)))
+    if accel > 1.0:
+        imu = replace(imu, accel_vrw=accel * float(np.sqrt(noise.force)))
+    velocity = float(measured.velocity.excess[0])
     table = replace(context.table, velocity_sigma=velocity * context.table.velocity_sigma)
     return replace(context, imu=imu, table=table)
 
@@ -158,12 +206,12 @@ def widened(context: SolveContext, measured: RestNoise) -> SolveContext:
 def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) -> tuple[ModelTest, ...]:
     """Return the tests of the noise that was measured, and used for the solution, against that of the profiles."""
     table = used.table.velocity_sigma / profile.table.velocity_sigma
-    gyro = float(measured.gyro.max())
+    ratio, channel, time = measured.worst()
     vibrates = Misfit("table_vibrates", used.table.velocity_sigma, unit="m/s", values={"ratio": table})
-    noisy = Misfit("gyro_noise", values={"ratio": gyro, "channel": measured.noisiest})
+    noisy = Misfit("imu_noise", values={"ratio": ratio, "channel": channel, "seconds": time})
     return (
         ModelTest("table_noise", table, MOST_NOISE, "1", vibrates),
-        ModelTest("imu_noise", gyro, MOST_NOISE, "1", noisy),
+        ModelTest("imu_noise", ratio, MOST_NOISE, "1", noisy),
     )
 
 

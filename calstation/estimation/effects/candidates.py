@@ -146,10 +146,14 @@ def changing(duration: float) -> Iterator[Candidate]:
                 )  # fmt: skip
 
 
+def drifted(time: FloatArray) -> FloatArray:
+    """Return the courses of a drift: a ramp, s, and a warm-up that ends at 1, shape (n, 2)."""
+    return np.stack([time, -np.expm1(-time / WARM_UP)], axis=1)
+
+
 def _drift(time: FloatArray, duration: float) -> FloatArray:
     """Return a ramp and a warm-up, each of size 1 at the end of the stage, shape (n, 2)."""
-    settled = -np.expm1(-time / WARM_UP) / -np.expm1(-duration / WARM_UP)
-    return np.stack([time / duration, settled], axis=1)
+    return np.asarray(drifted(time) / drifted(np.array([duration])))
 
 
 def _jump(share: float) -> Callable[[FloatArray, float], FloatArray]:

@@ -7,12 +7,12 @@ errors D I⁻¹ U in the parameters.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calstation.estimation.common import Belief
-from calstation.estimation.effects.candidates import CONSTANT, Candidate
+from calstation.estimation.effects.candidates import CONSTANT, Candidate, drifted
 from calstation.estimation.effects.sensitivity import Sensitivity
 from calstation.physics import AXES, COUNT, INDEX, FloatArray, IntArray
 
@@ -27,7 +27,7 @@ class EffectFound:
     cause: str
     component: str  #: The most significant component.
     parameter: str  #: Parameter that changed; "" for a constant effect.
-    stage: str  #: Stage during or before which it changed; "" for a constant effect.
+    stage: str  #: Stage during or before which it changed; "" for a constant effect and a drift throughout the run.
     excess: float  #: χ² minus its degrees of freedom.
     size: float  #: Estimated size of the component, in `unit`.
     sigma: float
@@ -64,6 +64,36 @@ class _Tested:
     information: FloatArray
     cross: FloatArray  #: Information shared with the components of `CONSTANT`, shape (k, components).
     error: FloatArray
+
+    @classmethod
+    def begun(cls, candidate: Candidate, stage: str, error: FloatArray, constants: int) -> "_Tested":
+        """Return a test of which no stage has been seen; `error` is what it adds to the prior, shape (30, k)."""
+        k = error.shape[1]
+        return cls(candidate, stage, np.zeros(k), np.zeros((k, k)), np.zeros((k, constants)), error)
+
+    def follow(self, s: Sensitivity, constant: FloatArray, direct: FloatArray | None = None) -> None:
+        """Add a stage, in which the effect also adds `direct` times the columns after the parameters and `CONSTANT`.
+
+        `constant` is what each component of `CONSTANT` adds to the parameters and its own column.
+        """
+        both, own = len(constant), self.error
+        if direct is not None:
+            own = np.vstack([own, np.zeros((both - COUNT, len(self.score))), direct])
+        n = len(own)
+        self.score = self.score + own.T @ s.score[:n]
+        self.information = self.information + own.T @ s.information[:n, :n] @ own
+        self.cross = self.cross + own.T @ s.information[:n, :both] @ constant
+        self.error = s.error[:, :n] @ own
+
+    def change(self, amount: FloatArray) -> None:
+        """Change the parameters themselves by `amount` per unit of each size, shape (k,)."""
+        self.error[[INDEX[name] for name in self.candidate.parameters], range(len(amount))] += amount
+
+    def in_units_of(self, sizes: FloatArray) -> "_Tested":
+        """Return the same with its sizes in other units, shape (k,)."""
+        information = self.information * np.outer(sizes, sizes)
+        scaled = self.score * sizes, information, self.cross * sizes[:, None], self.error * sizes
+        return _Tested(self.candidate, self.stage, *scaled)
 
     def limits(self, chi_square: float, sigma: FloatArray, names: Sequence[str]) -> Iterator[EffectLimit]:
         """Yield the limit of each component."""
@@ -137,6 +167,9 @@ class EffectTests:
         self._last, self._noise_ratio = (self._score, self._information), 1.0
         self._error = np.zeros((COUNT, count))
         self._changes: list[_Tested] = []
+        #: Drifts throughout the run, in units of their courses, and the time since its beginning, s.
+        self._drifts: list[_Tested] = []
+        self._begin = self._elapsed = 0.0
         self._parameters: dict[str, None] = {}
 
     def add(self, stage: str, s: Sensitivity, estimated: Sequence[str]) -> None:
@@ -151,21 +184,35 @@ class EffectTests:
         self._information = self._information + self._last[1]
         self._error = s.error[:, prior] @ self._error + s.error[:, constant]
         if self._parameters:  # before the first stage, a jump is an error of the prior
-            self._changes += [_before(stage, group, count) for group in _JUMPING]
+            self._changes += [_jump_before(stage, group, count) for group in _JUMPING]
         for change in self._changes:
-            change.score = change.score + change.error.T @ s.score[prior]
-            change.information = change.information + change.error.T @ s.information[prior, prior] @ change.error
-            change.cross = change.cross + change.error.T @ s.information[prior, both] @ into
-            change.error = s.error[:, prior] @ change.error
-        at = COUNT + count
-        for candidate in s.changing:
-            own = slice(at, at := at + len(candidate.components))
-            error = s.error[:, own].copy()
-            changed = [INDEX[name] for name in candidate.parameters]
-            error[changed, range(len(changed))] += candidate.change(s.duration)
-            cross = s.information[own, both] @ into
-            self._changes.append(_Tested(candidate, stage, s.score[own], s.information[own, own], cross, error))
+            change.follow(s, into)
+        if s.changing:
+            self._add_changing(stage, s, into)
         self._parameters |= dict.fromkeys(estimated)
+
+    def _add_changing(self, stage: str, s: Sensitivity, into: FloatArray) -> None:
+        """Add the changes within a stage, and follow the drifts throughout the run."""
+        widths = [len(c.components) for c in s.changing]
+        units = np.split(np.eye(sum(widths)), np.cumsum(widths)[:-1], axis=1)
+        count = len(self._score)
+        for candidate, unit in zip(s.changing, units, strict=True):
+            test = _Tested.begun(candidate, stage, np.zeros((COUNT, len(candidate.components))), count)
+            test.follow(s, into, unit)
+            test.change(candidate.change(s.duration))
+            self._changes.append(test)
+        drifts = [(c, unit) for c, unit in zip(s.changing, units, strict=True) if c.cause == "drift"]
+        if not self._drifts:
+            self._begin, nothing = s.begin, np.zeros((COUNT, 6))
+            whole = [replace(c, cause="drift_throughout") for c, _ in drifts]
+            self._drifts = [_Tested.begun(c, "", nothing.copy(), count) for c in whole]
+        start = max(s.begin - self._begin, self._elapsed)
+        last, first, end = drifted(np.array([self._elapsed, start, start + s.duration]))
+        for test, (_, unit) in zip(self._drifts, drifts, strict=True):
+            test.change(np.tile(first - last, 3))
+            test.follow(s, into, unit * np.tile(end - first, 3))
+            test.change(np.tile(end - first, 3))
+        self._elapsed = start + s.duration
 
     def estimated(self) -> Estimated:
         """Return the estimate of the effects in the model."""
@@ -180,13 +227,13 @@ class EffectTests:
     def found(self, belief: Belief) -> list[EffectFound]:
         """Return what the data say about every other effect, the likeliest first.
 
-        `belief` is the latest posterior. A change has more chances than an effect that is always there: for each group
-        of parameters a time in every stage. Its likelihood is divided by their number.
+        `belief` is the latest posterior. A change in one stage has more chances than other effects: for each group of
+        parameters some times in every stage. Its likelihood is divided by their number.
         """
         known, names = self.estimated(), tuple(self._parameters)
         found = [t.found(known, self._before, belief.sigma, names) for t in self._tested()]
         chances = 2.0 * np.log(max(len(self._changes), 1))
-        return sorted(found, key=lambda f: (chances if f.parameter else 0.0) - f.excess)
+        return sorted(found, key=lambda f: (chances if f.stage else 0.0) - f.excess)
 
     def limits(self, belief: Belief, chi_square: float) -> list[EffectLimit]:
         """Return for every other effect the size at which its test is expected to reach `chi_square`."""
@@ -201,13 +248,14 @@ class EffectTests:
             parts = self._score[own], self._information[own, own], self._information[own], self._error[:, own]
             if c.cause not in self._states:
                 yield _Tested(c, "", *parts)
+        at_end = np.tile(drifted(np.array([self._elapsed]))[0], 3)
+        yield from (drift.in_units_of(1.0 / at_end) for drift in self._drifts)
         yield from self._changes
 
 
-def _before(stage: str, group: str, count: int) -> _Tested:
+def _jump_before(stage: str, group: str, count: int) -> _Tested:
     """Return the test for a jump of the parameters of a group before a stage."""
     unit = {"gyro_bias": "rad/s", "accel_bias": "m/s²"}.get(group, "1")
     names = tuple(f"{group}_{axis}" for axis in AXES)
     candidate = Candidate("jump_before", unit, None, 3 * ("",), lambda motion: np.empty(0), names)
-    error = np.eye(COUNT)[:, [INDEX[name] for name in names]]
-    return _Tested(candidate, stage, np.zeros(3), np.zeros((3, 3)), np.zeros((3, count)), error)
+    return _Tested.begun(candidate, stage, np.eye(COUNT)[:, [INDEX[name] for name in names]], count)

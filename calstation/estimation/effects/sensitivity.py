@@ -24,6 +24,7 @@ class Sensitivity:
     information: FloatArray  #: Jᵀ S⁻¹ J, shape (c, c).
     error: FloatArray  #: D: error left in each parameter, truth minus estimate, shape (30, c).
     changing: tuple[Candidate, ...] = ()  #: Effects that change a parameter during the stage.
+    begin: float = 0.0  #: Time at which the stage begins, s.
     duration: float = 0.0  #: Duration of the stage, s.
     #: χ² of the innovations with the noise of the estimate over that with the noise of `score` and `information`.
     noise_ratio: float = 1.0
@@ -46,6 +47,7 @@ def batch_sensitivity(
     innovation: FloatArray,
     added: FloatArray,
     estimated: BoolArray,
+    begin: float,
     duration: float,
 ) -> Sensitivity:
     """Return the sensitivity of an estimate from m observations in one batch.
@@ -56,10 +58,11 @@ def batch_sensitivity(
     covariance, innovation : of the innovations, shapes (m, m) and (m,)
     added : what each component of `CONSTANT` and of `changing` adds to the observations, shape (m, components)
     estimated : True for the parameters that the gain corrects, shape (30,)
-    duration : that of the stage, s
+    begin, duration : of the stage, s
     """
     response = np.hstack([jacobian, added])
     weighted = np.linalg.solve(covariance, response)
     before = np.eye(COUNT, response.shape[1])
     error = before - np.where(estimated[:, None], gain, 0.0) @ response
-    return Sensitivity(weighted.T @ innovation, response.T @ weighted, error, tuple(changing(duration)), duration)
+    score, information = weighted.T @ innovation, response.T @ weighted
+    return Sensitivity(score, information, error, tuple(changing(duration)), begin, duration)

@@ -75,7 +75,7 @@ def filter_sensitivity(
         score += product[:-1, -1]
         error -= update.gain @ response
     left = np.where(estimated[:, None], error[PARAMETER_START:STATES], np.eye(COUNT, columns))
-    return Sensitivity(score, information, left, candidates, duration)
+    return Sensitivity(score, information, left, candidates, float(data.time[0]), duration)
 
 
 def _motion(

@@ -42,7 +42,7 @@ class InnovationsView(StackedPlots[Diagnostics]):
             (
                 Column(lambda: self.tr("Stage"), partial(term, "stage"), number=False),
                 table.column(lambda: self.tr("Mean NIS"), "mean"),
-                table.column(lambda: self.tr("99.9 % band"), "band"),
+                table.column(lambda: self.tr("Expected"), "band"),
                 Column(
                     lambda: self.tr("Verdict"),
                     lambda name: say(f"engineer.nis_{table.cells[name]['verdict']}"),

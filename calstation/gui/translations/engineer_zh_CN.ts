@@ -176,8 +176,8 @@
         <translation>NIS 均值</translation>
     </message>
     <message>
-        <source>99.9 % band</source>
-        <translation>99.9 % 区间</translation>
+        <source>Expected</source>
+        <translation>期望区间</translation>
     </message>
 </context>
 <context>
