@@ -4,6 +4,7 @@ On command the whole recording is fitted; with triggers, only secondaries that a
 """
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from calstation.estimation.common import (
     nis_consistency,
     stage_data,
 )
+from calstation.estimation.effects import effect_tests
 from calstation.estimation.pairs import (
     ACCEL_BIAS,
     GYRO_BIAS,
@@ -125,6 +127,11 @@ class PairStage:
         halves = [c.fit.halves for c in done.values()]
         fitted = int(sum(c.fit.fitted.sum() for c in done.values()))
         kept = [number for number in stored if number not in done]
+        outside = {number: effect_tests(c.fit.effects) for number, c in done.items()}
+        harmful, harmless = (
+            [_of_pair(number, test) for number, tests in outside.items() if (test := tests[k]) is not None]
+            for k in (0, 1)
+        )
         if kept:
             messages = (*messages, ("pair_kept", {"stage": "cross_calibration", "numbers": kept}))
         return Solution(
@@ -145,7 +152,8 @@ class PairStage:
             },
             messages=messages,
             found=found,
-            tests=() if not done else (max((_steady(*item) for item in done.items()), key=lambda test: test.value),),
+            tests=tuple(_worst(tests) for tests in ([_steady(*item) for item in done.items()], harmful) if tests),
+            explanation=_worst(harmless) if harmless else None,
         )
 
 
@@ -175,6 +183,22 @@ def _steady(number: int, calibrated: PairResult) -> ModelTest:
     unit = PAIR_PARAMETERS[worst].unit
     misfit = Misfit("halves_differ", float(fit.change[worst]), float(fit.change_sigma[worst]), unit, moves, values)
     return ModelTest("halves", float(abs(changes[worst])), CHANGED, "sigma", misfit)
+
+
+def _worst(tests: list[ModelTest]) -> ModelTest:
+    """Return the test with the largest value."""
+    return max(tests, key=lambda test: test.value)
+
+
+def _of_pair(number: int, test: ModelTest) -> ModelTest:
+    """Return a test for effects outside the model with the names of a pair."""
+    found = test.misfit
+    moves = {pair_name(name, number): move for name, move in found.moves.items()}
+    if changed := found.values["parameter"]:
+        values = {**found.values, "parameter": pair_name(changed, number)}
+        return replace(test, misfit=replace(found, moves=moves, values=values))
+    values = {**found.values, "number": number, "effect": found.cause}
+    return replace(test, misfit=replace(found, cause="pair_effect", moves=moves, values=values))
 
 
 def _details(

@@ -30,10 +30,10 @@ from calstation.records import (
 from calstation.results.result import SCHEMA, CalibrationUsed, Parameter, Result, StageConsistency, plain
 from procedures import DEFAULT_STAGES
 
-#: Kinds of checks that fail if the model does not describe the data.
+#: Kinds of checks that may fail because the model does not describe the data.
 _OF_THE_MODEL: frozenset[CheckKind] = frozenset({
-    "consistency", "agreement", "gravity_at_rest", "improvement_at_rest", "improvement_at_rest_floor", "motion_angle",
-    "motion_improvement", "motion_improvement_floor",
+    "within", "consistency", "agreement", "gravity_at_rest", "improvement_at_rest", "improvement_at_rest_floor",
+    "motion_angle", "motion_improvement", "motion_improvement_floor",
 })  # fmt: skip
 #: Number of parameters that the sentence about a failed test lists.
 _MOST_MOVES = 3

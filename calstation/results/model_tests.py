@@ -5,15 +5,10 @@ from dataclasses import replace
 
 from calstation.estimation import Estimate, Misfit, ModelTest, Solution
 from calstation.estimation.common import Belief, stage_agreement
-from calstation.estimation.effects import EffectFound, EffectTests
+from calstation.estimation.effects import EffectTests, effect_tests
 
 #: A change of the posterior less probable than this contradicts the stages before.
 LEAST_PROBABILITY = 1e-6
-#: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect moves a parameter by
-#: more than `LEAST_MOVE` of its sigmas. One that moves less is harmless, but it explains other failures.
-MOST_EXCESS, LEAST_MOVE = 30.0, 3.0
-#: An effect whose χ² is smaller than that of the likeliest one by more than this is not the cause.
-_AS_LIKELY = 10.0
 
 
 class ModelTests:
@@ -29,9 +24,9 @@ class ModelTests:
         if solution.sensitivity is not None:
             self._effects.add(solution.stage, solution.sensitivity, solution.estimated)
             solution = self._with_effects(replace(solution, sensitivity=None))
-            harmful, harmless = self._effects_outside(solution.belief)
+            harmful, harmless = effect_tests(self._effects.found(solution.belief))
             solution = replace(solution, explanation=harmless)
-            tests += harmful
+            tests += [harmful] if harmful else []
         tests += _agreement(solution, before, posterior)
         return replace(solution, tests=tuple(tests))
 
@@ -49,21 +44,6 @@ class ModelTests:
             consistency=replace(c, nis_mean=max(nis, 0.0)),
             found={**solution.found, **found},
         )
-
-    def _effects_outside(self, belief: Belief) -> tuple[list[ModelTest], ModelTest | None]:
-        """Test for effects outside the error model with all stages so far; also return a significant, harmless one."""
-        found = self._effects.found(belief)
-        likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY)
-        harmful = next((f for f in likely if f.largest_move > LEAST_MOVE), None)
-        if harmful is not None:
-            return [_effect_test(harmful)], None
-        return [], _effect_test(found[0]) if found[0].excess > MOST_EXCESS else None
-
-
-def _effect_test(found: EffectFound) -> ModelTest:
-    values = {"component": found.component, "parameter": found.parameter, "during": found.stage}
-    misfit = Misfit(found.cause, found.size, found.sigma, found.unit, found.moves, values)
-    return ModelTest("effects", found.excess, MOST_EXCESS, "1", misfit)
 
 
 def _convergence(solution: Solution) -> list[ModelTest]:

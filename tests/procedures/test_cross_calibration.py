@@ -1,5 +1,6 @@
 """Cross-calibration: secondaries against a primary, consistent sigmas, triggers, and unusable recordings."""
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 import real_recordings as real
 from pair_recordings import (
+    RATE,
     RIG,
     context_of,
     known,
@@ -18,12 +20,14 @@ from pair_recordings import (
     truth_of,
     vector,
 )
+from scipy.ndimage import uniform_filter1d
 from scipy.stats import chi2
 
 from calstation.bench.truth.free_unit import Mounting, SecondaryTruth
 from calstation.bench.truth.table import rotation
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
-from calstation.estimation.common.context import StoredPair
+from calstation.estimation.common.context import SolveContext, StoredPair
+from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.pairs.calibration import PairCalibration, compensate_secondary, pair_vector
 from calstation.estimation.pairs.schedule import PairSchedule, Threshold
 from calstation.estimation.pairs.watch import PairWatch, call_now
@@ -72,17 +76,75 @@ def test_a_bias_that_changes_within_the_recording_fails_and_is_named(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     sound = solved(block, context, known(primary))
-    (test,) = sound.tests
-    assert test.value < test.limit
-    others = block.others.astype(np.float64)
+    assert all(test.value < test.limit for test in sound.tests)
     sigma = sound.found["secondary_gyro_bias_y"].sigma
-    step = 14.0 * sigma / (secondary.imu.gyro_lsb * context.secondaries[0].imu.rate_factor)
-    others[len(block) // 2 :, 0, 1] += step
-    (test,) = solved(replace(block, others=others), context, known(primary)).tests
+    late = np.arange(len(block)) >= len(block) // 2
+    changed = with_error(block, context, lambda w, f: 14.0 * sigma * late[:, None] * np.eye(6)[1])
+    test, _ = solved(changed, context, known(primary)).tests
     assert test.value > test.limit
     assert test.misfit.values["parameter"] == "secondary_gyro_bias_y"
     assert test.misfit.size == pytest.approx(14.0 * sigma, abs=4.0 * test.misfit.sigma)
     assert set(test.misfit.moves) == {"secondary_gyro_bias_y"}
+
+
+def with_error(
+    block: SampleBlock, context: SolveContext, error: Callable[[np.ndarray, np.ndarray], np.ndarray]
+) -> SampleBlock:
+    """A recording whose secondary has a further error of its rate and force, SI, as a function of what it measures."""
+    imu = context.secondaries[0].imu
+    unit = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * imu.rate_factor
+    others = block.others.astype(np.float64)
+    measured = uniform_filter1d(others[:, 0] * unit, 5, axis=0)
+    others[:, 0] += error(measured[:, :3], measured[:, 3:]) / unit
+    return replace(block, others=others)
+
+
+def gyro(values: np.ndarray) -> np.ndarray:
+    return np.hstack([values, np.zeros_like(values)])
+
+
+def accel(values: np.ndarray) -> np.ndarray:
+    return np.hstack([np.zeros_like(values), values])
+
+
+FAST, G = np.deg2rad(100.0), 9.8
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "error"),
+    [
+        ("gyro_cubic", 1e-3 / FAST**2, lambda w, f: gyro(w**3)),
+        ("accel_cubic", 3e-4 / G**2, lambda w, f: accel(f**3)),
+        ("time_skew", 2e-4, lambda w, f: accel(-np.gradient(f, 1.0 / RATE, axis=0))),
+    ],
+)
+def test_an_effect_outside_the_model_fails_and_is_named(mems, effect, size, error):
+    primary, secondary, block = mems
+    context = context_of(primary, [secondary])
+    (_, test) = solved(with_error(block, context, lambda w, f: size * error(w, f)), context, known(primary)).tests
+    assert (test.kind, test.misfit.cause, test.misfit.values["effect"]) == ("effects", "pair_effect", effect)
+    assert test.value > test.limit
+    assert test.misfit.size == pytest.approx(
+        size, rel=0.15, abs=4.0 * test.misfit.sigma
+    )  # what it measures is filtered
+
+
+def test_a_drift_during_the_recording_fails_and_is_named(mems):
+    primary, secondary, block = mems
+    context = context_of(primary, [secondary])
+    course = np.linspace(0.0, 1e-3, len(block))[:, None]
+    (_, test) = solved(with_error(block, context, lambda w, f: accel(course * f)), context, known(primary)).tests
+    assert test.value > test.limit
+    assert test.misfit.cause == "drift"
+    assert test.misfit.values["parameter"].startswith("secondary_accel_matrix_")
+
+
+def test_an_effect_that_moves_nothing_is_harmless(mems):
+    primary, secondary, block = mems
+    context = context_of(primary, [secondary])
+    found = solved(with_error(block, context, lambda w, f: gyro(1e-5 * f)), context, known(primary))
+    assert all(test.value < test.limit or test.kind == "effects" for test in found.tests)
+    assert found.explanation.misfit.values["effect"] == "g_sensitivity"
 
 
 def test_a_unit_mounted_upside_down_is_no_error():

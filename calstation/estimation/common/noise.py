@@ -26,6 +26,8 @@ MOST_NOISE = 3.0
 _TIMES = (1.0, 4.0)
 #: Median of the χ² distribution with 1 degree of freedom, and relative scatter of the median of n values times √n.
 _MEDIAN, _MEDIAN_SCATTER = 0.4549, 2.33
+#: Share of the table's part of an Allan variance that is uncertain, because its velocity is not quite white.
+_NOT_WHITE = 0.3
 #: Fewest differences from which an Allan variance is found.
 _FEWEST = 10
 #: An excess below this many of its own standard deviations, or below this ratio, is the scatter of the measurement.
@@ -154,8 +156,9 @@ def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_si
         variance, scatter = _allan([data.gyro[rest] for rest in rests], width)
         gyro.append(_ratio(time, variance, scatter, noise.rate / time + drift[0] * time))
         variance, scatter = _allan([data.accel[rest] for rest in rests], width)
-        table, table_sigma = 3.0 * velocity / time**2, 3.0 * sigma / time**2
-        own = variance - table, np.hypot(scatter, table_sigma)
+        table = 3.0 * velocity / time**2
+        uncertain = np.hypot(3.0 * sigma / time**2, _NOT_WHITE * table)
+        own = variance - table, np.hypot(scatter, uncertain)
         accel.append(_ratio(time, *own, noise.force / time + drift[1] * time))
     mean, scatter = np.array([velocity.mean()]), np.array([np.sqrt(np.sum(sigma**2)) / 3.0])
     return RestNoise(tuple(gyro), tuple(accel), _ratio(noise.interval, mean, scatter, noise.velocity))

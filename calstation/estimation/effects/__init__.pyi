@@ -7,6 +7,7 @@ from .score import EffectFound as EffectFound
 from .score import EffectLimit as EffectLimit
 from .score import EffectTests as EffectTests
 from .score import Estimated as Estimated
+from .score import effect_tests as effect_tests
 from .sensitivity import Sensitivity as Sensitivity
 from .sensitivity import all_errors as all_errors
 from .sensitivity import batch_sensitivity as batch_sensitivity

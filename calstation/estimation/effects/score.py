@@ -11,11 +11,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calstation.estimation.common import Belief
+from calstation.estimation.common import Belief, Misfit, ModelTest
 from calstation.estimation.effects.candidates import CONSTANT, Candidate, drifted
 from calstation.estimation.effects.sensitivity import Sensitivity
 from calstation.physics import AXES, COUNT, INDEX, FloatArray, IntArray
 
+#: A score test fails if its χ² exceeds its degrees of freedom by more than this and the effect moves a parameter by
+#: more than `LEAST_MOVE` of its sigmas. One that moves less is harmless, but it explains other failures.
+MOST_EXCESS, LEAST_MOVE = 30.0, 3.0
+#: An effect whose χ² is smaller than that of the likeliest one by more than this is not the cause.
+_AS_LIKELY = 10.0
 #: Jumps between two stages are looked for in these groups.
 _JUMPING = ("gyro_bias", "gyro_scale", "accel_bias", "accel_scale")
 
@@ -38,6 +43,24 @@ class EffectFound:
     def largest_move(self) -> float:
         """Largest of `moves`."""
         return max((abs(move) for move in self.moves.values()), default=0.0)
+
+
+def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelTest | None]:
+    """Return the failed test of effects outside the error model and a significant but harmless one, or None each.
+
+    `found` are all effects, the likeliest first. One that is nearly as likely as the first may be the harmful one.
+    """
+    likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY)
+    harmful = next((f for f in likely if f.largest_move > LEAST_MOVE), None)
+    if harmful is not None:
+        return _test(harmful), None
+    return None, _test(found[0]) if found and found[0].excess > MOST_EXCESS else None
+
+
+def _test(found: EffectFound) -> ModelTest:
+    values = {"component": found.component, "parameter": found.parameter, "during": found.stage}
+    misfit = Misfit(found.cause, found.size, found.sigma, found.unit, found.moves, values)
+    return ModelTest("effects", found.excess, MOST_EXCESS, "1", misfit)
 
 
 @dataclass(frozen=True)

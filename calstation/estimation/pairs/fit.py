@@ -14,19 +14,25 @@ jackknife estimate over blocks of time (K.-Y. Liang and S. L. Zeger, Biometrika 
 residuals of any spectrum and magnitude within a block; bias drift over longer times is added from the profiles.
 """
 
-from collections.abc import Callable
+import itertools
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
 from calstation.estimation.common import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME, ImuModel
+from calstation.estimation.effects import EffectFound, Motion
+from calstation.estimation.pairs.effects import Block, jackknife, pair_effects
 from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offset, low_pass, signals
-from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, FloatArray
+from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, FloatArray, compensate
 
 Model = Literal["bias", "scale", "full"]
 #: Duration of a jackknife block, s; residuals further apart are independent.
 BLOCK = 0.5
+#: Most blocks for the tests of effects, which need much memory for each.
+MOST_BLOCKS = 200
 #: Largest clock offset, s.
 LARGEST_OFFSET = 1.0
 #: Residuals above this multiple of the typical size have proportionally lower weights.
@@ -80,6 +86,7 @@ class PairFit:
     converged: bool  #: Whether the last iteration made no significant change.
     change: FloatArray  #: Second half of the recording minus the first, SI, NaN if not compared, shape (28,).
     change_sigma: FloatArray  #: Standard deviation of `change`, including the bias drift, SI, shape (28,).
+    effects: tuple[EffectFound, ...]  #: What the residuals say about effects outside the model, the likeliest first.
 
 
 def fit_pair(
@@ -113,6 +120,10 @@ def fit_pair(
     # the variance of the difference between both halves' means, which are correlated
     between = 4.0 * (_bias_drift_variances(0.5 * duration, primary, secondary) - drift)
     change, variance = system.change()
+    sigma = np.sqrt(np.diag(covariance)[fitted])
+    names = [p.name for p, chosen in zip(PAIR_PARAMETERS, fitted, strict=True) if chosen]
+    blocks = system.blocks(_motion(rows, value, c, data.time[rows.row]))
+    effects = pair_effects(blocks, system.scale, duration, sigma, names)
     return PairFit(
         value,
         covariance,
@@ -124,7 +135,15 @@ def fit_pair(
         converged,
         change,
         np.sqrt(variance + between),
+        tuple(effects),
     )
+
+
+def _motion(rows: Signals, value: FloatArray, c: Compensation, time: FloatArray) -> Motion:
+    """Return the motion of the secondary."""
+    rate, force = compensate(c, rows.gyro, rows.accel + rows.lever @ value[LEVER])
+    turning, jerk = rows.gyro_slope @ c.gyro_inverse.T, rows.accel_slope @ c.accel_inverse.T
+    return Motion(rate, force, turning, jerk, time - time[0])
 
 
 class _System:
@@ -147,12 +166,14 @@ class _System:
         weights = np.hstack([_weights(left[:, :3] / scale[:3]), _weights(left[:, 3:] / scale[3:])])
         block = (data.time[rows.row] // BLOCK).astype(np.int64)
         edges = np.flatnonzero(np.diff(block, prepend=block[0] - 1)) if len(block) else np.empty(0, np.int64)
+        self._parts = [slice(int(a), int(b)) for a, b in itertools.pairwise([*edges, len(block)])]
         k = int(fitted.sum())
         self.gradient, self._normals = np.zeros((len(edges), k)), np.zeros((len(edges), k, k))
         attenuation = self._attenuation(rows, value, noise, scale)
-        for b, (first, last) in enumerate(zip(edges, [*edges[1:], len(block)], strict=True)):
-            part = slice(int(first), int(last))
-            X = _columns(rows, part, base, C, A)[:, :, fitted] / scale[None, :, None]
+        self._columns = partial(_columns, rows, base=base, C=C, A=A)
+        self.scale, self._weights, self._left = scale, weights, left
+        for b, part in enumerate(self._parts):
+            X = self._columns(part)[:, :, fitted] / scale[None, :, None]
             w, e = weights[part], left[part] / scale
             added, back = attenuation(w)
             self._normals[b] = np.einsum("nij,ni,nik->jk", X, w, X) - added
@@ -181,9 +202,24 @@ class _System:
 
         return of
 
+    def blocks(self, motion: Motion) -> Iterator[Block]:
+        """Yield at most about `MOST_BLOCKS` longer blocks with their normal equations; `motion` is that of all rows."""
+        count = -(-len(self._parts) // MOST_BLOCKS)
+        for b in range(0, len(self._parts), count):
+            parts = self._parts[b : b + count]
+            part = slice(parts[0].start, parts[-1].stop)
+            yield Block(
+                Motion(*(values[part] for values in vars(motion).values())),
+                self._columns(part)[:, :, self._fitted] / self.scale[:, None],
+                self._left[part] / self.scale,
+                self._weights[part],
+                self._normals[b : b + count].sum(axis=0),
+                self.gradient[b : b + count].sum(axis=0),
+            )
+
     def covariance(self) -> FloatArray:
         """Return the jackknife covariance over the blocks, shape (k, k)."""
-        return _jackknife(self._normals, self.gradient)
+        return jackknife(self._normals, self.gradient)
 
     def halves(self) -> float:
         """Return the difference between the solutions of odd and even blocks, see `PairFit.halves`."""
@@ -191,7 +227,7 @@ class _System:
         for half in (slice(0, None, 2), slice(1, None, 2)):
             normals, gradient = self._normals[half], self.gradient[half]
             solutions.append(np.linalg.solve(normals.sum(axis=0), gradient.sum(axis=0)))
-            covariances.append(_jackknife(normals, gradient))
+            covariances.append(jackknife(normals, gradient))
         apart = solutions[0] - solutions[1]
         return float(np.mean(apart**2 / np.diag(covariances[0] + covariances[1])))
 
@@ -211,7 +247,7 @@ class _System:
         if len(chosen) and middle > 1:
             parts = [(normals[:, chosen][:, :, chosen], gradient[:, chosen]) for normals, gradient in halves]
             first, second = (np.linalg.solve(n.sum(axis=0), g.sum(axis=0)) for n, g in parts)
-            change[at], variance[at] = second - first, sum(np.diag(_jackknife(n, g)) for n, g in parts)
+            change[at], variance[at] = second - first, sum(np.diag(jackknife(n, g)) for n, g in parts)
         return change, variance
 
 
@@ -220,18 +256,6 @@ def _share(part: FloatArray, whole: FloatArray) -> float:
     root = np.linalg.cholesky(whole)
     white = np.linalg.solve(root, np.linalg.solve(root, part).T)
     return float(np.linalg.eigvalsh(0.5 * (white + white.T))[0])
-
-
-def _jackknife(normals: FloatArray, gradient: FloatArray) -> FloatArray:
-    """Return the covariance of the solution from its changes when each block is omitted, shape (k, k).
-
-    This is the sandwich estimator corrected for the leverage of every block (R. M. Bell and D. F. McCaffrey, Survey
-    Methodology 28(2), 2002); without it, the residuals of a block with strong motion would be too small.
-    """
-    normal, total = normals.sum(axis=0), gradient.sum(axis=0)
-    solution = np.linalg.solve(normal, total)
-    moved = np.linalg.solve(normal - normals, (total - gradient)[:, :, None])[:, :, 0] - solution
-    return np.asarray(moved.T @ moved * (len(moved) - 1) / len(moved))
 
 
 def _columns(rows: Signals, part: slice, base: FloatArray, C: FloatArray, A: FloatArray) -> FloatArray:
