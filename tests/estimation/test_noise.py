@@ -132,3 +132,8 @@ def test_slow_noise_shows_at_the_longer_averaging_time():
     found = noise_of(effects={"gyro_random_walk_dph_sqrt_h": 500.0})
     assert np.all(found.gyro[1].value > 1.5 * found.gyro[0].value)
     assert found.worst()[1:] in [("gyro_x", 4.0), ("gyro_y", 4.0), ("gyro_z", 4.0)]
+
+
+@pytest.mark.parametrize(("velocity_sigma", "quiet"), [(1e-3, False), (1e-5, True)])
+def test_a_quiet_table_is_recognised(velocity_sigma, quiet):
+    assert noise_of(100.0, velocity_sigma=velocity_sigma).table_is_quiet == quiet

@@ -20,10 +20,10 @@ from calstation.estimation import Solution
 from calstation.estimation.common import Belief
 from calstation.estimation.common.samples import SampleBlock
 from calstation.estimation.effects import EffectFound, EffectTests
+from calstation.estimation.effects.score import MOST_EXCESS
 from calstation.physics.motion import Carry, Dwell, Move
 from calstation.physics.parameters import INDEX, NAMES, group_indices, group_matrix, group_vector
 from calstation.physics.table import JointLimits, TableGeometry
-from calstation.results.model_tests import MOST_EXCESS
 from calstation.results.resolving import resolve
 from procedures import method
 from procedures.multi_position import ESTIMATED, GROUPS
@@ -126,6 +126,16 @@ def test_an_effect_outside_the_model_is_named_though_it_looks_like_noise(mems, c
     changed = (found.belief.mean - sound.belief.mean) / found.belief.sigma
     worst = max(first.moves, key=lambda name: abs(first.moves[name]))
     assert changed[INDEX[worst]] == pytest.approx(-first.moves[worst], abs=1.0 + 0.1 * abs(first.moves[worst]))
+
+
+def test_a_drift_during_the_recording_is_named(mems):
+    imu, recorded = mems
+    prior, context = prior_of("mems"), context_of(imu)
+    counts = np.asarray(recorded.counts, dtype=np.float64)
+    course = np.linspace(0.0, np.deg2rad(100.0) / 3600.0, len(counts))
+    counts[:, 1] += course / (context.imu.gyro_lsb * context.imu.rate_factor)
+    first = effects_of(solved(replace(recorded, counts=counts), context, prior), prior)[0]
+    assert (first.cause, first.parameter) == ("drift_throughout", "gyro_bias_y")
 
 
 def effects_of(solution: Solution, prior: Belief) -> list[EffectFound]:

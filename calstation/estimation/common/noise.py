@@ -130,6 +130,11 @@ class RestNoise:
     accel: tuple[NoiseRatio, ...]  #: Velocity random walk of each accelerometer, at every averaging time.
     velocity: NoiseRatio  #: Velocity of the table.
 
+    @property
+    def table_is_quiet(self) -> bool:
+        """Whether the table certainly vibrates less than half as much as its profile says."""
+        return bool(self.velocity.value[0] + _SIGMAS * self.velocity.sigma[0] < 0.5)
+
     def worst(self) -> tuple[float, str, float]:
         """Return the largest significant ratio of an inertial sensor's noise, its channel and averaging time, s."""
         rows = [np.concatenate([g.excess, a.excess]) for g, a in zip(self.gyro, self.accel, strict=True)]
@@ -209,6 +214,8 @@ def widened(context: SolveContext, measured: RestNoise) -> SolveContext:
 def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) -> tuple[ModelTest, ...]:
     """Return the tests of the noise that was measured, and used for the solution, against that of the profiles."""
     table = used.table.velocity_sigma / profile.table.velocity_sigma
+    if table == 1.0 and np.isfinite(measured.velocity.sigma[0]):
+        table = float(measured.velocity.value[0])
     ratio, channel, time = measured.worst()
     vibrates = Misfit("table_vibrates", used.table.velocity_sigma, unit="m/s", values={"ratio": table})
     noisy = Misfit("imu_noise", values={"ratio": ratio, "channel": channel, "seconds": time})

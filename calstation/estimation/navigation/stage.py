@@ -113,6 +113,8 @@ class NavigationStage:
         messages: list[tuple[str, dict[str, Any]]] = []
         if result.azimuth_free:
             messages.append(("azimuth_from_data", {"stage": self.stage}))
+        if measured.table_is_quiet:
+            messages.append(("table_quiet", {}))
         if not result.converged:
             messages.append(("not_settled", {"stage": self.stage, "passes": result.passes}))
         solution = Solution(

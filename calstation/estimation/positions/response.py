@@ -1,10 +1,11 @@
 """Response of the rests and motions of a recording to errors of the prior and to effects outside the model."""
 
 import itertools
+from collections.abc import Sequence
 
 import numpy as np
 
-from calstation.estimation.effects import CONSTANT, Motion, Sensitivity, all_errors
+from calstation.estimation.effects import CONSTANT, Candidate, Motion, Sensitivity, all_errors, changing
 from calstation.estimation.positions.rows import PositionRows, integrate_rotation
 from calstation.physics import COUNT, BoolArray, Compensation, FloatArray, compensate, compensation, rotation_matrix
 
@@ -19,17 +20,22 @@ def position_sensitivity(
     """Return the sensitivity of a solution, given by `point`, `attitudes` and `north`.
 
     `fitted` are the rows of the estimate, whose scatter may itself be the work of an effect. The tests therefore begin
-    with the rows of the noise in the `profile`, and divide χ² by the variance that all effects together leave.
+    with the rows of the noise in the `profile`, and divide χ² by the variance that all constant effects and drifts
+    together leave.
     """
-    added = _added(profile, point, attitudes, north)
+    duration = float(profile.data.time[-1] - profile.data.time[0])
+    candidates = tuple(changing(duration))
+    added = _added(profile, point, attitudes, north, candidates)
     H, residual, covariance = _solved(profile, point, attitudes, north)
     jacobian = np.linalg.lstsq(profile.root.T, H[:, :COUNT].T, rcond=None)[0].T
     response = np.hstack([jacobian, added / profile.sigma[:, None]])
     weighted = response - H @ (covariance @ (H.T @ response))
     score, information = response.T @ residual, response.T @ weighted
     total, freedom = float(residual @ residual), len(H) - float(np.sum((H @ covariance) * H))
-    effects = information[COUNT:, COUNT:]
-    explained = float(score[COUNT:] @ np.linalg.pinv(effects, hermitian=True) @ score[COUNT:])
+    owners = [c.cause for c in (*CONSTANT, *candidates) for _ in c.components]
+    at = COUNT + np.flatnonzero([cause != "jump" for cause in owners])
+    effects = information[np.ix_(at, at)]
+    explained = float(score[at] @ np.linalg.pinv(effects, hermitian=True) @ score[at])
     left = freedom - np.linalg.matrix_rank(effects, hermitian=True)
     variance = max(1.0, (total - explained) / left if left >= 1.0 else total / freedom)
 
@@ -38,7 +44,8 @@ def position_sensitivity(
     shrunk = (profile.sigma / fitted.sigma)[:, None] * response
     error = np.eye(COUNT, response.shape[1]) - np.where(estimated[:, None], gain @ shrunk, 0.0)
     ratio = float(residual_f @ residual_f) * variance / total
-    return Sensitivity(score / variance, information / variance, error, noise_ratio=ratio)
+    begin = float(profile.data.time[0])
+    return Sensitivity(score / variance, information / variance, error, candidates, begin, duration, ratio)
 
 
 def _solved(
@@ -57,35 +64,44 @@ def inverse(information: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(information * np.outer(scale, scale)) * np.outer(scale, scale))
 
 
-def _added(rows: PositionRows, point: FloatArray, attitudes: FloatArray, north: FloatArray) -> FloatArray:
-    """Return what each component of `CONSTANT` adds to the observations, SI, shape (observations, components)."""
+def _added(
+    rows: PositionRows, point: FloatArray, attitudes: FloatArray, north: FloatArray, candidates: Sequence[Candidate]
+) -> FloatArray:
+    """Return what each component of an effect adds to the observations, SI, shape (observations, components)."""
     c = compensation(point)
-    rests = _errors(c, np.array([r.rate for r in rows.rests]), np.array([r.force for r in rows.rests]), 1)
+    rate, force, time = (np.array([getattr(r, name) for r in rows.rests]) for name in ("rate", "force", "time"))
+    rests = _errors(c, rate, force, time - rows.data.time[0], 1, candidates)
     seen = np.concatenate([rests[:, 3:], rests[:, :3]], axis=1)[:, : rows.per_rest]
-    turns = [_turned(rows, k, c, attitudes, north) for k in range(len(rows.links))]
+    turns = [_turned(rows, k, c, attitudes, north, candidates) for k in range(len(rows.links))]
     return np.concatenate([seen.reshape(-1, seen.shape[2]), *turns])
 
 
-def _turned(rows: PositionRows, k: int, c: Compensation, attitudes: FloatArray, north: FloatArray) -> FloatArray:
+def _turned(
+    rows: PositionRows, k: int, c: Compensation, attitudes: FloatArray, north: FloatArray,
+    candidates: Sequence[Candidate],
+) -> FloatArray:  # fmt: skip
     """Return the error of the rotation of a motion due to each component, rad, shape (3, components)."""
     link, data = rows.links[k], rows.data
     earth = np.append(north[rows.chain[link.first]], rows.up_rate)
     B = rotation_matrix(-earth * (link.stop - link.start) * data.dt) @ attitudes[link.first]
     edges = np.linspace(link.start, link.stop, _PARTS + 1).astype(int)
-    turned = np.zeros((3, sum(len(candidate.components) for candidate in CONSTANT)))
+    turned = np.zeros((3, sum(len(candidate.components) for candidate in (*CONSTANT, *candidates))))
     for start, stop in itertools.pairwise(edges):
         if start == stop:
             continue
-        (errors,) = _errors(c, data.gyro[start:stop], data.accel[start:stop], stop - start)
+        since = data.time[start:stop] - data.time[0]
+        (errors,) = _errors(c, data.gyro[start:stop], data.accel[start:stop], since, stop - start, candidates)
         part, time, _ = integrate_rotation(c.gyro_inverse, c.gyro_bias, data.dt, data.gyro, start, stop)
         turned -= B @ time @ c.gyro_inverse @ errors[:3]
         B = B @ part
     return turned
 
 
-def _errors(c: Compensation, gyro: FloatArray, accel: FloatArray, count: int) -> FloatArray:
+def _errors(
+    c: Compensation, gyro: FloatArray, accel: FloatArray, time: FloatArray, count: int, candidates: Sequence[Candidate]
+) -> FloatArray:
     """Return the mean errors of the six channels in groups of `count` samples, shape (groups, 6, components)."""
     rate, force = compensate(c, np.nan_to_num(gyro), accel)  # NaN without gyros
     still = np.zeros_like(rate)
-    motion = Motion(rate, force, still, still, np.zeros(len(rate)))
-    return all_errors(motion, (), np.full(len(rate) // count, count))
+    motion = Motion(rate, force, still, still, time)
+    return all_errors(motion, candidates, np.full(len(rate) // count, count))

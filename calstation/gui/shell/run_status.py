@@ -40,6 +40,7 @@ _REMARKS = (
     "look_repeated",
     "safe_stop_incomplete",
     "azimuth_from_data",
+    "table_quiet",
     "not_settled",
     "turns_assumed_whole",
     "transfer_finished",
