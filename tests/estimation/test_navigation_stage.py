@@ -10,8 +10,10 @@ from simulated_stages import block_of, context_of, cut, errors_in_sigma, prior_o
 from calstation.bench.config import BenchConfig
 from calstation.bench.truth.simulate import Simulator
 from calstation.errors import InsufficientDataError
+from calstation.estimation.common import Belief, stage_data
+from calstation.estimation.navigation import solve_navigation
 from calstation.physics.motion import Dwell
-from calstation.physics.parameters import INDEX, NAMES
+from calstation.physics.parameters import COUNT, INDEX, NAMES
 from tests.helpers import raises_code
 
 
@@ -143,3 +145,12 @@ def test_unknown_start_attitude_is_found_from_the_data(nav_stage, azimuth, angle
     assert [key for key, _ in result.messages] == ["azimuth_from_data"]
     # a start told or found matters little once everything has been turned
     assert result.belief.sigma == pytest.approx(solution.belief.sigma, rel=0.5)
+
+
+def test_without_an_estimated_parameter_all_passes_linearise_about_the_prior(nav_stage, solution):
+    known = Belief(nav_stage.truth.parameters, nav_stage.prior.covariance)
+    data = stage_data([nav_stage.block], nav_stage.context.imu)
+    found = solve_navigation("excitation", data, nav_stage.context, known, np.zeros(COUNT, np.bool_))
+    assert found.converged
+    np.testing.assert_array_equal(found.point, known.mean)
+    assert found.belief.sigma == pytest.approx(solution.belief.sigma, rel=0.02)

@@ -69,8 +69,9 @@ def solve_navigation(
 ) -> NavigationResult:
     """Iterate passes, relinearising all parameters, until the `estimated` ones converge.
 
-    The first pass linearises about the solution `near`, if there is one. Raises InsufficientDataError if no segment
-    contains a rest for alignment.
+    Where none is estimated, all passes linearise about the mean of the prior and only the attitudes converge. The first
+    pass linearises about the solution `near`, if there is one. Raises InsufficientDataError if no segment contains a
+    rest for alignment.
     """
     if near is not None:
         solver = _Relinearisation(data, context, prior, estimated, _Meter(progress, USUAL_PASSES), near.passes)
@@ -177,13 +178,14 @@ class _Relinearisation:
             run, ends = self.one_pass(point, found, attitudes, smooth=self.passes > 1)
             belief = run.belief
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
-            before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated]))
+            before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated], initial=0.0))
             # steps shrink at least as fast as between the last two, which bounds the next one
             converged = self.passes > 1 and (moved < CONVERGED or moved * moved < CONVERGED * before)
             if converged:
                 break
-            attitudes = self._carry_back(run, belief.mean, found, ends)
-            point = belief.mean
+            if self.estimated.any():
+                point = belief.mean
+            attitudes = self._carry_back(run, point, found, ends)
         return NavigationResult(
             belief,
             run.history,
