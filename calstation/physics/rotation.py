@@ -1,5 +1,7 @@
 """Rotation algebra: cross-product matrices, rotation vectors and directions."""
 
+import math
+
 import numba as nb
 import numpy as np
 
@@ -13,15 +15,15 @@ def skew(v: FloatArray) -> FloatArray:
 
 
 @nb.njit(cache=True)
-def rotation_matrix(rotvec: FloatArray) -> FloatArray:
+def rotation_matrix(rotvec: FloatArray | tuple[float, float, float]) -> FloatArray:
     """Return the rotation matrix of a rotation vector, rad, shape (3, 3) (Rodrigues' formula)."""
     x, y, z = rotvec[0], rotvec[1], rotvec[2]
     angle2 = x * x + y * y + z * z
     if angle2 < 1e-12:
         a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
     else:
-        angle = np.sqrt(angle2)
-        a, b = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle2
+        angle = math.sqrt(angle2)
+        a, b = math.sin(angle) / angle, (1.0 - math.cos(angle)) / angle2
     C = np.empty((3, 3))
     C[0, 0] = 1.0 - b * (y * y + z * z)
     C[1, 1] = 1.0 - b * (x * x + z * z)
@@ -34,7 +36,9 @@ def rotation_matrix(rotvec: FloatArray) -> FloatArray:
 
 def axis_rotation(axis: FloatArray | tuple[float, float, float], angle: float) -> FloatArray:
     """Return the right-handed rotation by `angle`, rad, about a unit `axis`, shape (3, 3)."""
-    return np.asarray(rotation_matrix(np.asarray(axis, dtype=np.float64) * angle))
+    x, y, z = axis
+    # not compiled, because loading the first compiled function takes most of a second at the start of a program
+    return np.asarray(rotation_matrix.py_func((float(x) * angle, float(y) * angle, float(z) * angle)))
 
 
 @nb.njit(cache=True)

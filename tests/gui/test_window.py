@@ -176,3 +176,16 @@ def test_tab_order_follows_reading_order(window: MainWindow, qtbot: QtBot) -> No
         seen.append(window.focusWidget().objectName())
         qtbot.keyClick(window.focusWidget(), Qt.Key.Key_Tab)
     assert seen == ["operator_edit", "serial_edit", "product_combo", "start_button", "stop_button"]
+
+
+def test_the_window_starts_without_the_solvers() -> None:
+    """Compiled kernels and scipy.stats would delay the first paint by more than a second."""
+    script = (
+        "import sys; from calstation.gui import create_window; from PySide6.QtWidgets import QApplication\n"
+        "window = create_window(); window.show(); QApplication.processEvents()\n"
+        "print([name for name in ('scipy.stats', 'filterpy') if name in sys.modules])\n"
+        "from calstation.physics.rotation import rotation_matrix; print(rotation_matrix.signatures)\n"
+        "window.app.close()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["[]", "[]"]

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from filterpy.kalman import KalmanFilter
 
 from calstation.estimation.common import BIAS_DRIFT_TIME, Belief, SolveContext, StageData, Start, filter_noise
 from calstation.estimation.navigation.reference import smoothed_reference
@@ -111,6 +110,8 @@ class NavigationFilter:
         self._arm_velocity = np.zeros(3)
         self._has_drift = bool(np.any(self.noise.bias_drift))
         size = STATES + len(BIAS) if self._has_drift else STATES
+        from filterpy.kalman import KalmanFilter  # imports scipy.stats, which takes half a second
+
         kf = KalmanFilter(dim_x=size, dim_z=3)
         kf.x = np.zeros(size)
         kf.x[PARAMETER_START:STATES] = prior.mean - point

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QT_TRANSLATE_NOOP, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFileDialog, QLineEdit, QVBoxLayout, QWidget
 
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
@@ -40,8 +40,6 @@ _LEFT = 46 * theme.GRID
 
 class EngineerPage(Page):
     """Page with stage choice, schedules, preview and START, and with views of results and registers."""
-
-    TITLE = str(QT_TRANSLATE_NOOP("EngineerPage", "Engineer"))
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)

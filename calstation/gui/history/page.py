@@ -3,7 +3,7 @@
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QT_TRANSLATE_NOOP, Qt, QUrl, SignalInstance
+from PySide6.QtCore import Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
 
 from calstation.config import computer_user
@@ -24,8 +24,6 @@ _MAX_RUNS = 300
 
 class HistoryPage(Page):
     """Lists the runs in the runs folder, with the details of the selected run."""
-
-    TITLE = str(QT_TRANSLATE_NOOP("HistoryPage", "History"))
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)

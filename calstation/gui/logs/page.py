@@ -6,7 +6,7 @@ import weakref
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QT_TRANSLATE_NOOP, QMimeData, Qt
+from PySide6.QtCore import QMimeData, Qt
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import QSplitter, QWidget
 
@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 
 class OfflinePage(Page):
     """Shows a log, the selected range, and its solution."""
-
-    TITLE = str(QT_TRANSLATE_NOOP("OfflinePage", "Offline"))
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)

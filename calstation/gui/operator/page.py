@@ -4,7 +4,6 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from PySide6.QtCore import QT_TRANSLATE_NOOP
 from PySide6.QtGui import QShowEvent
 
 from calstation.config import (
@@ -54,8 +53,6 @@ from calstation.sequencer import Command
 
 class OperatorPage(Page):
     """Page with everything an operator needs and without settings that an operator must not change."""
-
-    TITLE = str(QT_TRANSLATE_NOOP("OperatorPage", "Operator"))
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)

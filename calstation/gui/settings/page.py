@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from PySide6.QtCore import QT_TRANSLATE_NOOP, QSignalBlocker, QSize, Qt
+from PySide6.QtCore import QSignalBlocker, QSize, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QListWidget, QListWidgetItem, QStackedWidget, QWidget
 
@@ -35,8 +35,6 @@ _SECTION_KEYS: tuple[tuple[KeyPath, ...], ...] = (
 
 class StationPage(Page):
     """Lists the sections, and shows the selected one; edits are checked immediately and saved on demand."""
-
-    TITLE = str(QT_TRANSLATE_NOOP("StationPage", "Station"))
 
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)

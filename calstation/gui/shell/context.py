@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import QCoreApplication, QObject, QSettings, Signal
+from PySide6.QtCore import QObject, QSettings, Signal
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import library
@@ -14,7 +14,12 @@ from calstation.gui.shell.run_status import RunStatus
 from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.jobs import JobQueue
-from calstation.results import warm_up
+
+
+def _warm_up() -> None:
+    from calstation.results import warm_up  # the solvers take a second to import; only the job process needs them
+
+    warm_up()
 
 
 class AppContext(QObject):
@@ -34,7 +39,7 @@ class AppContext(QObject):
         super().__init__()
         #: Language, theme, recent files; no setting that affects results.
         self.settings = QSettings(str(library.site_folder() / "window.ini"), QSettings.Format.IniFormat, self)
-        self.job_queue = JobQueue(warm_up)
+        self.job_queue = JobQueue(_warm_up)
         self.engine_link = EngineLink(self)
         self.run = RunStatus(self.engine_link, self)
         self.role = RoleLock(self)
@@ -99,17 +104,10 @@ class Page(QWidget):
     """
 
     header: QWidget | None = None
-    #: Title of the page's tab in English; the class is its context in the translations.
-    TITLE = ""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
         self.app = app
-
-    @classmethod
-    def title(cls) -> str:
-        """Return the title of the page's tab in the current language."""
-        return QCoreApplication.translate(cls.__name__, cls.TITLE)
 
     def may_leave(self, go: Callable[[], object]) -> bool:
         """Whether the page may be left now; a page that asks first returns False and calls `go` after confirmation."""

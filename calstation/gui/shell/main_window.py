@@ -7,17 +7,14 @@ from itertools import pairwise
 from pathlib import Path
 from typing import cast
 
-from PySide6.QtCore import QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt
-from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
+from PySide6.QtCore import QT_TRANSLATE_NOOP, QByteArray, QEvent, QObject, QPoint, QSignalBlocker, QSize, Qt, QTimer
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut, QShowEvent
 from PySide6.QtWidgets import QLabel, QMainWindow, QStackedWidget, QTabWidget, QWidget
 
 from calstation.config import load_station
 from calstation.errors import CalstationError
-from calstation.gui.engineer import EngineerPage
-from calstation.gui.history import HistoryPage
-from calstation.gui.logs import OfflinePage
+from calstation.gui import engineer, history, logs, settings
 from calstation.gui.operator import OperatorPage
-from calstation.gui.settings import StationPage
 from calstation.gui.shell.context import AppContext, Page
 from calstation.gui.shell.role import RolePanel
 from calstation.gui.shell.run_strip import RunStrip
@@ -28,23 +25,27 @@ from calstation.gui.widgets import PANEL, button, column, label, padlock_icon, r
 _STRIP_HEIGHT = theme.BIG_BUTTON + 2 * theme.GRID
 _ICON = QSize(24, 24)
 
-_PAGES: dict[str, type[Page]] = {
-    "operator_page": OperatorPage,
-    "engineer_page": EngineerPage,
-    "offline_page": OfflinePage,
-    "history_page": HistoryPage,
-    "station_page": StationPage,
+#: Each page and its title. The package of a page is imported when the page is created.
+_PAGES: dict[str, tuple[Callable[[AppContext], Page], str]] = {
+    "operator_page": (OperatorPage, str(QT_TRANSLATE_NOOP("MainWindow", "Operator"))),
+    "engineer_page": (lambda app: engineer.EngineerPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Engineer"))),
+    "offline_page": (lambda app: logs.OfflinePage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Offline"))),
+    "history_page": (lambda app: history.HistoryPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "History"))),
+    "station_page": (lambda app: settings.StationPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Station"))),
 }
-#: Pages that follow a run from the start or are used before they are shown; others are created when first shown.
-_AT_ONCE = ("operator_page", "engineer_page", "offline_page")
+#: Pages that must exist before a run starts, another page is shown or some time has passed; the rest is created when
+#: first shown.
+_SOON = ("engineer_page", "offline_page")
+#: Time after which they are created, ms; the window has been painted by then.
+_SOON_MS = 50
 
 
 class _Tab(QWidget):
     """Container of a page and its header; creates the page below the strip when it is first needed."""
 
-    def __init__(self, app: AppContext, kind: type[Page]) -> None:
+    def __init__(self, app: AppContext, make: Callable[[AppContext], Page]) -> None:
         super().__init__()
-        self._app, self._kind = app, kind
+        self._app, self._make = app, make
         self._page: Page | None = None
         self.header = QWidget()
 
@@ -53,14 +54,10 @@ class _Tab(QWidget):
         return self._page or self.make_page()
 
     def make_page(self) -> Page:
-        self._page = page = self._kind(self._app)
+        self._page = page = self._make(self._app)
         column((page, 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
         column((page.header or RunStrip(self._app.run), 1), on=self.header)
         return page
-
-    def title(self) -> str:
-        """Return the tab title in the current language."""
-        return self._kind.title()
 
     def may_leave(self, go: Callable[[], object]) -> bool:
         """See `Page.may_leave`."""
@@ -103,13 +100,11 @@ class MainWindow(QMainWindow):
         )
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
-        self._tabs = {name: _Tab(app, kind) for name, kind in _PAGES.items()}
+        self._tabs = {name: _Tab(app, make) for name, (make, _) in _PAGES.items()}
         for key, tab in self._tabs.items():
             tab.setObjectName(key)
             tab.installEventFilter(self)
-            if key in _AT_ONCE:
-                tab.make_page()
-            self.page_tabs.addTab(tab, tab.title())
+            self.page_tabs.addTab(tab, "")
             self._headers.addWidget(tab.header)
         self._role_panel = RolePanel(app.role, self)
         self._order_tabs()
@@ -137,13 +132,23 @@ class MainWindow(QMainWindow):
         app.resume_run.connect(lambda _: self.show_page("operator_page"))
         app.open_log.connect(self._open_log)
 
+    def showEvent(self, event: QShowEvent) -> None:
+        """Create the other pages after the first paint."""
+        super().showEvent(event)
+        QTimer.singleShot(_SOON_MS, self, self.make_pages)
+
+    def make_pages(self) -> None:
+        """Create the pages that follow a run from its start or are used before they are shown."""
+        for name in _SOON:
+            _ = self._tabs[name].page
+
     @property
     def operator_page(self) -> OperatorPage:
         return cast("OperatorPage", self._tabs["operator_page"].page)
 
     @property
-    def offline_page(self) -> OfflinePage:
-        return cast("OfflinePage", self._tabs["offline_page"].page)
+    def offline_page(self) -> "logs.OfflinePage":
+        return cast("logs.OfflinePage", self._tabs["offline_page"].page)
 
     def show_page(self, name: str) -> None:
         """Show the page with the given object name."""
@@ -158,8 +163,8 @@ class MainWindow(QMainWindow):
         return list(self._tabs.values())[self._shown].may_leave(go)
 
     def _show_titles(self) -> None:
-        for index, tab in enumerate(self._tabs.values()):
-            self.page_tabs.setTabText(index, tab.title())
+        for index, (_, title) in enumerate(_PAGES.values()):
+            self.page_tabs.setTabText(index, self.tr(title))
         with QSignalBlocker(self.language_combo):
             self.language_combo.setCurrentIndex(max(0, self.language_combo.findData(language.current())))
 
@@ -207,6 +212,7 @@ class MainWindow(QMainWindow):
         self.app.engine_link.give_up()
 
     def _running_changed(self, running: bool) -> None:
+        self.make_pages()
         if self._closing and not running:
             self.close()
 
@@ -241,6 +247,7 @@ class MainWindow(QMainWindow):
         if index != self._shown and not self._may_leave(partial(self.page_tabs.setCurrentIndex, index)):
             self.page_tabs.setCurrentIndex(self._shown)
             return
+        self.make_pages()
         self._shown = index
         self._headers.setCurrentIndex(index)
         self._move_strip()

@@ -32,10 +32,6 @@
 <context>
     <name>EngineerPage</name>
     <message>
-        <source>Engineer</source>
-        <translation>工程师</translation>
-    </message>
-    <message>
         <source>Show an earlier result or log</source>
         <translation>查看以前的标定结果或数据记录</translation>
     </message>

@@ -48,16 +48,12 @@
 <context>
     <name>HistoryPage</name>
     <message>
-        <source>History</source>
-        <extracomment>Maximum number of runs listed.</extracomment>
-        <translation>历史记录</translation>
-    </message>
-    <message>
         <source>Show all runs</source>
         <translation>显示全部</translation>
     </message>
     <message>
         <source>Runs, the latest first</source>
+        <extracomment>Maximum number of runs listed.</extracomment>
         <translation>标定记录，最近的在前</translation>
     </message>
     <message>

@@ -205,10 +205,6 @@
 <context>
     <name>OfflinePage</name>
     <message>
-        <source>Offline</source>
-        <translation>离线解算</translation>
-    </message>
-    <message>
         <source>This log cannot be opened</source>
         <translation>无法打开这个记录</translation>
     </message>

@@ -52,13 +52,6 @@
     </message>
 </context>
 <context>
-    <name>OperatorPage</name>
-    <message>
-        <source>Operator</source>
-        <translation>操作员</translation>
-    </message>
-</context>
-<context>
     <name>PositionPanel</name>
     <message>
         <source>Enough positions: finish</source>

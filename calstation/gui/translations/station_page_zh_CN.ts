@@ -232,9 +232,7 @@
     <name>StationPage</name>
     <message>
         <source>Station</source>
-        <extracomment>Key paths of the station file that each of the first four sections edits.
-----------
-Names of the files saved last; empty after the next edit.</extracomment>
+        <extracomment>Key paths of the station file that each of the first four sections edits. Names of the files saved last; empty after the next edit.</extracomment>
         <translation>工位</translation>
     </message>
     <message>

@@ -67,7 +67,7 @@
     <name>MainWindow</name>
     <message>
         <source>STOP</source>
-        <extracomment>Height of the strip with STOP at the top of every page, px. Pages that follow a run from the start or are used before they are shown; others are created when first shown.</extracomment>
+        <extracomment>Pages that must exist before a run starts, another page is shown or some time has passed; the rest is created when first shown. Time after which they are created, ms; the window has been painted by then.</extracomment>
         <translation>停止</translation>
     </message>
     <message>
@@ -84,7 +84,20 @@
     </message>
     <message>
         <source>Operator</source>
+        <extracomment>Height of the strip with STOP at the top of every page, px. Each page and its title. The package of a page is imported when the page is created.</extracomment>
         <translation>操作员</translation>
+    </message>
+    <message>
+        <source>Offline</source>
+        <translation>离线解算</translation>
+    </message>
+    <message>
+        <source>History</source>
+        <translation>历史记录</translation>
+    </message>
+    <message>
+        <source>Station</source>
+        <translation>工位</translation>
     </message>
     <message>
         <source>Lock: back to the operator&apos;s role</source>
