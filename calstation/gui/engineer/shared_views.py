@@ -20,8 +20,7 @@ class CellTable(ParameterTable):
 
     def __init__(self, name: str, *, grouped: bool = False) -> None:
         self.cells: dict[str, dict[str, str]] = {}
-        self.parameters = ParameterModel((), grouped=grouped)
-        super().__init__(self.parameters)
+        super().__init__(ParameterModel((), grouped=grouped))
         self.setObjectName(name)
         self.verticalHeader().setDefaultSectionSize(ROW)
 
@@ -85,10 +84,9 @@ class StackedPlots(QWidget, Generic[Data]):
         self._data: Data | None = None
         self._outdated = True
         self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
-        self.plots = tuple(ThemedPlot() for _ in range(count))
+        self.plots = tuple(ThemedPlot(zoom=True) for _ in range(count))
         for number, plot in enumerate(self.plots):
             plot.getAxis("left").setWidth(left)
-            plot.setMouseEnabled(x=True, y=False)
             plot.showGrid(y=True, alpha=0.2)
             if number < count - 1:
                 plot.getAxis("bottom").setStyle(showValues=False)

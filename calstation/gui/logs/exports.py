@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QObject
-from PySide6.QtWidgets import QFileDialog, QWidget
+from PySide6.QtWidgets import QWidget
 
-from calstation.gui.widgets import JobWatch, NoticeBar
+from calstation.gui.widgets import JobWatch, NoticeBar, ask_file
 from calstation.jobs import JobQueue
 from calstation.results import Result, drop_partial, export_log, export_result
 from calstation.results.plots import LogIndex
@@ -47,20 +47,11 @@ class Exports(QObject):
     def _ask(self, title: str, proposed: Path, kinds: list[str], work: Callable[[Path], tuple[Any, ...]]) -> None:
         """Ask for a file, then submit the job that `work` returns for it, a function and its arguments."""
 
-        def begin(name: str) -> None:
-            self._target = Path(name)
+        def begin(target: Path) -> None:
+            self._target = target
             self.watch.watch(self._job_queue.submit(*work(self._target)))
 
-        dialog = QFileDialog(self._page, title, str(proposed.parent))
-        dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
-        dialog.setFileMode(QFileDialog.FileMode.AnyFile)
-        dialog.setNameFilters(kinds)
-        dialog.selectFile(proposed.name)
-        dialog.filterSelected.connect(lambda kind: dialog.setDefaultSuffix(_suffix(kind)))
-        dialog.setDefaultSuffix(_suffix(kinds[0]))
-        dialog.fileSelected.connect(begin)
-        dialog.finished.connect(dialog.deleteLater)
-        dialog.open()
+        ask_file(self._page, title, proposed, kinds, begin)
 
     def _written(self, target: Path) -> None:
         self._notice.inform("good", lambda: self.tr("Written"), lambda: str(target), self._focus)
@@ -71,8 +62,3 @@ class Exports(QObject):
 
 def _stem(path: Path) -> str:
     return path.name.removesuffix(".gz").removesuffix(".csv").removesuffix(".h5")
-
-
-def _suffix(kind: str) -> str:
-    """Return the suffix in the brackets of a name filter, without its first dot."""
-    return kind.rpartition("*.")[2].rstrip(")")

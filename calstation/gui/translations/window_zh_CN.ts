@@ -139,6 +139,22 @@
     </message>
 </context>
 <context>
+    <name>ParameterTable</name>
+    <message>
+        <source>Copy</source>
+        <extracomment>Differences above this number of sigmas are highlighted. Whether cells are right-aligned. Symbol before the text, one of `badge.KINDS` or None. Tooltip.</extracomment>
+        <translation>复制</translation>
+    </message>
+    <message>
+        <source>Save as CSV…</source>
+        <translation>另存为 CSV…</translation>
+    </message>
+    <message>
+        <source>Save the table</source>
+        <translation>保存表格</translation>
+    </message>
+</context>
+<context>
     <name>ResetBar</name>
     <message>
         <source>Reset the fault</source>
@@ -218,6 +234,21 @@
     <message>
         <source>{time} left</source>
         <translation>剩余 {time}</translation>
+    </message>
+</context>
+<context>
+    <name>ThemedPlot</name>
+    <message>
+        <source>Copy as picture</source>
+        <translation>复制为图片</translation>
+    </message>
+    <message>
+        <source>Save…</source>
+        <translation>保存…</translation>
+    </message>
+    <message>
+        <source>Save the plot</source>
+        <translation>保存图形</translation>
     </message>
 </context>
 </TS>

@@ -8,6 +8,7 @@ from .badge import state_colour as state_colour
 from .badge import state_icon as state_icon
 from .badge import theme_icon as theme_icon
 from .checks_table import ChecksTable as ChecksTable
+from .files import ask_file as ask_file
 from .jobs import JobRow as JobRow
 from .jobs import JobStack as JobStack
 from .jobs import JobWatch as JobWatch

@@ -1,15 +1,18 @@
-"""Tables with one parameter per row: a model defined by its columns, and a view that copies rows as text."""
+"""Tables with one parameter per row: a model defined by its columns, and a view that copies rows or saves them."""
 
+import csv
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
-from PySide6.QtGui import QColor, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
+from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
 
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
+from calstation.gui.widgets.files import ask_file
 from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
@@ -74,13 +77,12 @@ class ParameterModel(QAbstractTableModel):
         self._shaded = tuple(self._grouped and order.index(group) % 2 == 1 for group in groups)
         self.endResetModel()
 
-    def tsv(self, rows: Sequence[int]) -> str:
-        """Return headings and rows as tab-separated text, with the parameter names in the first column."""
+    def lines(self, rows: Iterable[int]) -> list[list[str]]:
+        """Return headings and rows as a spreadsheet reads them, with the parameter names in the first column."""
         lines = [["parameter", *(column.heading() for column in self._columns)]]
-        for row in rows:
-            name = self._names[row]
-            lines.append([name, *(column.text(name) for column in self._columns)])
-        return "\n".join("\t".join(line) for line in lines) + "\n"
+        for name in (self._names[row] for row in rows):
+            lines.append([name, *(column.text(name).strip().replace("−", "-") for column in self._columns)])
+        return lines
 
     def refresh(self) -> None:
         """Update all cells and headings."""
@@ -129,10 +131,12 @@ class ParameterModel(QAbstractTableModel):
 
 
 class ParameterTable(QTableView):
-    """Shows a `ParameterModel`; rows can be copied as text."""
+    """Shows a `ParameterModel`; rows can be copied as text, and the table saved."""
 
     def __init__(self, model: ParameterModel, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self.parameters = model
+        self._menu = QMenu(self)
         self.setModel(model)
         self.setFont(theme.font())
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
@@ -165,10 +169,23 @@ class ParameterTable(QTableView):
 
     def copy(self) -> None:
         """Copy the selected rows, or all if none is selected, as tab-separated text."""
-        model = self.model()
-        assert isinstance(model, ParameterModel)
         rows = sorted({index.row() for index in self.selectionModel().selectedIndexes()})
-        QGuiApplication.clipboard().setText(model.tsv(rows or range(model.rowCount())))
+        lines = self.parameters.lines(rows or range(self.parameters.rowCount()))
+        QGuiApplication.clipboard().setText("".join("\t".join(line) + "\n" for line in lines))
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Offer to copy or save the table."""
+        self._menu.clear()
+        self._menu.addAction(self.tr("Copy"), self.copy)
+        self._menu.addAction(self.tr("Save as CSV…"), self._ask_file)
+        self._menu.popup(event.globalPos())
+
+    def _ask_file(self) -> None:
+        ask_file(self, self.tr("Save the table"), Path("table.csv"), ["CSV (*.csv)"], self._save)
+
+    def _save(self, target: Path) -> None:
+        with target.open("w", encoding="utf-8-sig", newline="") as file:
+            csv.writer(file).writerows(self.parameters.lines(range(self.parameters.rowCount())))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         """Copy rows on Ctrl+C."""

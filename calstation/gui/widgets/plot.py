@@ -2,24 +2,33 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import pyqtgraph as pg
+from pyqtgraph.exporters import CSVExporter
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QPaintEvent, QPen
-from PySide6.QtWidgets import QSizePolicy, QWidget
+from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QPainter, QPaintEvent, QPen
+from PySide6.QtSvg import QSvgGenerator
+from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
+from calstation.gui.widgets.files import ask_file
+from calstation.gui.widgets.zoom_box import ZoomBox
 
 pg.setConfigOptions(antialias=False)
 
 
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
-    """A plot with two axes in the colours of the current theme."""
+    """A plot with two axes in the colours of the current theme, which its menu copies and saves.
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent, enableMenu=False)
+    A plot with `zoom` can be zoomed, see `ZoomBox`.
+    """
+
+    def __init__(self, parent: QWidget | None = None, *, zoom: bool = False) -> None:
+        super().__init__(parent, enableMenu=False, **({"viewBox": ZoomBox()} if zoom else {}))
         self.hideButtons()
+        self._menu = QMenu(self)
         for side in ("left", "bottom"):
             axis = self.getAxis(side)
             axis.setStyle(tickFont=theme.font())
@@ -27,6 +36,35 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
             axis.enableAutoSIPrefix(False)
         self.apply_theme()
         theme.themes.changed.connect(self.apply_theme)
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Offer to copy or save the plot."""
+        self._menu.clear()
+        self._menu.addAction(self.tr("Copy as picture"), self._copy)
+        self._menu.addAction(self.tr("Save…"), self._ask_file)
+        self._menu.popup(event.globalPos())
+        event.accept()
+
+    def _copy(self) -> None:
+        QGuiApplication.clipboard().setPixmap(self.grab())
+
+    def _ask_file(self) -> None:
+        kinds = ["PNG (*.png)", "SVG (*.svg)", "CSV (*.csv)"]
+        ask_file(self, self.tr("Save the plot"), Path("plot.png"), kinds, self._save)
+
+    def _save(self, target: Path) -> None:
+        match target.suffix.lower():
+            case ".svg":
+                generator = QSvgGenerator()
+                generator.setFileName(str(target))
+                generator.setViewBox(self.rect())
+                painter = QPainter(generator)
+                self.render(painter)
+                painter.end()
+            case ".csv":
+                CSVExporter(self.getPlotItem()).export(str(target))
+            case _:
+                self.grab().save(str(target))
 
     def apply_theme(self) -> None:
         """Apply the colours of the current theme."""

@@ -38,7 +38,7 @@ class MethodPlot(ThemedPlot):
     """A plot whose vertical axis may be logarithmic."""
 
     def __init__(self, *, log: bool = False) -> None:
-        super().__init__()
+        super().__init__(zoom=True)
         self._log = log
         if log:
             self.getPlotItem().setAxisItems({"left": _PlainLog("left")})
@@ -46,7 +46,6 @@ class MethodPlot(ThemedPlot):
         self.getAxis("left").setWidth(8 * theme.GRID)
         self.getAxis("left").setStyle(tickFont=theme.font(), hideOverlappingLabels=True)
         self.getAxis("left").enableAutoSIPrefix(False)
-        self.setMouseEnabled(x=True, y=False)
         self.getViewBox().setDefaultPadding(0.02)
         self.getPlotItem().setContentsMargins(0, 0, theme.GRID, 0)
         self._note = PlotNote(self.getViewBox())
