@@ -14,10 +14,8 @@ def skew(v: FloatArray) -> FloatArray:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
-@nb.njit(cache=True)
-def rotation_matrix(rotvec: FloatArray | tuple[float, float, float]) -> FloatArray:
-    """Return the rotation matrix of a rotation vector, rad, shape (3, 3) (Rodrigues' formula)."""
-    x, y, z = rotvec[0], rotvec[1], rotvec[2]
+def _rodrigues(x: float, y: float, z: float) -> FloatArray:
+    """Return the rotation matrix of the rotation vector (x, y, z), rad, shape (3, 3) (Rodrigues' formula)."""
     angle2 = x * x + y * y + z * z
     if angle2 < 1e-12:
         a, b = 1.0 - angle2 / 6.0, 0.5 - angle2 / 24.0
@@ -34,11 +32,20 @@ def rotation_matrix(rotvec: FloatArray | tuple[float, float, float]) -> FloatArr
     return C
 
 
+_compiled_rodrigues = nb.njit(cache=True)(_rodrigues)
+
+
+@nb.njit(cache=True)
+def rotation_matrix(rotvec: FloatArray) -> FloatArray:
+    """Return the rotation matrix of a rotation vector, rad, shape (3, 3)."""
+    return np.asarray(_compiled_rodrigues(rotvec[0], rotvec[1], rotvec[2]))
+
+
 def axis_rotation(axis: FloatArray | tuple[float, float, float], angle: float) -> FloatArray:
     """Return the right-handed rotation by `angle`, rad, about a unit `axis`, shape (3, 3)."""
     x, y, z = axis
     # not compiled, because loading the first compiled function takes most of a second at the start of a program
-    return np.asarray(rotation_matrix.py_func((float(x) * angle, float(y) * angle, float(z) * angle)))
+    return _rodrigues(float(x) * angle, float(y) * angle, float(z) * angle)
 
 
 @nb.njit(cache=True)

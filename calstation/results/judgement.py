@@ -32,8 +32,8 @@ from procedures import DEFAULT_STAGES
 
 #: Kinds of checks that may fail because the model does not describe the data.
 _OF_THE_MODEL: frozenset[CheckKind] = frozenset({
-    "within", "consistency", "agreement", "gravity_at_rest", "improvement_at_rest", "improvement_at_rest_floor",
-    "motion_angle", "motion_improvement", "motion_improvement_floor",
+    "within", "consistency", "agreement", "halves", "gravity_at_rest", "improvement_at_rest",
+    "improvement_at_rest_floor", "motion_angle", "motion_improvement", "motion_improvement_floor",
 })  # fmt: skip
 #: Number of parameters that the sentence about a failed test lists.
 _MOST_MOVES = 3

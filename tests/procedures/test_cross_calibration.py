@@ -139,11 +139,53 @@ def test_a_drift_during_the_recording_fails_and_is_named(mems):
     assert test.misfit.values["parameter"].startswith("secondary_accel_matrix_")
 
 
+def test_effects_are_along_the_axes_of_a_rotated_secondary():
+    primary, secondary = pair(3)
+    turned = replace(secondary, mounting=Mounting(rotation(np.array([0.0, 0.0, 0.5 * np.pi])), np.zeros(3)))
+    block, context = recording(primary, [turned], 3), context_of(primary, [turned])
+    along_x = np.eye(3)[0]
+    sound = solved(block, context, known(primary))
+    assert all(test.value < test.limit for test in sound.tests)
+    changed = with_error(block, context, lambda w, f: 3e-3 / FAST**2 * gyro(along_x * w**3))
+    (_, test) = solved(changed, context, known(primary)).tests
+    assert test.value > test.limit
+    assert (test.misfit.values["effect"], test.misfit.values["component"]) == ("gyro_cubic", "x")
+
+
+def test_an_effect_that_equals_a_parameter_in_the_recording_is_not_found(mems):
+    primary, secondary, block = mems
+    context = context_of(primary, [secondary])
+    upright = block.part(0, 4000)  # an axis that stays upward: |f| is f
+    imus = (context.imu, context.secondaries[0].imu)
+    counts, others = (np.asarray(x, np.float64).copy() for x in (upright.counts, upright.others))
+    random = np.random.default_rng(1)
+    rates = uniform_filter1d(random.normal(0.0, 2.0, (len(upright), 3)), 15, axis=0)
+    forces = np.array([0.0, 0.0, G]) + uniform_filter1d(random.normal(0.0, 4.0, (len(upright), 3)), 15, axis=0)
+    for imu, of in zip(imus, (counts, others[:, 0]), strict=True):
+        unit = np.repeat([imu.gyro_lsb, imu.accel_lsb], 3) * imu.rate_factor
+        noise = np.repeat([imu.gyro_arw, imu.accel_vrw], 3) * np.sqrt(RATE)
+        of[:] = (np.hstack([rates, forces]) + noise * random.normal(size=(len(upright), 6))) / unit
+    moved = replace(upright, counts=counts, others=others)
+    found = solved(moved, context, known(primary), lever=False, clock_offset=False)
+    assert all(test.value < test.limit for test in found.tests)
+    assert found.explanation is None
+
+
+@pytest.mark.parametrize("choice", [{"model": "bias"}, {"model": "scale"}, {"clock_offset": False}])
+def test_terms_that_are_not_fitted_are_no_effects(mems, choice):
+    primary, secondary, block = mems
+    found = solved(block, context_of(primary, [secondary]), known(primary), **choice)
+    named = [test.misfit for test in (*found.tests, found.explanation) if test is not None and test.kind == "effects"]
+    if "model" in choice:
+        assert not named
+    assert "time_skew" not in [misfit.values.get("effect") for misfit in named]
+
+
 def test_an_effect_that_moves_nothing_is_harmless(mems):
     primary, secondary, block = mems
     context = context_of(primary, [secondary])
     found = solved(with_error(block, context, lambda w, f: gyro(1e-5 * f)), context, known(primary))
-    assert all(test.value < test.limit or test.kind == "effects" for test in found.tests)
+    assert all(test.value < test.limit for test in found.tests)
     assert found.explanation.misfit.values["effect"] == "g_sensitivity"
 
 

@@ -50,7 +50,7 @@ class Redundancy:
 
 
 #: Probabilities of a NIS below the ends of its band.
-BAND = (0.0005, 0.99999)
+NIS_BAND = (0.0005, 0.99999)
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ def nis_consistency(total: float, count: int, dimension: int) -> Consistency:
     """Return the mean of `count` NIS values that sum to `total`, and its band (Bar-Shalom et al. 2001, 5.4)."""
     if count == 0:
         return Consistency(0.0, 0.0, 0.0, 0)
-    low, high = (chi_square_quantile(p, count * dimension) / count for p in BAND)
+    low, high = (chi_square_quantile(p, count * dimension) / count for p in NIS_BAND)
     return Consistency(total / count, float(low), float(high), count)
 
 

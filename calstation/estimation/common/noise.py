@@ -4,6 +4,7 @@ Noise measured in the data of a stage widens that of the profiles where it is la
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,13 +25,13 @@ _COARSE_TIME = 20.0
 MOST_NOISE = 3.0
 #: Averaging times, s: the first is that at which white noise dominates, the second shows slower noise.
 _TIMES = (1.0, 4.0)
-#: Median of the χ² distribution with 1 degree of freedom, and relative scatter of the median of n values times √n.
-_MEDIAN, _MEDIAN_SCATTER = 0.4549, 2.33
+#: Median of the χ² distribution with 1 degree of freedom.
+_MEDIAN = 0.4549
 #: Share of the table's part of an Allan variance that is uncertain, because its velocity is not quite white.
 _NOT_WHITE = 0.3
-#: Fewest differences from which an Allan variance is found.
+#: Fewest differences from which a variance is found.
 _FEWEST = 10
-#: An excess below this many of its own standard deviations, or below this ratio, is the scatter of the measurement.
+#: An excess below this many standard deviations, or below this ratio, is the scatter of the measurement.
 _SIGMAS, _LEAST_EXCESS = 5.0, 1.05
 
 
@@ -113,13 +114,12 @@ class NoiseRatio:
 
     time: float  #: Averaging time, s.
     value: FloatArray  #: Shape (k,).
-    sigma: FloatArray  #: Scatter of the measurement, shape (k,).
+    limit: FloatArray  #: Value that the noise of the profile practically never reaches, shape (k,).
 
     @property
     def excess(self) -> FloatArray:
         """Ratios that are significantly larger than 1, otherwise 1, shape (k,)."""
-        significant = self.value > np.maximum(_LEAST_EXCESS, 1.0 + _SIGMAS * self.sigma)
-        return np.where(significant, self.value, 1.0)
+        return np.where(self.value > np.maximum(_LEAST_EXCESS, self.limit), self.value, 1.0)
 
 
 @dataclass(frozen=True)
@@ -128,12 +128,8 @@ class RestNoise:
 
     gyro: tuple[NoiseRatio, ...]  #: Angle random walk of each gyro, at every averaging time.
     accel: tuple[NoiseRatio, ...]  #: Velocity random walk of each accelerometer, at every averaging time.
-    velocity: NoiseRatio  #: Velocity of the table.
-
-    @property
-    def table_is_quiet(self) -> bool:
-        """Whether the table certainly vibrates less than half as much as its profile says."""
-        return bool(self.velocity.value[0] + _SIGMAS * self.velocity.sigma[0] < 0.5)
+    velocity: NoiseRatio  #: Velocity of the table; NaN if there is no rest.
+    table_is_quiet: bool  #: Whether the table certainly vibrates less than half as much as its profile says.
 
     def worst(self) -> tuple[float, str, float]:
         """Return the largest significant ratio of an inertial sensor's noise, its channel and averaging time, s."""
@@ -153,49 +149,62 @@ def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_si
     noise = filter_noise(context)
     found = (find_rests(data, segment, context.imu, bias, bias_sigma) for segment in data.segments)
     rests = [slice(a, b) for each in found for a, b in each]
-    velocity, sigma = _vibration([data.accel[rest] for rest in rests], noise, data.dt)
+    velocity, count = _vibration([data.accel[rest] for rest in rests], noise, data.dt)
+    scatter = [_vibration_scatter(part * noise.velocity, noise, count) for part in (1.0, 0.25)]
     drift = noise.bias_drift[[0, 3]] ** 2 * 2.0 / (3.0 * BIAS_DRIFT_TIME)
     gyro, accel = [], []
     for time in _TIMES:
         width = max(round(time / data.dt), 1)
-        variance, scatter = _allan([data.gyro[rest] for rest in rests], width)
-        gyro.append(_ratio(time, variance, scatter, noise.rate / time + drift[0] * time))
-        variance, scatter = _allan([data.accel[rest] for rest in rests], width)
         table = 3.0 * velocity / time**2
-        uncertain = np.hypot(3.0 * sigma / time**2, _NOT_WHITE * table)
-        own = variance - table, np.hypot(scatter, uncertain)
-        accel.append(_ratio(time, *own, noise.force / time + drift[1] * time))
-    mean, scatter = np.array([velocity.mean()]), np.array([np.sqrt(np.sum(sigma**2)) / 3.0])
-    return RestNoise(tuple(gyro), tuple(accel), _ratio(noise.interval, mean, scatter, noise.velocity))
+        uncertain = 3.0 * _vibration_scatter(velocity, noise, count) / time**2 + _NOT_WHITE / _SIGMAS * table
+        gyro.append(_ratio(time, [data.gyro[rest] for rest in rests], width, noise.rate / time + drift[0] * time))
+        own = noise.force / time + drift[1] * time
+        accel.append(_ratio(time, [data.accel[rest] for rest in rests], width, own, table, uncertain))
+    ratio = np.array([velocity.mean()]) / noise.velocity if count else np.array([np.nan])
+    limit = np.sqrt(1.0 + _SIGMAS * scatter[0] / noise.velocity / np.sqrt(3.0))
+    quiet = bool(ratio[0] < 0.25 - _SIGMAS * scatter[1] / noise.velocity / np.sqrt(3.0))
+    return RestNoise(tuple(gyro), tuple(accel), NoiseRatio(noise.interval, np.sqrt(ratio), np.array([limit])), quiet)
 
 
-def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[FloatArray, FloatArray]:
-    """Return the variance of the velocity along each accelerometer at rest, and its scatter, (m/s)², shapes (3,)."""
+def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[FloatArray, int]:
+    """Return the variance of the velocity along each accelerometer at rest, (m/s)², shape (3,), from how many values.
+
+    It is that of the profile if there are too few.
+    """
     stride = max(round(noise.interval / dt), 1)
     changes = (_means(rest, stride) * stride * dt for rest in rests)
     centred = (change - change.mean(axis=0) for change in changes if len(change))
     products = np.concatenate([np.empty((0, 3)), *(-change[1:] * change[:-1] for change in centred)])
     if len(products) < _FEWEST:
-        return np.full(3, noise.velocity), np.full(3, np.inf)
-    return np.maximum(products.mean(axis=0), 0.0), products.std(axis=0) * np.sqrt(2.0 / len(products))
+        return np.full(3, noise.velocity), 0
+    return np.maximum(products.mean(axis=0), 0.0), len(products)
 
 
-def _allan(rests: list[FloatArray], width: int) -> tuple[FloatArray, FloatArray]:
-    """Return the Allan variance of three channels for means of `width` samples, and its scatter, shapes (3,).
+def _vibration_scatter(velocity: Any, noise: FilterNoise, count: int) -> Any:
+    """Return the scatter of the variance from `_vibration` for white velocities of a variance, (m/s)².
 
-    The median ignores what creeps after a move.
+    The products of successive changes, of variance c₀ and covariance c₁, have a variance of c₀² + c₁² and a covariance
+    of c₁² with their neighbours.
+    """
+    own = 2.0 * velocity + noise.force * noise.interval
+    return np.sqrt((own**2 + 3.0 * velocity**2) / max(count, 1))
+
+
+def _ratio(
+    time: float, rests: list[FloatArray], width: int, expected: float, table: Any = 0.0, uncertain: Any = 0.0
+) -> NoiseRatio:
+    """Return the noise of three channels from the Allan variance of means of `width` samples.
+
+    `expected` is the variance of the profile, `table` that of the table, shape (3,), with its uncertainty. The median
+    ignores what creeps after a move; as a sigma, that of n values reaches 1 + 5 √(2/n) less than once in 10⁵.
     """
     steps = np.concatenate([np.empty((0, 3)), *(np.diff(_means(rest, width), axis=0) for rest in rests)])
     if len(steps) < _FEWEST:
-        return np.zeros(3), np.full(3, np.inf)
-    variance = 0.5 * np.median(steps**2, axis=0) / _MEDIAN
-    return variance, variance * _MEDIAN_SCATTER / np.sqrt(len(steps))
-
-
-def _ratio(time: float, variance: FloatArray, sigma: FloatArray, expected: float) -> NoiseRatio:
-    """Return the ratio of sigmas for measured and expected variances."""
-    value = np.sqrt(np.maximum(variance, 0.0) / expected)
-    return NoiseRatio(time, value, 0.5 * sigma / expected / np.maximum(value, 1.0))
+        return NoiseRatio(time, np.ones(3), np.full(3, np.inf))
+    variance = 0.5 * np.median(steps**2, axis=0) / _MEDIAN - table
+    most = (1.0 + _SIGMAS * np.sqrt(2.0 / len(steps))) ** 2 * (expected + table) - table + _SIGMAS * uncertain
+    value, limit = (np.sqrt(np.maximum(x, 0.0) / expected) for x in (variance, most))
+    return NoiseRatio(time, value, np.broadcast_to(limit, 3))
 
 
 def widened(context: SolveContext, measured: RestNoise) -> SolveContext:
@@ -214,8 +223,8 @@ def widened(context: SolveContext, measured: RestNoise) -> SolveContext:
 def noise_tests(profile: SolveContext, used: SolveContext, measured: RestNoise) -> tuple[ModelTest, ...]:
     """Return the tests of the noise that was measured, and used for the solution, against that of the profiles."""
     table = used.table.velocity_sigma / profile.table.velocity_sigma
-    if table == 1.0 and np.isfinite(measured.velocity.sigma[0]):
-        table = float(measured.velocity.value[0])
+    if table == 1.0 and np.isfinite(measured.velocity.value[0]):
+        table = min(float(measured.velocity.value[0]), 1.0)
     ratio, channel, time = measured.worst()
     vibrates = Misfit("table_vibrates", used.table.velocity_sigma, unit="m/s", values={"ratio": table})
     noisy = Misfit("imu_noise", values={"ratio": ratio, "channel": channel, "seconds": time})

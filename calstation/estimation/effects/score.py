@@ -46,15 +46,19 @@ class EffectFound:
 
 
 def effect_tests(found: Sequence[EffectFound]) -> tuple[ModelTest | None, ModelTest | None]:
-    """Return the failed test of effects outside the error model and a significant but harmless one, or None each.
+    """Return the test of the effect outside the error model that does most harm, and a significant but harmless one.
 
     `found` are all effects, the likeliest first. One that is nearly as likely as the first may be the harmful one.
+    There may be none of either; only the first one may pass.
     """
-    likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY)
+    if not found:
+        return None, None
+    significant = found[0].excess > MOST_EXCESS
+    likely = (f for f in found if f.excess > found[0].excess - _AS_LIKELY and (f.excess > MOST_EXCESS) == significant)
     harmful = next((f for f in likely if f.largest_move > LEAST_MOVE), None)
     if harmful is not None:
         return _test(harmful), None
-    return None, _test(found[0]) if found and found[0].excess > MOST_EXCESS else None
+    return None, _test(found[0]) if significant else None
 
 
 def _test(found: EffectFound) -> ModelTest:

@@ -33,6 +33,8 @@ from calstation.physics import (
 )
 
 MOST_PASSES = 20
+#: Passes about a fixed point, after which the attitudes no longer change significantly.
+PASSES_AT_POINT = 2
 #: Number of passes that a solution usually needs, for the progress report.
 USUAL_PASSES = 2
 #: A pass is the last if its step, or the next step predicted from the last two, is below this many sigmas.
@@ -69,7 +71,7 @@ def solve_navigation(
 ) -> NavigationResult:
     """Iterate passes, relinearising all parameters, until the `estimated` ones converge.
 
-    Where none is estimated, all passes linearise about the mean of the prior and only the attitudes converge. The first
+    Where none is estimated, some passes linearise about the mean of the prior and only the attitudes follow. The first
     pass linearises about the solution `near`, if there is one. Raises InsufficientDataError if no segment contains a
     rest for alignment.
     """
@@ -171,16 +173,23 @@ class _Relinearisation:
         return min(candidates, key=lambda c: c[:2])[2]
 
     def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
-        """Run passes until one makes no significant change; only the very first pass closes the loop."""
+        """Run passes until one makes no significant change.
+
+        The very first pass closes the loop or not, whichever leaves the smaller innovations: closing it follows large
+        errors of the first point, but may go astray while little has been observed.
+        """
         moved = 1.0  # before the first pass the rate at which steps shrink is unknown
         for _ in range(MOST_PASSES):
             self.passes += 1
-            run, ends = self.one_pass(point, found, attitudes, smooth=self.passes > 1)
+            ways = (True,) if self.passes > 1 else (False, True)
+            passes = [self.one_pass(point, found, attitudes, smooth=smooth) for smooth in ways]
+            run, ends = min(passes, key=lambda each: float(np.sum(each[0].history.nis)))
             belief = run.belief
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
             before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated], initial=0.0))
             # steps shrink at least as fast as between the last two, which bounds the next one
-            converged = self.passes > 1 and (moved < CONVERGED or moved * moved < CONVERGED * before)
+            enough = self.passes > (1 if self.estimated.any() else PASSES_AT_POINT)
+            converged = enough and (moved < CONVERGED or moved * moved < CONVERGED * before)
             if converged:
                 break
             if self.estimated.any():

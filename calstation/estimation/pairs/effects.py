@@ -4,7 +4,7 @@ The size of an effect is that of the linearised fit with it, and the jackknife o
 whatever the spectrum of the residuals. It is an effect of the secondary, or of the primary with the opposite sign.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,16 +19,18 @@ _QUADRATIC = Candidate(
 )  # fmt: skip
 
 
+#: Fewest blocks for a test: the jackknife has as many degrees of freedom.
+FEWEST_BLOCKS = 40
+
+
 @dataclass(frozen=True)
 class Block:
-    """Normal equations of the k fitted parameters in a block of time, and what effects are added to."""
+    """A linearised fit of k parameters in a block of time, and what effects are added to."""
 
     motion: Motion  #: Of the secondary, n rows.
     columns: FloatArray  #: Derivatives of the six outputs in units of their noise, shape (n, 6, k).
     left: FloatArray  #: Residuals in units of their noise, shape (n, 6).
     weights: FloatArray  #: Shape (n, 6).
-    normal: FloatArray  #: Shape (k, k).
-    gradient: FloatArray  #: Shape (k,).
 
 
 def jackknife(normals: FloatArray, gradient: FloatArray, prior: FloatArray | float = 0.0) -> FloatArray:
@@ -45,37 +47,58 @@ def jackknife(normals: FloatArray, gradient: FloatArray, prior: FloatArray | flo
 
 
 def pair_effects(
-    blocks: Iterator[Block], scale: FloatArray, duration: float, sigma: FloatArray, names: Sequence[str]
+    blocks: Sequence[Block],
+    tested: Callable[[Candidate], bool],
+    scale: FloatArray,
+    axes: FloatArray,
+    duration: float,
+    bias_drift: Mapping[str, float],
+    sigma: FloatArray,
+    names: Sequence[str],
 ) -> list[EffectFound]:
-    """Return what the data say about every effect, the likeliest first.
+    """Return what the data say about the effects that are `tested`, the likeliest first; none from a short recording.
+
+    The primary's noise in the columns, which the fit itself is corrected for, is left: the columns of an effect may
+    equal those of parameters, and then it cancels.
 
     Parameters
     ----------
     scale : noise of the six outputs, rad/s and m/s², shape (6,)
+    axes : those of the secondary, in the primary's, one in a row, shape (3, 3)
     duration : of the recording, s
+    bias_drift : variance of the change of a bias over the recording by bias instability, by group, SI
     sigma, names : of the fitted parameters, shape (k,)
     """
+    if len(blocks) < FEWEST_BLOCKS:
+        return []
     drifts = (c for c in changing(duration) if c.cause == "drift")  # a jump near an end would rest on a few blocks
-    candidates = (*CONSTANT, _QUADRATIC, *drifts)
+    candidates = [c for c in (*CONSTANT, _QUADRATIC, *drifts) if tested(c)]
+    if not candidates:
+        return []
     k, normals, gradients = len(names), [], []
     for block in blocks:
         added = np.concatenate([c.errors(block.motion) for c in candidates], axis=2) / scale[:, None]
         both = np.concatenate([block.columns, added], axis=2)
         weighted = both * block.weights[:, :, None]
-        normal = np.tensordot(weighted, both, axes=([0, 1], [0, 1]))
-        gradient = np.tensordot(weighted, block.left, axes=([0, 1], [0, 1]))
-        normal[:k, :k], gradient[:k] = block.normal, block.gradient
-        normals.append(normal)
-        gradients.append(gradient)
+        normals.append(np.tensordot(weighted, both, axes=([0, 1], [0, 1])))
+        gradients.append(np.tensordot(weighted, block.left, axes=([0, 1], [0, 1])))
     whole, found, at = (np.array(normals), np.array(gradients)), [], k
     for candidate in candidates:
         own = np.r_[0:k, at : (at := at + len(candidate.components))]
-        found.append(_found(candidate, whole[0][:, own[:, None], own], whole[1][:, own], sigma, names))
+        found.append(
+            _found(candidate, whole[0][:, own[:, None], own], whole[1][:, own], axes, bias_drift, sigma, names)
+        )
     return sorted(found, key=lambda f: -f.excess)
 
 
 def _found(
-    candidate: Candidate, normals: FloatArray, gradients: FloatArray, sigma: FloatArray, names: Sequence[str]
+    candidate: Candidate,
+    normals: FloatArray,
+    gradients: FloatArray,
+    axes: FloatArray,
+    bias_drift: Mapping[str, float],
+    sigma: FloatArray,
+    names: Sequence[str],
 ) -> EffectFound:
     """Evaluate the test of an effect from the normal equations with it, shapes (blocks, m, m) and (blocks, m)."""
     k = len(names)
@@ -84,15 +107,20 @@ def _found(
     normal, gradient = normals.sum(axis=0) + prior, gradients.sum(axis=0)
     solution = np.linalg.solve(normal, gradient)
     covariance = jackknife(normals, gradients, prior)
-    size, own = solution[k:], covariance[k:, k:]
+    group = candidate.parameter_of(0).rpartition("_")[0]
+    size, own = solution[k:], covariance[k:, k:] + bias_drift.get(group, 0.0) * np.eye(len(solution) - k)
     best = int(np.argmax(np.abs(size) / np.sqrt(np.diag(own))))
     without = np.linalg.solve(normal[:k, :k], gradient[:k])
     moves = dict(zip(names, ((solution[:k] - without) / sigma).tolist(), strict=True))
-    parameter = candidate.parameter_of(best)
-    axis = parameter[-1:]
-    changed = parameter and f"secondary_{parameter}".replace(f"scale_{axis}", f"matrix_{axis}{axis}")
+    changed = parameter = candidate.parameter_of(best)
+    if parameter:
+        own_axis = parameter[-1]
+        axis = AXES[int(np.argmax(np.abs(axes[AXES.index(own_axis)])))]
+        changed = f"secondary_{parameter}".replace(f"scale_{own_axis}", f"matrix_{own_axis}{axis}")
     stage = "cross_calibration" if changed else ""
-    excess = float(size @ np.linalg.solve(own, size)) - len(size)
+    # Hotelling's T² with the degrees of freedom of the jackknife, as a χ²
+    n, m = len(normals), len(size)
+    excess = float(size @ np.linalg.solve(own, size)) * (n - m) / (n - 1) - m
     found = float(size[best]), float(np.sqrt(own[best, best]))
     return EffectFound(
         candidate.cause, candidate.components[best], changed, stage, excess, *found, candidate.unit, moves

@@ -15,7 +15,7 @@ residuals of any spectrum and magnitude within a block; bias drift over longer t
 """
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Literal
@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 
 from calstation.estimation.common import BIAS_DRIFT_PER_INSTABILITY, BIAS_DRIFT_TIME, ImuModel
-from calstation.estimation.effects import EffectFound, Motion
+from calstation.estimation.effects import Candidate, EffectFound, Motion
 from calstation.estimation.pairs.effects import Block, jackknife, pair_effects
 from calstation.estimation.pairs.filtering import PairData, Signals, coarse_offset, low_pass, signals
 from calstation.physics import PAIR_PARAMETERS, BoolArray, Compensation, FloatArray, compensate
@@ -68,6 +68,13 @@ class PairChoice:
         chosen[LEVER] = self.lever and self.accel is not None
         chosen[OFFSET] = self.offset
         return chosen
+
+    def tests(self, effect: Candidate) -> bool:
+        """Whether an effect can be told from the terms that are not fitted."""
+        if effect.cause == "time_skew":
+            return self.offset and self.gyro == self.accel == "full"
+        gyro = effect.cause.startswith("g") or effect.parameter_of(0).startswith("gyro")
+        return (self.gyro if gyro else self.accel) == "full"
 
 
 @dataclass(frozen=True)
@@ -122,8 +129,11 @@ def fit_pair(
     change, variance = system.change()
     sigma = np.sqrt(np.diag(covariance)[fitted])
     names = [p.name for p, chosen in zip(PAIR_PARAMETERS, fitted, strict=True) if chosen]
-    blocks = system.blocks(_motion(rows, value, c, data.time[rows.row]))
-    effects = pair_effects(blocks, system.scale, duration, sigma, names)
+    left, _, right = np.linalg.svd(value[GYRO_MATRIX if choice.gyro == "full" else ACCEL_MATRIX].reshape(3, 3))
+    axes = left @ right  # of the secondary, in those of the primary, one in a row
+    blocks = system.blocks(_motion(rows, value, c, data.time[rows.row], axes))
+    changes = dict(zip(("gyro_bias", "accel_bias"), _changes_of_bias(duration, primary, secondary), strict=True))
+    effects = pair_effects(blocks, choice.tests, system.scale, axes, duration, changes, sigma, names)
     return PairFit(
         value,
         covariance,
@@ -139,11 +149,11 @@ def fit_pair(
     )
 
 
-def _motion(rows: Signals, value: FloatArray, c: Compensation, time: FloatArray) -> Motion:
-    """Return the motion of the secondary."""
+def _motion(rows: Signals, value: FloatArray, c: Compensation, time: FloatArray, axes: FloatArray) -> Motion:
+    """Return the motion of the secondary along its own `axes`, shape (3, 3)."""
     rate, force = compensate(c, rows.gyro, rows.accel + rows.lever @ value[LEVER])
     turning, jerk = rows.gyro_slope @ c.gyro_inverse.T, rows.accel_slope @ c.accel_inverse.T
-    return Motion(rate, force, turning, jerk, time - time[0])
+    return Motion(rate @ axes.T, force @ axes.T, turning @ axes.T, jerk @ axes.T, time - time[0])
 
 
 class _System:
@@ -202,20 +212,16 @@ class _System:
 
         return of
 
-    def blocks(self, motion: Motion) -> Iterator[Block]:
-        """Yield at most about `MOST_BLOCKS` longer blocks with their normal equations; `motion` is that of all rows."""
-        count = -(-len(self._parts) // MOST_BLOCKS)
+    def blocks(self, motion: Motion) -> list[Block]:
+        """Return at most `MOST_BLOCKS` longer blocks; `motion` is that of all rows."""
+        count, found = -(-len(self._parts) // MOST_BLOCKS), []
         for b in range(0, len(self._parts), count):
             parts = self._parts[b : b + count]
             part = slice(parts[0].start, parts[-1].stop)
-            yield Block(
-                Motion(*(values[part] for values in vars(motion).values())),
-                self._columns(part)[:, :, self._fitted] / self.scale[:, None],
-                self._left[part] / self.scale,
-                self._weights[part],
-                self._normals[b : b + count].sum(axis=0),
-                self.gradient[b : b + count].sum(axis=0),
-            )
+            columns = self._columns(part)[:, :, self._fitted] / self.scale[:, None]
+            own = Motion(*(values[part] for values in vars(motion).values()))
+            found.append(Block(own, columns, self._left[part] / self.scale, self._weights[part]))
+        return found
 
     def covariance(self) -> FloatArray:
         """Return the jackknife covariance over the blocks, shape (k, k)."""
@@ -289,6 +295,14 @@ def _white(imu: ImuModel) -> FloatArray:
     gyro = imu.gyro_arw**2 * imu.sample_rate + (imu.quantisation[0] * imu.rate_factor) ** 2 / 12.0
     accel = imu.accel_vrw**2 * imu.sample_rate + (imu.quantisation[1] * imu.rate_factor) ** 2 / 12.0
     return np.sqrt([gyro, accel])
+
+
+def _changes_of_bias(duration: float, primary: ImuModel, secondary: ImuModel) -> tuple[float, float]:
+    """Return the variance of the change of a gyro's and an accelerometer's bias over a duration, s, by instability."""
+    share = 2.0 * BIAS_DRIFT_PER_INSTABILITY**2 * (1.0 - np.exp(-duration / BIAS_DRIFT_TIME))
+    gyro = primary.gyro_bias_instability**2 + secondary.gyro_bias_instability**2
+    accel = primary.accel_bias_instability**2 + secondary.accel_bias_instability**2
+    return float(share * gyro), float(share * accel)
 
 
 def _bias_drift_variances(duration: float, primary: ImuModel, secondary: ImuModel) -> FloatArray:

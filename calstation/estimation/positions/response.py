@@ -7,8 +7,19 @@ import numpy as np
 
 from calstation.estimation.effects import CONSTANT, Candidate, Motion, Sensitivity, all_errors, changing
 from calstation.estimation.positions.rows import PositionRows, integrate_rotation
-from calstation.physics import COUNT, BoolArray, Compensation, FloatArray, compensate, compensation, rotation_matrix
+from calstation.physics import (
+    COUNT,
+    BoolArray,
+    Compensation,
+    FloatArray,
+    IntArray,
+    compensate,
+    compensation,
+    rotation_matrix,
+)
 
+#: Degrees of freedom that drifts must leave.
+_ENOUGH = 10
 #: Parts of a motion in each of which the error of a gyro is taken as constant.
 _PARTS = 40
 
@@ -21,7 +32,7 @@ def position_sensitivity(
 
     `fitted` are the rows of the estimate, whose scatter may itself be the work of an effect. The tests therefore begin
     with the rows of the noise in the `profile`, and divide χ² by the variance that all constant effects and drifts
-    together leave.
+    together leave, or the constant ones alone if little would be left.
     """
     duration = float(profile.data.time[-1] - profile.data.time[0])
     candidates = tuple(changing(duration))
@@ -33,10 +44,13 @@ def position_sensitivity(
     score, information = response.T @ residual, response.T @ weighted
     total, freedom = float(residual @ residual), len(H) - float(np.sum((H @ covariance) * H))
     owners = [c.cause for c in (*CONSTANT, *candidates) for _ in c.components]
-    at = COUNT + np.flatnonzero([cause != "jump" for cause in owners])
-    effects = information[np.ix_(at, at)]
-    explained = float(score[at] @ np.linalg.pinv(effects, hermitian=True) @ score[at])
-    left = freedom - np.linalg.matrix_rank(effects, hermitian=True)
+    drifts, constant = (
+        COUNT + np.flatnonzero([cause in known for cause in owners])
+        for known in ({"drift", *(c.cause for c in CONSTANT)}, {c.cause for c in CONSTANT})
+    )
+    at = drifts if freedom - _rank(information, drifts) >= _ENOUGH else constant
+    explained = float(score[at] @ np.linalg.pinv(information[np.ix_(at, at)], hermitian=True) @ score[at])
+    left = freedom - _rank(information, at)
     variance = max(1.0, (total - explained) / left if left >= 1.0 else total / freedom)
 
     H_f, residual_f, covariance_f = _solved(fitted, point, attitudes, north)
@@ -46,6 +60,10 @@ def position_sensitivity(
     ratio = float(residual_f @ residual_f) * variance / total
     begin = float(profile.data.time[0])
     return Sensitivity(score / variance, information / variance, error, candidates, begin, duration, ratio)
+
+
+def _rank(information: FloatArray, at: IntArray) -> int:
+    return int(np.linalg.matrix_rank(information[np.ix_(at, at)], hermitian=True))
 
 
 def _solved(
