@@ -60,8 +60,9 @@ def resolve_command(
             residual_table(stage, rows)
         result_table(out, resolved.result)
         unjudged = "in_part" if resolved.missing_data else "without_limits"
-        ending = unjudged if passed is None else "passed" if passed else "failed"
-        out.print(say(f"cli.resolved_{ending}"), highlight=False)
+        inside = "partial" if resolved.result.partial else "passed"
+        ending = unjudged if passed is None else inside if passed else "failed"
+        out.print(say(f"cli.resolved_{ending}", stages=resolved.result.stages), highlight=False)
     if resolved.missing_data:
         raise InsufficientDataError(
             "cli.stages_lacking",

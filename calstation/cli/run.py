@@ -130,7 +130,7 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
 
 
 def _outcome(outcome: str, result: Result) -> Text:
-    if outcome == "passed" and result.partial:
+    if result.verdict == "partial":
         return Text.of("outcome.partial", stages=result.stages, left=len(result.not_compared))
     if outcome == "passed" and result.registers is not None and result.registers.proved_on == "read_back":
         return Text("outcome.read_back")

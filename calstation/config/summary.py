@@ -45,6 +45,7 @@ class RunSummary:
     joint_order: str = ""  #: Letters of a gimbal's joints from base to body; "" for a table.
     #: Unit vector of the direction of gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
+    omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
 
     @property
     def virtual(self) -> bool:
@@ -80,6 +81,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry))
         if setup.by_hand
         else (),
+        omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
     )
 
 

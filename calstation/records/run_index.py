@@ -30,7 +30,7 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 6
+_VERSION = 7
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -59,6 +59,12 @@ class RunRecord:
     error: str | None = None  #: Cause of a fault or a stop.
     resumed_from: str | None = None  #: Name of the log that this run continued; None for a new run.
     closed: bool = False  #: Whether an operator decided not to resume the run.
+    partial: bool = False  #: Whether the run omitted stages of its product.
+
+    @property
+    def verdict(self) -> str:
+        """The outcome, or ``partial`` for a partial run that passed."""
+        return "partial" if self.partial and self.outcome == "passed" else self.outcome
 
 
 @dataclass(frozen=True)
@@ -73,7 +79,7 @@ class IndexedRun:
 
 _RUN = TypeAdapter(IndexedRun)
 #: Searchable columns; `content` is the whole `IndexedRun` as JSON.
-_SEARCHED = ("serial", "started_utc", "outcome", "product", "station", "operator", "resumed_from")
+_SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from")
 _metadata = MetaData()
 _runs = Table(
     "runs",
@@ -114,21 +120,21 @@ class RunIndex:
 
         self._try(change)
 
-    def find(self, search: str, outcome: str | None, limit: int) -> list[RunRecord]:
-        """Find runs, latest first, by outcome and by text in serial, name, product, station, operator or date."""
+    def find(self, search: str, verdict: str | None, limit: int) -> list[RunRecord]:
+        """Find runs, latest first, by verdict and by text in serial, name, product, station, operator or date."""
         query = select(_runs).order_by(_runs.c.started_utc.desc(), _runs.c.name.desc()).limit(limit)
         if search.strip():
             columns = ("serial", "started_utc", "product", "station", "operator", "name")
             query = query.where(or_(*(_runs.c[name].icontains(search.strip(), autoescape=True) for name in columns)))
-        if outcome is not None:
-            query = query.where(_runs.c.outcome == outcome)
+        if verdict is not None:
+            query = query.where(_runs.c.verdict == verdict)
         return [run.record for run in self._found(query)]
 
-    def of(self, serial: str, outcomes: tuple[str, ...] | None = None, before: str | None = None) -> list[IndexedRun]:
-        """Return the runs of a unit, latest first, filtered by outcomes and by start before a time (ISO 8601)."""
+    def of(self, serial: str, verdicts: tuple[str, ...] | None = None, before: str | None = None) -> list[IndexedRun]:
+        """Return the runs of a unit, latest first, filtered by verdicts and by start before a time (ISO 8601)."""
         query = select(_runs).where(_runs.c.serial == serial)
-        if outcomes is not None:
-            query = query.where(_runs.c.outcome.in_(outcomes))
+        if verdicts is not None:
+            query = query.where(_runs.c.verdict.in_(verdicts))
         if before is not None:
             query = query.where(_runs.c.started_utc < before)
         query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())

@@ -36,7 +36,9 @@ _TAIL = 65_536
 
 #: Columns of the CSV except the last, `result`, which names the JSON file in the same folder.
 COLUMNS: dict[str, Callable[[Result], Any]] = {
-    **{n: attrgetter(n) for n in ("started_utc", "serial", "outcome", "attempt", "product", "station", "operator")},
+    **{n: attrgetter(n) for n in ("started_utc", "serial")},
+    "outcome": attrgetter("verdict"),
+    **{n: attrgetter(n) for n in ("attempt", "product", "station", "operator")},
     "stages": lambda r: " ".join(r.solved_stages),
     "duration_s": lambda r: f"{r.duration_s:.1f}",
     "advice": lambda r: r.advice,

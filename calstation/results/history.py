@@ -25,7 +25,7 @@ from calstation.results.result import SCHEMA, Result, load_result
 #: Number of runs read between two progress reports.
 _AT_ONCE = 100
 
-_SOLVED = ("passed", "failed")
+_SOLVED = ("passed", "partial", "failed")
 
 #: Exceptions raised for JSON that is not a result.
 _NO_RESULT = (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError)
@@ -61,25 +61,25 @@ class History:
                 report((start + len(names)) / len(changed))
         return count
 
-    def runs(self, search: str = "", outcome: str | None = None, limit: int = 200) -> list[RunRecord]:
+    def runs(self, search: str = "", verdict: str | None = None, limit: int = 200) -> list[RunRecord]:
         """Return at most `limit` runs, the latest first.
 
-        `search` is part of a serial number, date (``2026-11-21``), product, station, operator or file name; `outcome`
-        is passed, failed, stopped, fault or incomplete, or None for all.
+        `search` is part of a serial number, date (``2026-11-21``), product, station, operator or file name; `verdict`
+        is passed, partial, failed, stopped, fault or incomplete, or None for all.
         """
-        return self._ask(lambda: self._index.find(search, outcome, limit))
+        return self._ask(lambda: self._index.find(search, verdict, limit))
 
     def of(self, serial: str) -> list[RunRecord]:
         """Return all runs of a unit, the latest first."""
         return [run.record for run in self._ask(lambda: self._index.of(serial))]
 
     def passed(self, serial: str) -> list[RunRecord]:
-        """Return the unit's runs that passed, the latest first."""
-        return [run.record for run in self._ask(lambda: self._index.of(serial, ("passed",)))]
+        """Return the unit's runs that passed, partial ones included, the latest first."""
+        return [run.record for run in self._ask(lambda: self._index.of(serial, ("passed", "partial")))]
 
     def passed_before(self, serial: str) -> RunRecord | None:
-        """Return the unit's latest run that passed, or None."""
-        return next(iter(self.passed(serial)), None)
+        """Return the unit's latest run that passed and was not partial, or None."""
+        return next((run for run in self.passed(serial) if not run.partial), None)
 
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError."""
@@ -95,8 +95,8 @@ class History:
         return self._ask(lambda: self._index.count(serial))
 
     def failures(self, serial: str) -> int:
-        """Return the number of failures of the unit since it last passed."""
-        runs = self._ask(lambda: self._index.of(serial, _SOLVED))
+        """Return the number of failures of the unit since it last passed; partial runs that passed do not count."""
+        runs = self._ask(lambda: self._index.of(serial, ("passed", "failed")))
         return sum(1 for _ in takewhile(lambda run: run.record.outcome == "failed", runs))
 
     def previous(self, serial: str, before: str | None = None) -> Mapping[str, float]:
@@ -187,6 +187,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         error=result.end_reason,
         resumed_from=result.resumed_from,
         closed=result.closed_utc is not None,
+        partial=result.partial,
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
     "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate

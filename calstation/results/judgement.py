@@ -2,7 +2,7 @@
 
 import hashlib
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -92,13 +92,16 @@ def _explained(meta: LogMeta, check: Check) -> Check:
     return replace(check, misfit=Misfit("gravity_uncertain", size, values={"parameter": check.subject, **found}))
 
 
-def is_partial(meta: LogMeta) -> bool:
-    """Whether the run omitted stages of its product; a log without a run section is never partial."""
+def is_partial(meta: LogMeta, solved: Collection[str] | None = None) -> bool:
+    """Whether the stages of the run, or those `solved` again, omit stages of its product.
+
+    A log without a run section is never partial.
+    """
     text = meta.profiles.get("product")
     if meta.run is None or text is None:
         return False
     stages = tomllib.loads(text).get("stages", DEFAULT_STAGES)
-    return not set(stages) <= set(meta.run.stages)
+    return not set(stages) <= set(meta.run.stages if solved is None else solved)
 
 
 @dataclass(frozen=True)
@@ -123,6 +126,7 @@ def build_result(
     """Build the result of a run from the solutions of its stages, in order, and the belief before the first one."""
     run, facts, error = meta.run, ending.facts, ending.error
     first, last = ending.first_seq, ending.last_seq
+    stages = [solution.stage for solution in solutions]
     optional = {
         "calibration": _calibration(meta, prior, solutions),
         "error": None if error is None else str(error),
@@ -137,8 +141,8 @@ def build_result(
         {
             "schema": SCHEMA,
             "unit": {"serial": meta.imu.serial},
-            "stages": [solution.stage for solution in solutions],
-            "partial": is_partial(meta),
+            "stages": stages,
+            "partial": is_partial(meta, stages if ending.outcome == "resolved" else None),
             "passed": judgement.passed,
             "parameters": solved_parameters(solutions),
             "unobservable": unobservable(prior, solutions),

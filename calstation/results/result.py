@@ -152,7 +152,7 @@ class Result(_Section):
     schema_name: Literal["calstation.result/1"] = Field(alias="schema")
     unit: Unit
     stages: list[str]  #: Solved stages.
-    #: Whether the run omitted stages of the product.
+    #: Whether the run, or the solution of its log, omitted stages of the product.
     partial: bool = Field(default=False, validation_alias=AliasChoices("partial", "part"))
     passed: bool | None = None  #: None if there are no limits.
     parameters: dict[str, Parameter]
@@ -209,6 +209,11 @@ class Result(_Section):
     def serial(self) -> str:
         """Serial number of the unit."""
         return self.unit.serial
+
+    @property
+    def verdict(self) -> str:
+        """The outcome, or ``partial`` for a partial run that passed."""
+        return "partial" if self.partial and self.outcome == "passed" else self.outcome
 
     @property
     def solved_stages(self) -> list[str]:

@@ -60,7 +60,7 @@ def resumable(folder: Path) -> list[Resumable]:
     history.refresh()
     found: list[Resumable] = []
     seen: set[str] = set()
-    records = [r for outcome in ("stopped", "fault", "incomplete") for r in history.runs(outcome=outcome) if r.stages]
+    records = [r for outcome in ("stopped", "fault", "incomplete") for r in history.runs(verdict=outcome) if r.stages]
     for record in sorted(records, key=lambda r: r.started_utc, reverse=True):
         if record.serial in seen:
             continue

@@ -61,7 +61,7 @@ def test_runs_are_found_latest_first(three: Path) -> None:
     assert [run.log.stem for run in history.runs()] == ["c", "b", "a"]
     assert [run.log.stem for run in history.runs("sn-1")] == ["b", "a"]
     assert [run.log.stem for run in history.runs("2026-11-02")] == ["b"]
-    assert [run.log.stem for run in history.runs(outcome="stopped")] == ["c"]
+    assert [run.log.stem for run in history.runs(verdict="stopped")] == ["c"]
     assert [run.log.stem for run in history.runs("SN-1", "passed", limit=1)] == ["b"]
     assert history.runs("100%_") == []
     (run,) = history.runs("SN-2")
@@ -76,6 +76,22 @@ def test_finds_attempts_and_the_last_pass_of_a_unit(three: Path) -> None:
     assert passed.started_utc == "2026-11-02T08:00:00+00:00"
     assert history.passed_before("SN-2") is None
     assert (history.attempts("SN-1"), history.attempts("SN-2"), history.attempts("SN-3")) == (2, 1, 0)
+
+
+def test_a_partial_run_that_passed_is_no_pass(three: Path) -> None:
+    for day, outcome, partial in ((4, "failed", False), (5, "passed", True), (6, "failed", True)):
+        write(three, f"n{day}", "SN-1", outcome, day, partial=partial)
+    write(three, "p", "SN-2", "passed", 7, partial=True)
+    history = refreshed(three)
+    passed = history.passed_before("SN-1")
+    assert passed is not None
+    assert passed.log.stem == "b"
+    assert history.passed_before("SN-2") is None
+    assert history.failures("SN-1") == 2
+    assert [run.log.stem for run in history.runs(verdict="passed")] == ["b"]
+    assert [run.log.stem for run in history.runs(verdict="partial")] == ["p", "n5"]
+    assert [run.verdict for run in history.runs("SN-2")] == ["partial", "stopped"]
+    assert [run.log.stem for run in history.passed("SN-1")] == ["n5", "b"], "a calibration may come from either"
 
 
 def test_a_resumed_run_counts_once(three: Path) -> None:
@@ -179,7 +195,7 @@ def test_a_closed_log_without_a_result_is_an_incomplete_run(tmp_path: Path) -> N
     assert history.runs() == []
     shutil.copyfile(log, tmp_path / "y.h5")
     history.refresh()
-    (run,) = history.runs(outcome="incomplete")
+    (run,) = history.runs(verdict="incomplete")
     assert (run.serial, run.log, run.result) == ("SN-7", tmp_path / "y.h5", None)
     writer.close("stopped")
     history.refresh()

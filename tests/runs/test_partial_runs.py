@@ -82,7 +82,21 @@ def test_a_unit_that_has_changed_fails(site_folder: SiteFolder, shared_runs: Sha
 
 
 @pytest.mark.long
-def test_a_stopped_partial_run_is_resumed_with_its_prior(site_folder: SiteFolder, shared_runs: SharedRuns) -> None:
+def test_some_stages_of_a_log_solved_again_are_partial(
+    tmp_path: Path, shared_runs: SharedRuns, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = shared_runs.passed(tmp_path).log
+    assert run_app(["resolve", log, "--stages", "rate,six_position", "--json", str(tmp_path / "some.json")]) == 0
+    assert "PARTIAL: rate, six_position inside the product's limits" in capsys.readouterr().out
+    assert json.loads((tmp_path / "some.json").read_text(encoding="utf-8"))["partial"] is True
+    assert run_app(["resolve", log, "--json", str(tmp_path / "all.json")]) == 0
+    assert "Inside every limit of the product." in capsys.readouterr().out
+    assert json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))["partial"] is False
+
+
+def test_a_stopped_partial_run_is_resumed_with_its_prior(
+    site_folder: SiteFolder, shared_runs: SharedRuns, capsys: pytest.CaptureFixture[str]
+) -> None:
     shared_runs.passed(site_folder.folder)
     stages = ("excitation", "azimuth_flip")
 
@@ -96,6 +110,7 @@ def test_a_stopped_partial_run_is_resumed_with_its_prior(site_folder: SiteFolder
     where = ("--station", site_folder.station, "--product", site_folder.product, "--resume", before.log)
     into = site_folder.folder / "resumed.json"
     assert run_app([str(word) for word in ("run", *where, "--json", into)]) == 0
+    assert "PARTIAL: excitation, azimuth_flip inside the limits" in capsys.readouterr().out
     done = json.loads(into.read_text(encoding="utf-8"))
     assert done["calibration"]["log"] == before.result["calibration"]["log"]
     old, new = (open_log(Path(log)).meta for log in (before.log, done["log"]["file"]))

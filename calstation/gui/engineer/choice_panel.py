@@ -41,11 +41,11 @@ class ChoicePanel(QFrame):
         for widget in (content, self._area.viewport()):
             widget.setAutoFillBackground(False)
         column(
+            self._lock_label,
+            self._unlock_button,
             self.parts,
             self._heading,
-            self._lock_label,
             (self._area, 1),
-            self._unlock_button,
             row(self._reset_button, (self._save_button, 1)),
             self._reason,
             on=self,
@@ -81,23 +81,24 @@ class ChoicePanel(QFrame):
             self._form_box.addWidget(form)
         self.parts.offer(options.offered, options.stages)
 
-    def lock(self, choice: str, schedule: str, save: str, *, new_pin: bool) -> None:
-        """Disable the stage choice, the schedule and the save button, each for the given reason; "" enables it.
+    def lock(self, busy: str, role: str, save: str, *, new_pin: bool) -> None:
+        """Disable the choice of stages and schedule for the reasons `busy` and `role`, and saving for all three.
 
-        `new_pin` selects the text of the unlock button: whether a PIN must first be set or is to be entered.
+        An empty reason disables nothing. `new_pin` selects the text of the unlock button: whether a PIN must first be
+        set or is to be entered.
         """
         self._new_pin = new_pin
         self._show_texts()
-        self.parts.lock(choice)
+        self.parts.lock(busy or role)
         for form in self._forms.values():
-            form.lock(choice or schedule)
-        show_text(self._lock_label, schedule)
-        self._unlock_button.setVisible(bool(schedule))
+            form.lock(busy or role)
+        show_text(self._lock_label, role)
+        self._unlock_button.setVisible(bool(role))
         for each in (self._reset_button, self._save_button):
-            each.setVisible(not schedule)
-        enable(self._reset_button, choice or schedule, self.tr("Back to the product's values of this stage"))
-        enable(self._save_button, choice or schedule or save)
-        show_text(self._reason, "" if schedule else choice or save)
+            each.setVisible(not role)
+        enable(self._reset_button, busy or role, self.tr("Back to the product's values of this stage"))
+        enable(self._save_button, busy or role or save)
+        show_text(self._reason, "" if role else busy or save)
 
     def _show_texts(self) -> None:
         enter = self.tr("Enter the engineer's PIN")
@@ -138,6 +139,7 @@ class Parts(QWidget):
             theme.GRID,
             label(lambda: self.tr("or single stages, in this order:"), "muted"),
             self._list,
+            label(lambda: self.tr("A choice of parts holds for one run."), "muted"),
             on=self,
             spacing=0,
         )

@@ -97,7 +97,7 @@ class EngineerPage(Page):
         self._tabs.currentChanged.connect(self._show_view)
         app.engine_link.event.connect(self._follow)
         app.engine_link.running_changed.connect(self._drop_question)
-        app.engine_link.running_changed.connect(lambda _: self._update())
+        app.engine_link.running_changed.connect(self._running_changed)
         app.run.changed.connect(self._run_changed)
         app.role.changed.connect(self._role_changed)
         app.choice_changed.connect(self._choice_undone)
@@ -143,10 +143,13 @@ class EngineerPage(Page):
 
     def _choice_undone(self) -> None:
         """Reset the choice after another page has selected the product's complete calibration."""
+        if self.app.stages is None and self.choice.parts.stages:
+            self._restore_product()
+
+    def _restore_product(self) -> None:
+        """Restore the product's own stages and schedule."""
         found = self._options
-        if found is None or self.app.stages is not None:
-            return
-        if self.choice.parts.stages not in ((), found.stages) or self.choice.schedule:
+        if found is not None and found.offered and (self.choice.parts.stages != found.stages or self.choice.schedule):
             self.choice.show_options(found)
             self._update()
 
@@ -155,6 +158,15 @@ class EngineerPage(Page):
         self._drop_question()
         if role == "operator":
             self.app.choose(None, None)
+            self._restore_product()
+        self._update()
+
+    def _running_changed(self, running: bool) -> None:
+        """Restore the product's own stages after a run, so that no later run is partial by mistake."""
+        found = self._options
+        run_ended = not running and self.app.engine_link.operation is None
+        if run_ended and found is not None and found.offered and self.choice.parts.stages != found.stages:
+            self.choice.parts.offer(found.offered, found.stages)
         self._update()
 
     def _drop_question(self) -> None:
@@ -255,7 +267,7 @@ class EngineerPage(Page):
 
     def _loaded(self, run: FinishedRun) -> None:
         self.registers.show_run(run)
-        if self._views.currentIndex() == 0 and not self.app.engine_link.running:
+        if self._views.currentIndex() == 0:
             self._tabs.setCurrentIndex(1)
         self.analysis.prepare(self._views.currentWidget())
         self._update()
@@ -278,6 +290,8 @@ class EngineerPage(Page):
         name = "" if self._header.engineer else say("engineer.no_name")
         device = say("engineer.communicating") if self.registers.watch.busy else ""
         problem, choice = self._why_no_options(), self._why_no_choice()
+        stages = self.choice.parts.stages
+        self._header.show_partial(partial=found is not None and bool(stages) and not set(found.stages) <= set(stages))
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
         enable(self._header.start_button, problem or busy or device or choice or self._why_no_unit())
@@ -339,14 +353,21 @@ class _Header(QWidget):
         self.engineer_edit.setFixedWidth(25 * theme.GRID)
         self.engineer_edit.setMaxLength(40)
         bind(self.engineer_edit.setPlaceholderText, lambda: self.tr("your name, for the record"))
-        self.start_button = button(
-            "engineer_start_button", lambda: self.tr("START"), self.start_pressed, kind="primary"
-        )
+        self._partial = False
+        self.start_button = button("engineer_start_button", pressed=self.start_pressed, kind="primary")
         self.start_button.setFixedHeight(theme.BIG_BUTTON)
         self.start_button.setMinimumWidth(22 * theme.GRID)
         self.start_button.setFont(theme.font(theme.SECTION, bold=True))
         end_button = EndStageButton(run, "engineer_end_stage_button")
         row(serial, engineer, self.start_button, (RunStrip(run), 1), end_button, on=self, spacing=2 * theme.GRID)
+        on_language_change(self, self._show_start)
+
+    def show_partial(self, *, partial: bool) -> None:
+        """Show on START whether the next run is partial."""
+        if partial != self._partial:
+            self._partial = partial
+            theme.set_kind(self.start_button, "partial" if partial else "primary")
+            self._show_start()
 
     @property
     def serial(self) -> str:
@@ -357,6 +378,9 @@ class _Header(QWidget):
     def engineer(self) -> str:
         """The engineer's name entered."""
         return self.engineer_edit.text().strip()
+
+    def _show_start(self) -> None:
+        self.start_button.setText(self.tr("START PARTIAL") if self._partial else self.tr("START"))
 
     def _captioned(self, edit: QLineEdit, name: str, words: Words) -> QVBoxLayout:
         edit.setObjectName(name)

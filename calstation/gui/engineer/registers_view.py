@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QWidget
 from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError
 from calstation.gui.engineer.shared_views import CellTable
+from calstation.gui.engineer.verdict import verdict_badge
 from calstation.gui.shell import AppContext
 from calstation.gui.text import (
     bind,
@@ -274,8 +275,10 @@ class RegistersView(QWidget):
         return ""
 
     def _ask(self) -> None:
-        """Show exactly what will change, and ask for confirmation."""
+        """Show the result's verdict unless it is a PASS, and exactly what will change; ask for confirmation."""
         target, unit = self.target, self.unit
+        assert self._run is not None
+        result = self._run.result
         assert target is not None
         assert unit is not None
         changes, table, count = self._changes(), self.table, len(target.registers)
@@ -301,8 +304,15 @@ class RegistersView(QWidget):
             choices.append(choice(confirm, lambda: self.tr("Write and turn the table"), at_rest=False))
         else:
             choices.append(choice(confirm, lambda: self.tr("Write {0} registers").format(count), at_rest=True))
-        title = {"count": count, "serial": unit.serial}
-        self._notice.ask("caution", lambda: say("engineer.ask_write", **title), text, choices)
+
+        def title() -> str:
+            values = {"count": count, "serial": unit.serial}
+            if result.verdict == "passed":
+                return say("engineer.ask_write", **values)
+            return say("engineer.ask_write_despite", **values, verdict=verdict_badge(result)[1])
+
+        kind = "caution" if result.verdict == "passed" else verdict_badge(result)[0]
+        self._notice.ask(kind, title, text, choices)
 
     def _addresses(self, names: list[str]) -> str:
         ranges: list[list[int]] = []

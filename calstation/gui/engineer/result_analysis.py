@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QStackedWidget, QWidget
 from calstation.errors import CalstationError
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ObservabilityView, ResidualsView
 from calstation.gui.engineer.shared_views import CellTable
+from calstation.gui.engineer.verdict import verdict_badge, verdict_text
 from calstation.gui.shell import AppContext
 from calstation.gui.text import (
-    KINDS,
     bind,
     error_text,
     event_sentence,
@@ -47,7 +47,6 @@ from calstation.results import (
     Parameter,
     Preview,
     Registers,
-    Result,
     diagnose,
     load_finished_run,
     resolve_with_state,
@@ -143,11 +142,7 @@ class ResultView(QWidget):
         if self.shown is None:
             return
         result = self.shown.result
-        if result.outcome == "resolved":
-            kind = {None: "none", True: "good", False: "bad"}[result.passed]
-            self._badge.show_state(kind, say(f"engineer.resolved_{kind}"))
-        else:
-            self._badge.show_state(KINDS.get(result.outcome, "none"), verdict_text(result))
+        self._badge.show_state(*verdict_badge(result))
         about = []
         if count := len(result.checks):
             passed = count - len(result.failed_checks)
@@ -159,15 +154,6 @@ class ResultView(QWidget):
         if result.states_added:
             about.append(event_sentence("states_added", {"states": ", ".join(result.states_added)}))
         self._about.setText("  ·  ".join(about))
-
-
-def verdict_text(result: Result, *, stages: bool = True) -> str:
-    """Return the verdict of a run: ``PASS``, or ``PASS (partial: Rate)`` if a partial run is to name its `stages`."""
-    if not result.partial or not result.stages:
-        return term("badge", result.outcome)
-    if not stages:
-        return say("engineer.partial", outcome=result.outcome)
-    return say("engineer.partial_stages", outcome=result.outcome, stages=list(result.stages))
 
 
 def _register_texts(registers: Registers) -> list[str]:

@@ -34,6 +34,7 @@ from calstation.gui.widgets import (
     row,
     scroll_area,
     show_text,
+    state_colour,
     theme,
 )
 from calstation.physics import display
@@ -104,7 +105,7 @@ class Trend(QWidget):
         x = np.arange(len(runs))
         plot.plot(x, values, pen=QPen(QColor(c.muted), 0))
         passed = [run.record.outcome == "passed" for run in runs]
-        colours = [c.good if good else c.bad for good in passed]
+        colours = [state_colour(KINDS[run.record.verdict]) for run in runs]
         dots = pg.ScatterPlotItem(
             x=x,
             y=values,
@@ -196,7 +197,7 @@ class RunDetails(QFrame):
         if run is None:
             return
         self._serial.setText(run.serial)
-        self.badge.show_state(KINDS.get(run.outcome, "none"), term("badge", run.outcome))
+        self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.verdict))
         self.reason_label.setText(self._reason(run))
         lines = []
         if result is not None:
@@ -219,7 +220,7 @@ class RunDetails(QFrame):
         if run.outcome in ("passed", "failed") and result is not None:
             if result.failed_checks:
                 return self.tr("Outside its limits:")
-            return advice.reason(result.outcome, result)
+            return advice.reason(result.verdict, result)
         reason = ""
         if run.outcome == "incomplete":
             reason = self.tr("The run did not reach its end.")

@@ -20,7 +20,7 @@ from calstation.gui.widgets import label, row, state_colour, state_icon, theme
 from calstation.records import RunRecord
 
 #: Choices of outcome, and of the number of past days; None for all.
-_OUTCOMES = (None, "passed", "failed", "stopped", "fault", "incomplete")
+_OUTCOMES = (None, "passed", "partial", "failed", "stopped", "fault", "incomplete")
 _DAYS = (None, 1, 7, 30, 365)
 #: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
 _HIDDEN_FIRST = (4, 5, 3)
@@ -175,7 +175,7 @@ class RunTable(QTableWidget):
 
     def _fill(self, number: int, run: RunRecord) -> None:
         texts = (
-            term("badge", run.outcome),
+            term("badge", run.verdict),
             run.serial,
             local_time(run.started_utc),
             run.product or "",
@@ -185,7 +185,7 @@ class RunTable(QTableWidget):
             stages_text(run),
         )
         cells = [_cell(text, column) for column, text in enumerate(texts)]
-        kind = KINDS.get(run.outcome, "none")
+        kind = KINDS.get(run.verdict, "none")
         cells[_OUTCOME].setIcon(state_icon(kind))
         cells[_OUTCOME].setForeground(state_colour(kind))
         for column, cell in enumerate(cells):

@@ -137,7 +137,7 @@ class Comparison(QWidget):
 
     def _online_verdict(self) -> tuple[str, str]:
         if self._online is not None:
-            return KINDS.get(self._online.outcome, "none"), term("badge", self._online.outcome)
+            return KINDS.get(self._online.verdict, "none"), term("badge", self._online.verdict)
         log = self._log_index
         if log is not None and log.outcome is None and log.meta.run is not None:
             return "caution", self.tr("No result: this run did not reach its end")
@@ -148,6 +148,8 @@ class Comparison(QWidget):
             return "caution", self.tr("Solved as far as the data allow; some stages are not")
         if result.passed is None:
             return "none", self.tr("Solved; the log names no limits to compare with")
+        if result.passed and result.partial:
+            return "partial", self.tr("Partial: inside the limits, but not all stages of the product were solved")
         if result.passed:
             return "good", self.tr("Inside every limit of the product")
         failed = self.tr("Outside the limits: {0} of {1} checks")

@@ -27,11 +27,11 @@ class Figure:
 
 
 def reason(outcome: str, result: Result | None) -> str:
-    """Return the reason for the outcome of a run."""
+    """Return the reason for the outcome of a run, or for ``partial``."""
     checks = [] if result is None else result.checks
-    if outcome == "passed":
+    if outcome in ("passed", "partial"):
         near = sum(check.near_miss for check in checks)
-        inside = say("advice.passed")
+        inside = say(f"advice.{outcome}", stages=[] if result is None else result.stages)
         return f"{inside} {say('advice.near', count=near)}" if near else inside
     if outcome != "failed":
         return say("advice.stopped" if outcome == "stopped" else "advice.incomplete")
@@ -48,6 +48,8 @@ def next_action(outcome: str, result: Result | None) -> str:
     advised = None if result is None else result.advice
     if outcome == "passed":
         return say("advice.next_unit")
+    if outcome == "partial":
+        return say("advice.next_partial")
     if advised in ("reseat", "set_aside"):
         return say(f"advice.{advised}")
     if outcome == "failed":

@@ -30,10 +30,11 @@ class RunHeader(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.operator_edit, self.serial_edit, self.product_combo = QLineEdit(), QLineEdit(), QComboBox()
-        self.start_button = button("start_button", lambda: self.tr("START"), self.start_pressed, kind="primary")
+        self.start_button = button("start_button", pressed=self.start_pressed, kind="primary")
         self.pause_button = button("pause_button", pressed=self.pause_pressed)
         self._serial_caption = label()
         self._serial_note = ""
+        self._partial = False
         row(
             (_field(self.operator_edit, "operator_edit", label(lambda: self.tr("Operator"))), 2),
             (_field(self.serial_edit, "serial_edit", self._serial_caption), 4),
@@ -57,7 +58,7 @@ class RunHeader(QWidget):
         self.guard(self.product_combo)
         bind(self.operator_edit.setPlaceholderText, lambda: self.tr("name or badge"))
         bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
-        on_language_change(self, self._show_caption)
+        on_language_change(self, self._show_texts)
 
     @property
     def serial(self) -> str:
@@ -113,6 +114,13 @@ class RunHeader(QWidget):
         """Disable START for the given reason; "" enables it."""
         enable(self.start_button, why_not, self.tr("Press Space or click; Enter does not start, scanners send it."))
 
+    def show_partial(self, *, partial: bool) -> None:
+        """Show on START whether the next run is partial."""
+        if partial != self._partial:
+            self._partial = partial
+            theme.set_kind(self.start_button, "partial" if partial else "primary")
+            self._show_texts()
+
     def set_pause(self, paused: bool, why_not: str) -> None:
         """Show Pause or Resume, disabled for the given reason; "" enables it."""
         enable(self.pause_button, why_not)
@@ -151,6 +159,10 @@ class RunHeader(QWidget):
             if self.take_key(event):
                 return True
         return super().eventFilter(watched, event)
+
+    def _show_texts(self) -> None:
+        self.start_button.setText(self.tr("START PARTIAL") if self._partial else self.tr("START"))
+        self._show_caption()
 
     def _show_caption(self) -> None:
         caption = self.tr("Serial number")

@@ -23,16 +23,14 @@ from calstation.gui.operator.questions import ask
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
 from calstation.gui.operator.verdict import VerdictPanel
-from calstation.gui.shell import AppContext, Page
+from calstation.gui.shell import AppContext, Page, run_badge
 from calstation.gui.text import (
-    KINDS,
     event_sentence,
     fault_text,
     on_language_change,
     rendered,
     say,
     step_sentence,
-    term,
 )
 from calstation.gui.widgets import (
     STEPS,
@@ -164,8 +162,9 @@ class OperatorPage(Page):
         else:
             self.notice.dismiss()
             self._starting.suggest()
-            if app.stages is not None:
-                question = Text.of("question.selected_stages", stages=app.stages)
+            if app.stages is not None and planned is not None:
+                selected = "selected_stages" if planned.omitted else "selected_schedule"
+                question = Text.of(f"question.{selected}", stages=app.stages)
                 ask(self.notice, "caution", question, {"whole": lambda: app.choose(None, None)})
         self._refresh()
 
@@ -231,7 +230,7 @@ class OperatorPage(Page):
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
             return
-        if run.state == "passed" and self._starting.run_summary is not None and self._starting.run_summary.virtual:
+        if run.shown == "passed" and self._starting.run_summary is not None and self._starting.run_summary.virtual:
             self.header.set_serial("")
             self._starting.suggest()
         self.header.focus_serial()
@@ -257,6 +256,8 @@ class OperatorPage(Page):
         busy = self.app.engine_link.running
         why_busy = say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
         header.set_running(why_busy)
+        planned = self._starting.run_summary
+        header.show_partial(partial=planned is not None and bool(planned.omitted))
         if self._problem is not None:
             header.set_start(rendered(self._problem).remedy)
         else:
@@ -266,7 +267,7 @@ class OperatorPage(Page):
             run.state in ("pausing", "paused"),
             "" if pausable else say(f"no_pause.{run.shown if run.going else 'idle'}"),
         )
-        self._badge.show_state(KINDS.get(run.shown, "none"), term("badge", run.shown))
+        self._badge.show_state(*run_badge(run))
         self._progress.setValue(round(STEPS * run.fraction) if run.state != "idle" else 0)
         self._live.refresh()
         if run.going and self.notice.asking:

@@ -66,6 +66,8 @@ class StageList(QFrame):
         self._left = QLabel()
         self._left.setFont(theme.font(theme.SECTION))
         self._left.setContentsMargins(2 * theme.GRID, theme.GRID, 2 * theme.GRID, 0)
+        self._partial = label(kind="partial", name="partial_label", wrap=True)
+        self._partial.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
         self._note = label(kind="muted", wrap=True)
         self._note.setContentsMargins(2 * theme.GRID, 0, 2 * theme.GRID, 0)
         end_stage = EndStageButton(run, "end_stage_button", self._operator_ends_stages)
@@ -74,6 +76,7 @@ class StageList(QFrame):
             (self.list, 1),
             row(None, end_stage, None),
             self._left,
+            self._partial,
             self._note,
             on=self,
             spacing=0,
@@ -139,7 +142,11 @@ class StageList(QFrame):
                 note = self.tr("Times of a real table; the virtual bench is much faster.")
         elif (remaining := self._run.remaining) is not None:
             left = self.tr("{time} left").format(time=duration_text(remaining))
-        for shown, text in ((self._left, left), (self._note, note)):
+        summary = self._planned if planning else self._run.run_summary
+        omitted = () if summary is None else summary.omitted
+        names = self.tr(", ").join(term("stage", stage) for stage in omitted)
+        partial = self.tr("Partial calibration, without {stages}").format(stages=names) if omitted else ""
+        for shown, text in ((self._left, left), (self._partial, partial), (self._note, note)):
             show_text(shown, text)
 
 

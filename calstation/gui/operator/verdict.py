@@ -159,15 +159,15 @@ class VerdictPanel(QFrame):
     def next_action(self) -> str:
         """Return the next action for the operator, in the current language."""
         fault = self._run.fault
-        return advice.next_action(self._run.state, self._result) if fault is None else fault_text(fault).remedy
+        return advice.next_action(self._run.shown, self._result) if fault is None else fault_text(fault).remedy
 
     def _refresh(self) -> None:
         text = None if self._run.fault is None else fault_text(self._run.fault)
-        self._banner.show_state(self._run.state)
+        self._banner.show_state(self._run.shown)
         self.acknowledge_button.setVisible(text is not None)
         self.details_button.setVisible(self._verdict is not None)
         self._station_button.setVisible(text is not None and text.source == "configuration")
-        self.reason_label.setText(advice.reason(self._run.state, self._result) if text is None else text.reason)
+        self.reason_label.setText(advice.reason(self._run.shown, self._result) if text is None else text.reason)
         notes = dict.fromkeys(event_sentence(*remark) for remark in self._run.remarks)
         for shown, content in (
             (self._source, self.tr("Where: {place}").format(place=text.where) if text and text.where else ""),

@@ -8,3 +8,4 @@ from .run_status import RunStatus as RunStatus
 from .run_status import StageState as StageState
 from .run_status import planned as planned
 from .run_strip import RunStrip as RunStrip
+from .run_strip import run_badge as run_badge

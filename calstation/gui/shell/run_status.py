@@ -137,8 +137,16 @@ class RunStatus(QObject):
 
     @property
     def shown(self) -> str:
-        """The state to display: `state`, or ``writing`` during a register operation."""
+        """State to display: `state`, ``partial`` if a partial run passed, ``writing`` during a register operation."""
+        if self.state == "passed" and self.partial:
+            return "partial"
         return "writing" if self.register_operation and self.state == "running" else self.state
+
+    @property
+    def partial(self) -> bool:
+        """Whether the run omits stages of its product."""
+        summary = self.run_summary
+        return summary is not None and bool(summary.omitted) and not self.register_operation
 
     @property
     def ended(self) -> bool:

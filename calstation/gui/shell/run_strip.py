@@ -21,10 +21,10 @@ class RunStrip(QWidget):
 
     def _refresh(self) -> None:
         run = self._run
-        state = term("badge", run.shown)
+        kind, state = run_badge(run)
         if run.ended or run.fault is not None:  # the serial number is not shown elsewhere on the page
             state = f"{run.serial}  ·  {state}"
-        self._badge.show_state(KINDS.get(run.shown, "none"), state)
+        self._badge.show_state(kind, state)
         parts = []
         if run.stage is not None:
             parts = [term("stage", run.stage.name), f"{100.0 * run.stage.fraction:.0f} %"]
@@ -33,3 +33,11 @@ class RunStrip(QWidget):
         self._text.setText("  ·  ".join(parts))
         self._bar.setVisible(run.going)
         self._bar.setValue(round(STEPS * run.fraction))
+
+
+def run_badge(run: RunStatus) -> tuple[str, str]:
+    """Return the badge of a run, its shape and its text; that of a partial run in progress says that it is partial."""
+    state = term("badge", run.shown)
+    if run.going and run.partial:
+        state = f"{term('badge', 'partial')}  ·  {state}"
+    return KINDS.get(run.shown, "none"), state

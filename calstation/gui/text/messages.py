@@ -23,6 +23,7 @@ KINDS = {
     "stopped": "stopped",
     "fault": "caution",
     "passed": "good",
+    "partial": "partial",
     "failed": "bad",
     "incomplete": "waiting",
 }

@@ -237,6 +237,10 @@
         <source>or single stages, in this order:</source>
         <translation>或单选阶段，按以下次序：</translation>
     </message>
+    <message>
+        <source>A choice of parts holds for one run.</source>
+        <translation>所选部分仅对一次标定有效。</translation>
+    </message>
 </context>
 <context>
     <name>PreviewView</name>
@@ -451,6 +455,10 @@
     <message>
         <source>START</source>
         <translation>开始</translation>
+    </message>
+    <message>
+        <source>START PARTIAL</source>
+        <translation>开始部分标定</translation>
     </message>
 </context>
 <context>

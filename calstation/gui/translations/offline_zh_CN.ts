@@ -64,6 +64,10 @@
         <translation>已解算；记录中没有可比较的限差</translation>
     </message>
     <message>
+        <source>Partial: inside the limits, but not all stages of the product were solved</source>
+        <translation>部分：满足限差，但没有解算产品的全部阶段</translation>
+    </message>
+    <message>
         <source>Inside every limit of the product</source>
         <translation>各项都在产品限差之内</translation>
     </message>

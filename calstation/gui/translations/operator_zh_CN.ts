@@ -110,6 +110,10 @@
         <translation>开始全参数标定</translation>
     </message>
     <message>
+        <source>START PARTIAL</source>
+        <translation>开始部分标定</translation>
+    </message>
+    <message>
         <source>Serial number</source>
         <translation>序列号</translation>
     </message>
@@ -151,6 +155,14 @@
     <message>
         <source>{time} left</source>
         <translation>剩余 {time}</translation>
+    </message>
+    <message>
+        <source>, </source>
+        <translation>、</translation>
+    </message>
+    <message>
+        <source>Partial calibration, without {stages}</source>
+        <translation>部分标定，不做{stages}</translation>
     </message>
     <message>
         <source>Times of a real table; the virtual bench is much faster.</source>

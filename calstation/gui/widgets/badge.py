@@ -10,8 +10,9 @@ from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import row
 
-#: Kinds of state: ring, ring with dot, filled triangle, tick, cross, triangle with exclamation mark, two bars, square.
-KINDS = ("none", "waiting", "active", "good", "bad", "caution", "paused", "stopped")
+#: Kinds of state: ring, ring with dot, filled triangle, tick, half-filled ring, cross, triangle with exclamation mark,
+#: two bars, square.
+KINDS = ("none", "waiting", "active", "good", "partial", "bad", "caution", "paused", "stopped")
 
 #: Size of the icons of the top bar, px, and device pixels per px.
 _SIZE, _RATIO = 24, 2
@@ -20,9 +21,8 @@ _SIZE, _RATIO = 24, 2
 def state_colour(kind: str) -> QColor:
     """Return the colour of a kind of state in the current theme."""
     c = theme.colours()
-    return QColor(
-        {"good": c.good, "bad": c.bad, "caution": c.caution, "active": c.accent, "paused": c.caution}.get(kind, c.muted)
-    )
+    found = {"good": c.good, "partial": c.partial, "bad": c.bad, "caution": c.caution, "paused": c.caution}
+    return QColor({**found, "active": c.accent}.get(kind, c.muted))
 
 
 def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None = None) -> None:
@@ -61,7 +61,10 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
         painter.drawRect(QRectF(at(0.18, 0.18), at(0.82, 0.82)))
     else:
         painter.drawEllipse(QRectF(at(0.16, 0.16), at(0.84, 0.84)))
-        if kind == "waiting":
+        if kind == "partial":
+            painter.setBrush(colour)
+            painter.drawChord(QRectF(at(0.16, 0.16), at(0.84, 0.84)), 90 * 16, 180 * 16)
+        elif kind == "waiting":
             painter.setBrush(colour)
             painter.drawEllipse(QRectF(at(0.42, 0.42), at(0.58, 0.58)))
     painter.restore()

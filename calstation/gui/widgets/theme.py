@@ -52,6 +52,7 @@ class Colours:
     good: str
     bad: str
     caution: str
+    partial: str
     on_state: str
 
 
@@ -68,6 +69,7 @@ _ROLES = {
     "good": ("#1b7a43", "#4cc38a"),
     "bad": ("#b3261e", "#ff7a6e"),
     "caution": ("#8a5a00", "#f0b940"),
+    "partial": ("#6a3fa0", "#c0a2f2"),
     "on_state": ("#ffffff", "#0d1317"),
 }
 
@@ -168,6 +170,9 @@ def style_sheet(c: Colours) -> str:
     QPushButton[kind="primary"] {{ background: {c.accent}; color: {c.on_accent}; border-color: {c.accent}; }}
     QPushButton[kind="primary"]:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
     QPushButton[kind="primary"]:disabled {{ background: {c.window}; color: {c.muted}; border-color: {c.line}; }}
+    QPushButton[kind="partial"] {{ background: {c.partial}; color: {c.on_state}; border-color: {c.partial}; }}
+    QPushButton[kind="partial"]:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
+    QPushButton[kind="partial"]:disabled {{ background: {c.window}; color: {c.muted}; border-color: {c.line}; }}
     QPushButton#stop_button {{ background: {c.bad}; color: {c.on_state}; border-color: {c.bad}; }}
     QPushButton#stop_button:focus {{ border: 3px solid {c.text}; padding: 0 {2 * GRID - 2}px; }}
     QPushButton#start_button, QPushButton#stop_button, QPushButton#pause_button {{
@@ -179,6 +184,7 @@ def style_sheet(c: Colours) -> str:
     QLabel[kind="muted"] {{ color: {c.muted}; }}
     QLabel[kind="error"] {{ color: {c.bad}; }}
     QLabel[kind="caution"] {{ color: {c.caution}; }}
+    QLabel[kind="partial"] {{ color: {c.partial}; font-weight: 600; }}
     QLineEdit[wrong="true"], QComboBox[wrong="true"] {{ border: 2px solid {c.bad}; border-radius: 4px; }}
     QListWidget#stage_list {{ background: transparent; }}
     QListWidget#stage_list::item {{ border-bottom: 1px solid {c.line}; }}

@@ -1,0 +1,22 @@
+"""The verdict of a result as a word and a shape; a partial calibration is never shown as a PASS."""
+
+from calstation.gui.text import KINDS, say, term
+from calstation.results import Result
+
+
+def verdict_text(result: Result, *, stages: bool = True) -> str:
+    """Return the verdict of a run, such as ``PASS``; that of a partial run names its `stages` unless they are False."""
+    if not result.partial or not result.stages:
+        return term("badge", result.verdict)
+    family = "passed" if result.verdict == "partial" else "partial"
+    if not stages:
+        return term("badge", "partial") if family == "passed" else say("engineer.partial", outcome=result.outcome)
+    return say(f"engineer.{family}_stages", outcome=result.outcome, stages=list(result.stages))
+
+
+def verdict_badge(result: Result) -> tuple[str, str]:
+    """Return the shape (`widgets.badge.KINDS`) and the text of the verdict of a run, or of a log solved again."""
+    if result.outcome != "resolved":
+        return KINDS.get(result.verdict, "none"), verdict_text(result)
+    kind = {None: "none", True: "partial" if result.partial else "good", False: "bad"}[result.passed]
+    return kind, say(f"engineer.resolved_{kind}")
