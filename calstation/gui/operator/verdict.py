@@ -78,19 +78,17 @@ class FiguresTable(QWidget):
         figures = [] if result is None else advice.figures(result)
         if not figures:
             return
-        headings = (
-            self.tr("nearest to its limit"),
-            self.tr("value"),
-            self.tr("sigma"),
-            self.tr("limit"),
-            self.tr("unit"),
-        )
-        for at, text in enumerate(headings, start=1):
-            heading = label(kind="muted")
-            heading.setText(text)
-            self._place(heading, 0, at)
+        columns = self.tr("value"), self.tr("sigma"), self.tr("limit"), self.tr("unit")
         values, sigmas = aligned([figure.value for figure in figures]), aligned([figure.sigma for figure in figures])
-        for number, (figure, value, sigma) in enumerate(zip(figures, values, sigmas, strict=True), start=1):
+        number, passing = 0, None
+        for figure, value, sigma in zip(figures, values, sigmas, strict=True):
+            if figure.passed is not passing:
+                title = self.tr("nearest to its limit") if figure.passed else self.tr("outside its limit")
+                for at, text in enumerate((title, *(columns if passing is None else ())), start=1):
+                    heading = label(kind="muted")
+                    heading.setText(text)
+                    self._place(heading, number, at)
+                number, passing = number + 1, figure.passed
             icon = StateIcon(self._size)
             icon.set_kind("bad" if not figure.passed else "caution" if figure.near else "good")
             self._grid.addWidget(icon, number, 0)
@@ -99,7 +97,8 @@ class FiguresTable(QWidget):
                 cell = QLabel(text)
                 cell.setFont(theme.font(self._size, bold=at == deciding))
                 self._place(cell, number, at)
-        self.setMaximumHeight(4 * theme.GRID * (len(figures) + 1))
+            number += 1
+        self.setMaximumHeight(4 * theme.GRID * number)
 
     def _place(self, cell: QLabel, row: int, column: int) -> None:
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft

@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from calstation.config import RunSummary, run_summary
 from calstation.errors import CalstationError
 from calstation.gui.shell.engine_link import EngineLink
+from calstation.results import Result
 from calstation.sequencer import (
     Command,
     Event,
@@ -69,7 +70,8 @@ class StageState:
 
     name: str
     duration: float  #: Planned duration, s of device time.
-    state: str = "waiting"  #: waiting, active, solving, good, bad, stopped, fault; kept if no register is written.
+    #: waiting, active, solving, good, bad, outside (a value of it fails), stopped, fault; kept if nothing is written.
+    state: str = "waiting"
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.
     took: float | None = None  #: Host time from start to solution, s; None until solved or if solved in an earlier run.
@@ -262,6 +264,7 @@ class RunStatus(QObject):
                 self._end_stage("fault")
             case Verdict():
                 self.verdict = event
+                self._mark_failed(Result.from_json(event.result))
                 if event.outcome in _OUTCOMES:
                     self.state = event.outcome
             case _:
@@ -310,6 +313,12 @@ class RunStatus(QObject):
             row.solve("good")
         elif message == "registers_kept":
             row.state = "kept"
+
+    def _mark_failed(self, result: Result) -> None:
+        """Mark the stages that produced failing values."""
+        for stage in self.stages:
+            if stage.state == "good" and stage.name in result.failed_stages:
+                stage.state = "outside"
 
     def _end_stage(self, state: str) -> None:
         """End the current stage without a solution."""
