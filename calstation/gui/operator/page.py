@@ -301,6 +301,8 @@ class OperatorPage(Page):
         if run.latest is None:
             return ""
         what, key, values = run.latest
+        if key == "carry" and run.stage is not None:  # the guide alone gives instructions
+            return term("stage", run.stage.name)
         return event_sentence(key, values) if what == "message" else step_sentence(key, values)
 
 
