@@ -145,9 +145,10 @@ class ResultView(QWidget):
         result = self.shown.result
         if result.outcome == "resolved":
             kind = {None: "none", True: "good", False: "bad"}[result.passed]
-            self._badge.show_state(kind, say(f"engineer.resolved_{kind}"))
+            verdict = say(f"engineer.resolved_{kind}")
         else:
-            self._badge.show_state(KINDS.get(result.outcome, "none"), verdict_text(result))
+            kind, verdict = KINDS.get(result.outcome, "none"), verdict_text(result)
+        self._badge.show_state(kind, f"{result.serial}  ·  {verdict}")
         about = []
         if count := len(result.checks):
             passed = count - len(result.failed_checks)

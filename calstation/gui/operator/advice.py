@@ -14,7 +14,7 @@ _MAX_FIGURES = 10
 
 @dataclass(frozen=True)
 class Figure:
-    """The value of a parameter group, or of a check of the product, that is nearest to or furthest beyond its limit."""
+    """The value of a parameter, or of a check of the product, beside its limit."""
 
     name: str
     value: str

@@ -102,6 +102,10 @@ class RunStatus(QObject):
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
+        #: Whether station and product can be used for the next run.
+        self.runnable = True
+        #: Whether the sequencer has begun to command the table; False while devices are opened and identified.
+        self.commanded = False
         self.serial = ""
         #: Stages in order, followed by the transfer if the unit has registers.
         self.stages: list[StageState] = []
@@ -139,7 +143,9 @@ class RunStatus(QObject):
 
     @property
     def shown(self) -> str:
-        """The state to display: `state`, or ``writing`` during a register operation."""
+        """The state to display: `state`, ``writing`` during a register operation, ``not_ready`` if no run can start."""
+        if self.state == "idle" and not self.runnable:
+            return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
 
     @property
@@ -185,6 +191,11 @@ class RunStatus(QObject):
             return stage.duration
         return stage.remaining if stage.state == "active" else 0.0
 
+    def set_runnable(self, runnable: bool) -> None:
+        """Set whether station and product can be used for the next run."""
+        self.runnable = runnable
+        self.changed.emit()
+
     def stop(self) -> None:
         """Stop a run in progress safely; the state changes to ``stopping`` before the engine confirms it."""
         self._link.send(Command.STOP)
@@ -221,7 +232,7 @@ class RunStatus(QObject):
     def _running_changed(self, running: bool) -> None:
         if running:
             assert self._link.request is not None
-            self.state = "starting"
+            self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
             self.serial = self._link.request.serial
             self.verdict = self.fault = self.latest = self.transfer = None
@@ -272,6 +283,7 @@ class RunStatus(QObject):
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> None:
+        self.commanded = self.commanded or state not in _ENDED
         if self.state == "stopping" and state not in _ENDED:
             return  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
