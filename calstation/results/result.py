@@ -232,6 +232,15 @@ class Result(_Section):
         return [check for check in self.checks if not check.passed]
 
     @property
+    def failed_stages(self) -> set[str]:
+        """Stages that produced a failing value."""
+        names: set[str] = set()
+        for check in self.failed_checks:
+            names |= {check.subject, check.where.stage, check.where.parameter}
+            names.update(self.undetermined if check.kind == "unobservable" else ())
+        return {self.parameters[name].stage if name in self.parameters else name for name in names} & {*self.stages}
+
+    @property
     def end_reason(self) -> str | None:
         """Why the run ended in a fault or was stopped, in English."""
         return self.error or self.stop_reason

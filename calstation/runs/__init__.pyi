@@ -7,4 +7,5 @@ from .incomplete import recover_startup as recover_startup
 from .resume import Resumable as Resumable
 from .resume import filled as filled
 from .resume import find_resumable as find_resumable
+from .resume import resumable_run as resumable_run
 from .resume import serial_of as serial_of

@@ -73,6 +73,12 @@ def resumable(folder: Path) -> list[Resumable]:
     return found
 
 
+def resumable_run(folder: Path, serial: str) -> Resumable | None:
+    """Return the run of a unit that can be resumed according to the index of the folder's runs, or None."""
+    best = _most_complete(History(folder).of(serial))
+    return next(iter(_offer(best)), None) if best is not None else None
+
+
 def find_resumable(progress: ProgressCallback, folder: Path) -> list[Resumable]:
     """Job: see `resumable`."""
     return resumable(folder)

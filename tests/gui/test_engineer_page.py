@@ -642,7 +642,7 @@ def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engi
     path.write_text(json.dumps(result), encoding="utf-8")
     engineer.page.analysis.open(path)
     engineer.until(lambda: bool(engineer.cells("register_table")))
-    assert "PARTIAL: Rate, Six positions" in engineer.says()
+    assert f"{SERIAL}  ·  PARTIAL: Rate, Six positions" in engineer.says()
     assert "PASS" not in engineer.says()
     assert "registers written 2026-11-21" in engineer.says()
     assert "kept, found better before: gyro_scale_x" in engineer.says()

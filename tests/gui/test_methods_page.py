@@ -395,8 +395,8 @@ def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> N
     ]
     rows = advice.figures(result_with(checks=checks))
     assert [(row.name, row.passed, row.near) for row in rows] == [
-        ("force at rest", True, True),
         ("angle between rests", False, False),
+        ("force at rest", True, True),
     ]
     many = [check("previous gyro_bias", 0.1 * k, 9.0, "1") for k in range(20)]
     rows = advice.figures(result_with(checks=[*many, *checks]))

@@ -253,6 +253,42 @@ def test_a_range_entered_in_the_boxes_is_solved(page: OfflinePage, run_log: Path
     assert page.solved.result.to_json() == expected  # the earlier solution is kept
 
 
+def test_a_result_of_another_selection_is_outdated_and_not_exported(
+    page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot
+) -> None:
+    opened(page, run_log, qtbot)
+    solve(page, qtbot)
+    export, (first, last) = button(page, "export_result_button"), spins(page)
+    stage = page.findChild(QCheckBox, "offline_stage_check_rate")
+    inside = page.comparison.offline_badge.text()
+    assert "inside the limits" in inside
+    start, end = first.value(), last.value()
+    for change, undo in (
+        (lambda: last.setValue(end - 10), lambda: last.setValue(end)),
+        (lambda: first.setValue(start + 10), lambda: first.setValue(start)),
+        (stage.click, stage.click),
+    ):
+        assert export.isEnabled()
+        assert page.comparison.offline_badge.text() == inside
+        change()
+        assert "the range or the stages have changed" in page.comparison.offline_badge.text()
+        assert not page.comparison.difference_badge.isVisible()
+        assert set(cells(page, "offline, outdated")) == set(cells(page, "unit"))
+        assert not export.isEnabled()
+        assert "solve again first" in export.toolTip()
+        undo()
+    stage.click()
+    solve(page, qtbot)
+    assert export.isEnabled()
+    assert "Stages solved: Six positions." in page.comparison.note_label.text()
+
+    copy = shutil.copyfile(run_log, tmp_path / "copy.h5")
+    page.open(copy)
+    qtbot.waitUntil(lambda: page.log is not None and page.log.path == copy, timeout=WAIT)
+    assert page.comparison.offline_badge.text() == "Not solved yet"
+    assert not export.isEnabled()
+
+
 def drag_edge(page: OfflinePage, edge: int, to: float) -> None:
     """Drag the range's edge (0 or 1) to a fraction of the view, by mouse."""
     view = page.plot.findChild(QWidget, "log_graph").viewport()

@@ -1,9 +1,11 @@
 """Scans into any widget, incompatible products and old verdicts; runs are emitted events, no engine is started."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import tomli_w
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QListWidget, QPushButton
 
@@ -16,9 +18,12 @@ from calstation.gui.widgets import theme
 from calstation.jobs.queue import JobQueue
 from calstation.messages.rendering import Text
 from calstation.results.handover import Delivery
-from calstation.runs.incomplete import StartupRecovery
+from calstation.results.history import History
+from calstation.runs.incomplete import StartupRecovery, finish_incomplete
 from calstation.sequencer.events import StageSolved, StageStarted, StateChanged, Verdict
 from tests.gui.conftest import RESULT, SERIAL, Operator
+from tests.gui.test_history_page import write_dead_log
+from tests.site_folder import STATION
 
 ENDED: dict[str, Any] = {**RESULT, "attempt": 1, "duration_s": 60.0, "advice": "resume"}
 
@@ -119,8 +124,8 @@ def test_stage_of_an_earlier_run_has_no_time_and_message_line_follows_the_langua
     def state_texts(row: int) -> list[str]:
         return str(stages.item(row).data(Qt.ItemDataRole.AccessibleTextRole)).split(", ")[1:]
 
-    simulated_run.until(lambda: state_texts(1) == ["ok", "0:00"])
-    assert state_texts(0) == ["ok"]
+    simulated_run.until(lambda: state_texts(1) == ["done", "0:00"])
+    assert state_texts(0) == ["done"]
 
     language = simulated_run.widget("language_combo", QComboBox)
     language.setCurrentIndex(1)
@@ -230,3 +235,163 @@ def test_failures_with_earlier_runs_are_reported(operator: Operator) -> None:
     reason = Text.of("handover.no_answer", seconds=5.0)
     starting._recovery.done.emit(StartupRecovery((), Delivery(Path("share"), 0, 2, reason)))
     assert "Hand-over: 2 waiting, share cannot be reached (no answer within 5 s)." in operator.says()
+
+
+@pytest.mark.parametrize("outcome", ["passed", "failed", "stopped"])
+def test_serial_number_belongs_to_the_verdict_and_the_field_to_the_next_unit(
+    simulated_run: Operator, outcome: str
+) -> None:
+    edit, engineer_edit = (simulated_run.widget(n, QLineEdit) for n in ("serial_edit", "engineer_serial_edit"))
+    assert edit.text() == SERIAL
+    simulated_run.widget("engineer_serial_edit", QLineEdit).setText(SERIAL)
+    end_run(simulated_run, outcome)
+    word, serial = (simulated_run.widget(n, QLabel) for n in ("verdict_label", "verdict_serial_label"))
+    assert serial.text() == SERIAL
+    assert serial.isVisible()
+    if outcome != "stopped":
+        assert serial.font().pixelSize() >= word.font().pixelSize() - 1
+    assert SERIAL not in (edit.text(), engineer_edit.text())
+    assert "Serial number: next unit" in simulated_run.says()
+    simulated_run.window.show_page("engineer_page")
+    assert "Serial number: next unit" in simulated_run.says()
+    assert f"{SERIAL}  ·  {word.text()}" in simulated_run.says()
+    simulated_run.window.show_page("operator_page")
+
+    simulated_run.qtbot.keyClicks(edit, "SN-00")
+    assert "Serial number: next unit" in simulated_run.says()
+    simulated_run.scan("SN-000077")
+    assert simulated_run.verdict == ""
+    assert "next unit" not in simulated_run.says()
+
+
+def test_a_long_serial_number_fits_beside_the_verdict(simulated_run: Operator) -> None:
+    simulated_run.run.serial = "UNIT-OF-A-VERY-LONG-NAME-0000000123456789"
+    end_run(simulated_run, "incomplete")
+    serial = simulated_run.widget("verdict_serial_label", QLabel)
+    assert serial.fontMetrics().horizontalAdvance(serial.text()) <= serial.width()
+
+
+def test_suggested_serial_number_does_not_survive_a_change_to_hardware(operator: Operator) -> None:
+    edits = [operator.widget(name, QLineEdit) for name in ("serial_edit", "engineer_serial_edit")]
+    bench = operator.site_folder.station
+    assert [edit.text() for edit in edits] == ["SN-000001", "SN-000001"]
+    hardware = bench.with_name("hardware.toml")
+    ports = {"table": {"profile": "bench", "port": "tcp://127.0.0.1:9"}, "imu": {"port": "socket://127.0.0.1:9"}}
+    hardware.write_text(tomli_w.dumps({**STATION, "name": "hardware", **ports}), encoding="utf-8")
+    operator.window.app.set_station(hardware)
+    assert [edit.text() for edit in edits] == ["", ""]
+    operator.press("start_button")
+    assert "The serial number is missing" in operator.says()
+    assert not operator.window.app.engine_link.running
+
+    operator.window.app.set_station(bench)
+    assert [edit.text() for edit in edits] == ["SN-000001", "SN-000001"]
+    operator.window.app.set_station(library.find("stations", "virtual_hand"))  # cannot run this product
+    operator.window.app.set_station(hardware)
+    assert [edit.text() for edit in edits] == ["", ""]
+    operator.scan(SERIAL)
+    operator.window.app.set_station(bench)
+    assert edits[0].text() == SERIAL
+
+
+def test_stage_of_a_failing_value_is_marked_and_the_value_stands_first(simulated_run: Operator) -> None:
+    link = simulated_run.window.app.engine_link
+    for stage in simulated_run.run.stages[:2]:
+        link.event.emit(StageStarted(stage.name, 0, 4, 10.0))
+        link.event.emit(StageSolved(stage.name, {}, {"passed": True}))
+    row = {"unit": "1", "sigma": 1e-6}
+    parameters = {
+        "gyro_scale_x": {**row, "value": 1e-4, "stage": "rate"},
+        "accel_scale_y": {**row, "value": 5e-3, "stage": "six_position"},
+    }
+    checks = [
+        {"name": f"{name} within", "value": parameters[name]["value"], "limit": [-1e-3, 1e-3], "unit": "1", **passed}
+        for name, passed in (("gyro_scale_x", {"passed": True}), ("accel_scale_y", {"passed": False}))
+    ]
+    end_run(simulated_run, "failed", parameters=parameters, checks=checks, stages=["rate", "six_position"])
+    items = simulated_run.widget("stage_list", QListWidget)
+    states = [items.item(k).data(Qt.ItemDataRole.AccessibleTextRole).split(", ")[1] for k in range(2)]
+    assert states == ["done", "outside limits"]
+    order = ["outside its limit", "accel scale factor y", "nearest to its limit", "gyro scale factor x"]
+    simulated_run.until(lambda: set(order) <= set(simulated_run.says().splitlines()))
+    labels = [label for label in simulated_run.window.findChildren(QLabel) if label.isVisible()]
+    heights = {label.text(): label.mapToGlobal(label.rect().center()).y() for label in labels}
+    assert sorted(order, key=lambda text: heights[text]) == order
+    simulated_run.widget("language_combo", QComboBox).setCurrentIndex(1)
+    simulated_run.until(lambda: "超差" in simulated_run.says() and "完成" in simulated_run.says())
+
+
+def test_interrupted_unit_scanned_again_is_resumed_or_begun_anew(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = operator.window.app.runs_folder
+    runs.mkdir()
+    log = write_dead_log(runs)
+    finish_incomplete(runs)
+    History(runs).refresh()
+    started: list[RunRequest] = []
+    monkeypatch.setattr(EngineLink, "start", lambda _, order: started.append(order))
+    operator.scan("SN-000004")
+    assert "interrupted" not in operator.says()
+    operator.scan("SN-000003")
+    assert "SN-000003 was interrupted in stage 2" in operator.says()
+    operator.press("start_button")
+    assert "SN-000003 was interrupted in stage 2" in operator.says()
+    operator.press("cancel_choice")
+    operator.press("start_button")
+    assert started == []
+    operator.press("anew_choice")
+    assert [request.resume for request in started] == [None]
+    operator.scan("SN-000003")
+    operator.press("resume_choice")
+    assert [request.resume and request.resume.name for request in started] == [None, log.name]
+
+    operator.window.show_page("engineer_page")
+    operator.widget("engineer_serial_edit", QLineEdit).setText("SN-000003")
+    operator.press("engineer_start_button")
+    assert "The run of SN-000003 was interrupted" in operator.says()
+    operator.press("anew_choice")
+    assert len(started) == 3
+    operator.press("engineer_start_button")
+    operator.press("resume_choice")
+    assert len(started) == 3
+    assert operator.window.operator_page.isVisible()
+    operator.until(lambda: "SN-000003 was interrupted in stage 2" in operator.says())
+
+
+def test_ready_is_not_shown_while_station_and_product_cannot_run(operator: Operator) -> None:
+    pages = ("operator_page", "engineer_page", "history_page")
+
+    def badges() -> list[bool]:
+        found = []
+        for name in pages:
+            operator.window.show_page(name)
+            lines = operator.says().splitlines()
+            assert ("READY" in lines) != ("NOT READY" in lines)
+            found.append("READY" in lines)
+        operator.window.show_page("operator_page")
+        return found
+
+    operator.window.app.set_station(library.find("stations", "virtual_hand"))
+    assert "cannot run" in operator.says()
+    assert badges() == [False, False, False]
+    assert "press START" not in operator.message
+    operator.press("product_choice_mems_hand")
+    assert badges() == [True, True, True]
+
+
+@pytest.mark.parametrize(
+    ("commanded", "by_hand"), [(False, False), (True, False), (True, True)], ids=["connecting", "table", "manual"]
+)
+def test_stop_claims_only_what_was_done(simulated_run: Operator, *, commanded: bool, by_hand: bool) -> None:
+    run = simulated_run.run
+    assert run.run_summary is not None
+    run.run_summary = replace(run.run_summary, by_hand=by_hand)
+    if commanded:
+        simulated_run.window.app.engine_link.event.emit(StateChanged("preparing", "idle"))
+    simulated_run.press("stop_button")
+    assert ("axes" in simulated_run.message) == (commanded and not by_hand)
+    assert ("has not been commanded" in simulated_run.message) != commanded
+    end_run(simulated_run, "stopped")
+    assert ("axes are off" in simulated_run.says()) == (commanded and not by_hand)
+    assert ("was not commanded" in simulated_run.says()) != commanded

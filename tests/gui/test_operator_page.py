@@ -48,7 +48,7 @@ def test_one_click_runs_to_pass_with_language_changes(operator: Operator) -> Non
     assert operator.verdict == "PASS", operator.says()
     assert "Remove the unit, scan the next" in operator.says()
     texts = [stages.item(i).data(Qt.ItemDataRole.AccessibleTextRole) for i in range(stages.count())]
-    assert [text.split(",")[1].strip() for text in texts] == ["ok"] * 5
+    assert [text.split(",")[1].strip() for text in texts] == ["done"] * 5
     assert texts[-1].startswith("5  Transfer")
     progress = operator.widget("run_progress", QProgressBar)
     assert progress.value() == progress.maximum()
@@ -153,6 +153,8 @@ def test_enter_of_the_scanner_checks_the_number_but_does_not_start(operator: Ope
     operator.scan("WRONG 1")
     assert "does not fit this product" in operator.says()
     assert "Serial number: not valid" in operator.says()
+    assert "Example: SN-000123" in operator.says()
+    assert "\\d" not in operator.says()
     assert operator.window.focusWidget() is operator.widget("serial_edit")
     operator.scan(SERIAL)
     assert "does not fit" not in operator.says()
@@ -221,6 +223,12 @@ def test_interrupted_run_is_offered_at_the_start_and_resumes(operator: Operator,
     operator.until(lambda: operator.run.stages and operator.run.stages[1].fraction > 0.1)
     operator.press("stop_button")
     operator.until_ended()
+    operator.until(lambda: f"{SERIAL} was interrupted in stage 2, Rate" in operator.says())
+    operator.press("later_choice")
+    operator.scan(SERIAL)
+    assert f"{SERIAL} was interrupted in stage 2, Rate" in operator.says()
+    operator.press("start_button")
+    assert not operator.window.app.engine_link.running
 
     again = create_window(site_folder.station)
     assert isinstance(again, MainWindow)

@@ -89,6 +89,43 @@ def test_figures_show_the_value_nearest_to_its_limit_per_group() -> None:
     )
 
 
+def test_failing_values_stand_first_and_each_is_listed() -> None:
+    row = {"unit": "1", "stage": "rate", "sigma": 1e-6}
+    values = {"gyro_scale_x": 1e-4, "gyro_scale_y": 2e-3, "gyro_scale_z": -4e-3, "accel_scale_x": 5e-4}
+    result = result_with(
+        parameters={name: {"value": value, **row} for name, value in values.items()},
+        checks=[
+            check(f"{name} within", value, [-1e-3, 1e-3], passed=abs(value) <= 1e-3) for name, value in values.items()
+        ],
+    )
+    shown = [(figure.name, figure.passed) for figure in advice.figures(result)]
+    assert shown == [
+        ("gyro scale factor z", False),
+        ("gyro scale factor y", False),
+        ("gyro scale factor x", True),
+        ("accel scale factor x", True),
+    ]
+
+
+def test_stages_of_failing_values_are_found_for_every_kind_of_check() -> None:
+    row = {"unit": "1", "sigma": 1e-6, "value": 1.0}
+    stages = ["rate", "six_position", "excitation", "azimuth_flip"]
+    parameters = {"gyro_scale_x": {**row, "stage": "rate"}, "accel_scale_x": {**row, "stage": "excitation"}}
+
+    def failed(*checks: dict[str, Any], **more: Any) -> set[str]:
+        return result_with(stages=stages, parameters=parameters, checks=list(checks), **more).failed_stages
+
+    assert failed(check("gyro_scale_x within", 1.0, 0.1, passed=True), unobservable=["gyro_scale_x"]) == set()
+    assert failed(check("gyro_scale_x sigma below", 1.0, 0.1, passed=False)) == {"rate"}
+    assert failed(check("six_position consistency", 9.0, 1.2, passed=False)) == {"six_position"}
+    assert failed(check("gravity_at_rest", 1.0, 0.1, passed=False) | {"where": "azimuth_flip rest 2"}) == {
+        "azimuth_flip"
+    }
+    assert failed(check("previous accel_scale", 1.0, 0.1, passed=False) | {"where": "accel_scale_x"}) == {"excitation"}
+    lost = check("unobservable parameters", 1.0, 0.0, passed=False)
+    assert failed(lost, unobservable=["accel_scale_x"]) == {"excitation"}
+
+
 def test_traces_keep_the_latest_rows_in_order(qtbot: QtBot) -> None:
     traces = Traces()
     qtbot.addWidget(traces)

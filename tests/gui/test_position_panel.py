@@ -18,7 +18,7 @@ from calstation.gui.text import language
 from calstation.gui.widgets import theme
 from calstation.physics.rotation import axis_rotation
 from calstation.sequencer.control import Command
-from calstation.sequencer.events import PositionGuided, StageStarted, StateChanged
+from calstation.sequencer.events import PositionGuided, StageStarted, StateChanged, StepStarted
 from tests.gui.conftest import Operator
 
 X, Y = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -81,9 +81,9 @@ def painted(image: QImage, colour: str) -> int:
     [
         ("waiting", "Waiting", "等待中"),
         ("moving", "Moving", "转动中"),
-        ("still", "Hold still", "保持静止"),
-        ("enough", "Enough: go on", "已够，请继续"),
-        ("repeat", "Too soon: repeat", "动得太早，再来一次"),
+        ("still", "At rest", "静止中"),
+        ("enough", "Next position", "下一个位置"),
+        ("repeat", "Moved too soon", "动得太早"),
     ],
 )
 def test_every_state_has_a_text_in_both_languages(
@@ -107,11 +107,22 @@ def test_every_state_has_a_shape_of_its_own(panel: PositionPanel) -> None:
 
 def test_task_names_the_rail_to_turn_and_the_time_to_wait(panel: PositionPanel) -> None:
     panel.take(guided("enough"))
-    assert panel.task_label.text() == "Turn the inner rail to about 180°, then let go."
+    assert panel.task_label.text() == "Turn the inner rail to about 180°."
     panel.take(guided("still", rest=4.2))
     assert panel.task_label.text() == "Hands off. 3 s left."
     panel.take(guided("repeat"))
-    assert "leave it for 7 s" in panel.task_label.text()
+    assert panel.task_label.text() == "Hands off for 7 s."
+
+
+def test_of_two_rails_one_is_turned_at_a_time(panel: PositionPanel) -> None:
+    def take(outer: float) -> str:
+        event = guided("moving", 2)
+        up = tuple(map(float, axis_rotation(X, outer)[2]))
+        panel.take(PositionGuided(**{**event.__dict__, "outer": SIXTY, "up": up}))
+        return panel.task_label.text()
+
+    assert take(0.0) == "Turn the outer rail to about 60°."
+    assert take(0.9 * SIXTY) == "Turn the inner rail to about 60°."
 
 
 def test_ring_fills_during_a_rest(panel: PositionPanel) -> None:
@@ -145,7 +156,7 @@ def test_after_the_last_position_nothing_is_asked_until_verification(panel: Posi
     assert "Leave the unit alone" in panel.task_label.text()
     assert not panel.finish_button.isVisible()
     panel.take(guided("enough", 2, stage=""))
-    assert panel.task_label.text() == "Turn the inner rail to about 60°, then let go."
+    assert panel.task_label.text() == "Turn the inner rail to about 60°."
 
 
 def test_upside_down_unit_is_drawn(panel: PositionPanel) -> None:
@@ -190,7 +201,9 @@ def test_operator_page_shows_the_guide_on_a_manual_rig(
     link.event.emit(StageStarted("multi_position", 0, 1, 400.0))
     link.event.emit(guided("enough", suffices=True))
     operator.until(lambda: page._live.position.isVisible())
-    assert "Turn the inner rail to about 180°, then let go." in operator.says()
+    assert "Turn the inner rail to about 180°." in operator.says()
+    link.event.emit(StepStarted("multi_position", 3, "carry", ("carry", 0.0, 180.0)))
+    operator.until(lambda: operator.message == "Multi-position")
     assert not page._live.table.isVisible()
     operator.press("finish_positions_button")
     assert sent == [Command.END_STAGE]

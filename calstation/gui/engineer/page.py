@@ -2,14 +2,15 @@
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QFileDialog, QLineEdit, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QVBoxLayout, QWidget
 
-from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
+from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options, serial_example
 from calstation.errors import CalstationError
 from calstation.gui.engineer.choice_panel import ChoicePanel
 from calstation.gui.engineer.preview import PreviewView
@@ -23,7 +24,6 @@ from calstation.gui.widgets import (
     JobWatch,
     NoticeBar,
     ViewTabs,
-    Words,
     button,
     column,
     enable,
@@ -33,6 +33,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.results import FinishedRun
+from calstation.runs import resumable_run
 from calstation.sequencer import Event, Verdict
 
 _LEFT = 46 * theme.GRID
@@ -45,6 +46,8 @@ class EngineerPage(Page):
         super().__init__(app)
         self.setObjectName("engineer_page")
         self._options: ScheduleOptions | None = None
+        #: Serial number that the virtual bench has suggested last.
+        self._suggested = ""
         #: Error that prevents the use of station and product, or None.
         self._problem: CalstationError | None = None
         self._faulty = False
@@ -53,7 +56,7 @@ class EngineerPage(Page):
         self.choice = ChoicePanel()
         self.notice = NoticeBar()
         self.preview = PreviewView(app, self._request)
-        self.registers = RegistersView(app, self._request)
+        self.registers = RegistersView(app, self._register_request)
         self.analysis = ResultAnalysis(app, self)
         self._saving = JobWatch(self, self._saved, self._not_saved)
         self._lay_out()
@@ -126,11 +129,18 @@ class EngineerPage(Page):
             self._problem = error
         found = self._options
         self.choice.setEnabled(found is not None and bool(found.offered))
+        if self._header.serial in ("", self._suggested):
+            self._suggest()
         if found is not None and found.offered:
             self.choice.show_options(found)
-            if not self._header.serial:
-                self._header.serial_edit.setText(found.serial)
         self._update()
+
+    def _suggest(self) -> None:
+        """Fill in the unit of the virtual bench, unless its verdict is shown; on hardware, clear the field."""
+        found, run = self._options, self.app.run
+        judged = run.serial if run.ended or run.fault is not None else ""
+        self._suggested = found.serial if found is not None and found.serial != judged else ""
+        self._header.serial_edit.setText(self._suggested)
 
     def _choice_changed(self) -> None:
         self.preview.mark_outdated()
@@ -162,11 +172,12 @@ class EngineerPage(Page):
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """Restore the product's own stages after a run, so that no later run is partial by mistake."""
-        found = self._options
-        run_ended = not running and self.app.engine_link.operation is None
-        if run_ended and found is not None and found.offered and self.choice.parts.stages != found.stages:
-            self.choice.parts.offer(found.offered, found.stages)
+        """After a run, clear its serial number and restore the product's stages, so that no later run is partial."""
+        if not running and self.app.engine_link.operation is None:
+            self._suggest()
+            found = self._options
+            if found is not None and found.offered and self.choice.parts.stages != found.stages:
+                self.choice.parts.offer(found.offered, found.stages)
         self._update()
 
     def _drop_question(self) -> None:
@@ -186,6 +197,14 @@ class EngineerPage(Page):
             schedule=self.choice.schedule,
             beyond_attempts=app.role.engineer,
         )
+
+    def _register_request(self) -> RunRequest:
+        """Return the request for registers; on a virtual bench, the unit of the last run is still in the fixture."""
+        request, serial = self._request(), self.app.run.serial
+        entered = self._header.serial not in ("", self._suggested)
+        if entered or not serial or self._options is None or not self._options.virtual:
+            return request
+        return replace(request, serial=serial)
 
     def _ask_to_save(self) -> None:
         assert self._options is not None
@@ -221,9 +240,28 @@ class EngineerPage(Page):
     # ---- START
 
     def _start(self) -> None:
-        assert self._options is not None
         self.notice.dismiss()
         self.app.settings.setValue("engineer_name", self._header.engineer)
+        folder = self.app.runs_folder
+        interrupted = resumable_run(folder, self._header.serial) if folder.is_dir() else None
+        if interrupted is None:
+            self._start_anew()
+            return
+        log, unit = interrupted.log, {"serial": interrupted.serial}
+        self.notice.ask(
+            "paused",
+            lambda: say("engineer.interrupted", **unit),
+            lambda: say("engineer.ask_resume"),
+            (
+                Choice("resume_choice", lambda: self.tr("Resume"), lambda: self.app.resume_run.emit(log), primary=True),
+                Choice("anew_choice", lambda: self.tr("Begin again"), self._start_anew),
+                Choice("cancel_choice", lambda: self.tr("Cancel"), lambda: None),
+            ),
+        )
+
+    def _start_anew(self) -> None:
+        """Start a run from its first stage, on hardware after confirmation."""
+        assert self._options is not None
         if self._options.virtual:
             self._run()
             return
@@ -246,6 +284,7 @@ class EngineerPage(Page):
 
     def _run_changed(self) -> None:
         """Update only when a fault occurs or is cleared, because this slot is called many times per second."""
+        self._header.show_next(self.app.run.ended or self.app.run.fault is not None)
         faulty = self.app.run.fault is not None
         if faulty != self._faulty:
             self._faulty = faulty
@@ -325,7 +364,7 @@ class EngineerPage(Page):
         if not serial:
             return say("engineer.no_serial")
         if found is not None and not re.fullmatch(found.serial_pattern, serial):
-            return say("engineer.wrong_serial", pattern=found.serial_pattern)
+            return say("engineer.wrong_serial", example=serial_example(found.serial_pattern))
         return say("engineer.fault_unread") if self.app.run.fault is not None else ""
 
     def _why_not_save(self) -> str:
@@ -345,8 +384,11 @@ class _Header(QWidget):
     def __init__(self, run: RunStatus) -> None:
         super().__init__()
         self.serial_edit, self.engineer_edit = QLineEdit(), QLineEdit()
-        serial = self._captioned(self.serial_edit, "engineer_serial_edit", lambda: self.tr("Serial number"))
-        engineer = self._captioned(self.engineer_edit, "engineer_name_edit", lambda: self.tr("Your name"))
+        self._next = False
+        self._serial_caption = label(self._serial_text, buddy=self.serial_edit)
+        serial = self._captioned(self.serial_edit, "engineer_serial_edit", self._serial_caption)
+        name = label(lambda: self.tr("Your name"), buddy=self.engineer_edit)
+        engineer = self._captioned(self.engineer_edit, "engineer_name_edit", name)
         self.serial_edit.setFixedWidth(24 * theme.GRID)
         self.serial_edit.setMaxLength(80)
         bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
@@ -382,8 +424,17 @@ class _Header(QWidget):
     def _show_start(self) -> None:
         self.start_button.setText(self.tr("START PARTIAL") if self._partial else self.tr("START"))
 
-    def _captioned(self, edit: QLineEdit, name: str, words: Words) -> QVBoxLayout:
+    def show_next(self, following: bool) -> None:
+        """Show whether the serial number is that of the unit after the one whose verdict is shown."""
+        if following != self._next:
+            self._next = following
+            self._serial_caption.setText(self._serial_text())
+
+    def _serial_text(self) -> str:
+        return self.tr("Serial number: next unit") if self._next else self.tr("Serial number")
+
+    def _captioned(self, edit: QLineEdit, name: str, caption: QLabel) -> QVBoxLayout:
         edit.setObjectName(name)
         edit.setFixedHeight(theme.BUTTON)
         edit.textChanged.connect(lambda _: self.edited.emit())
-        return column(label(words, buddy=edit), edit, spacing=0)
+        return column(caption, edit, spacing=0)

@@ -142,7 +142,8 @@ class ResultView(QWidget):
         if self.shown is None:
             return
         result = self.shown.result
-        self._badge.show_state(*verdict_badge(result))
+        kind, verdict = verdict_badge(result)
+        self._badge.show_state(kind, f"{result.serial}  ·  {verdict}")
         about = []
         if count := len(result.checks):
             passed = count - len(result.failed_checks)

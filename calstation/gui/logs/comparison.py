@@ -33,6 +33,7 @@ class Comparison(QWidget):
         super().__init__()
         self._log_index: LogIndex | None = None
         self._solved: Resolved | None = None
+        self._outdated = False
         self._online: Result | None = None
         self._cells: dict[str, dict[str, str]] = {}
         self._in_sigma: dict[str, float] = {}
@@ -56,7 +57,7 @@ class Comparison(QWidget):
                 Column(lambda: self.tr("unit"), lambda n: self._cell(n, "unit"), number=False),
                 Column(lambda: self.tr("run"), lambda n: self._cell(n, "online")),
                 Column(lambda: "±σ", lambda n: self._cell(n, "online_sigma")),
-                Column(lambda: self.tr("offline"), lambda n: self._cell(n, "offline"), state=self._value_state),
+                Column(self._offline_heading, lambda n: self._cell(n, "offline"), state=self._value_state),
                 Column(lambda: "±σ", lambda n: self._cell(n, "offline_sigma"), state=self._sigma_state),
                 Column(lambda: self.tr("diff."), lambda n: self._cell(n, "difference")),
                 Column(lambda: self.tr("in σ"), lambda n: self._cell(n, "in_sigma"), state=self._difference_state),
@@ -82,6 +83,12 @@ class Comparison(QWidget):
         """Show an offline result beside that of the run."""
         self._solved = solved
         self._fill()
+
+    def set_outdated(self, outdated: bool) -> None:
+        """Mark the offline result as one of another range or other stages than those selected."""
+        if outdated != self._outdated:
+            self._outdated = outdated
+            self._refresh()
 
     @property
     def identical(self) -> bool:
@@ -131,7 +138,7 @@ class Comparison(QWidget):
             notes = self._notes(self._solved, self._log_index)
         show_text(self.note_label, "\n".join(notes))
         for widget in (self._difference_head, self.difference_badge):
-            widget.setVisible(bool(self._in_sigma))
+            widget.setVisible(bool(self._in_sigma) and not self._outdated)
         if self._in_sigma:
             self.difference_badge.show_state(*self._difference())
 
@@ -143,7 +150,12 @@ class Comparison(QWidget):
             return "caution", self.tr("No result: this run did not reach its end")
         return "none", self.tr("The log holds no result of a run")
 
+    def _offline_heading(self) -> str:
+        return self.tr("offline, outdated") if self._outdated else self.tr("offline")
+
     def _offline_verdict(self, result: Result) -> tuple[str, str]:
+        if self._outdated:
+            return "caution", self.tr("Outdated: the range or the stages have changed; solve again")
         if result.passed is None and result.missing_data:
             return "caution", self.tr("Solved as far as the data allow; some stages are not")
         if result.passed is None:

@@ -54,6 +54,9 @@ class OfflinePage(Page):
         self.setAcceptDrops(True)
         self.log: LogIndex | None = None
         self.solved: Resolved | None = None
+        #: Range and stages selected when the last solve was started, and when that of `solved` was.
+        self._started_with: tuple[object, ...] = ()
+        self._solved_with: tuple[object, ...] = ()
         self._indexes = Path(tempfile.mkdtemp(prefix="calstation-"))
         weakref.finalize(self, shutil.rmtree, self._indexes, ignore_errors=True)
         self._opened = 0
@@ -96,6 +99,7 @@ class OfflinePage(Page):
         if self.log is None or self._why_not_solve():
             return
         self.notice.dismiss()
+        self._started_with = self._selection
         stages = self.stages.chosen if self.stages.chosen != self.stages.in_range else None  # None: as in the run
         job = self.app.job_queue.submit(offline_solve, self.log.path, stages, *self.range.range, self.log.spans, states)
         self.solver.watch(job)
@@ -233,7 +237,7 @@ class OfflinePage(Page):
         self.plot.setFocus()
 
     def _show_solved(self, solved: Resolved) -> None:
-        self.solved = solved
+        self.solved, self._solved_with = solved, self._started_with
         self.comparison.show_solved(solved)
         self.missing.show_result(solved.result)
         self._update()
@@ -286,6 +290,17 @@ class OfflinePage(Page):
     def _wait_text(self) -> str:
         return self.tr("Another log can be opened when this job has ended or is cancelled.")
 
+    @property
+    def _selection(self) -> tuple[object, ...]:
+        return *self.range.range, self.stages.chosen
+
+    def _why_not_export_result(self) -> str:
+        if self.solved is None:
+            return self.tr("Solve the log first")
+        if self._selection != self._solved_with:
+            return self.tr("The range or the stages have changed: solve again first")
+        return ""
+
     def _why_not_solve(self) -> str:
         if self.log is None:
             return self.tr("Open a log first")
@@ -307,7 +322,8 @@ class OfflinePage(Page):
         self.log_button.setText(self.tr("Export range…") if part else self.tr("Export log…"))
         tip = self.tr("Only the chosen samples; “Set to…” returns to the whole log") if part else ""
         enable(self.log_button, wait or ("" if self.log is not None else self.tr("Open a log first")), tip)
-        enable(self.result_button, wait or ("" if self.solved is not None else self.tr("Solve the log first")))
+        enable(self.result_button, wait or self._why_not_export_result())
+        self.comparison.set_outdated(self.solved is not None and self._selection != self._solved_with)
 
     def _refresh(self) -> None:
         self._empty.say(

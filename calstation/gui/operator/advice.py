@@ -1,4 +1,4 @@
-"""Interpretation of a result for an operator: reason, next action, and the values nearest to their limits."""
+"""Interpretation of a result for an operator: reason, next action, and the values beyond or nearest to their limits."""
 
 import math
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _MAX_FIGURES = 10
 
 @dataclass(frozen=True)
 class Figure:
-    """The value of a parameter group, or of a check of the product, that is nearest to or furthest beyond its limit."""
+    """The value of a parameter, or of a check of the product, beside its limit."""
 
     name: str
     value: str
@@ -26,15 +26,18 @@ class Figure:
     by_sigma: bool = False  #: The sigma is nearest to its limit, and `limit` is the sigma limit.
 
 
-def reason(outcome: str, result: Result | None) -> str:
-    """Return the reason for the outcome of a run, or for ``partial``."""
+def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str:
+    """Return the reason for the outcome of a run, or for ``partial``.
+
+    `stopped` is the entry of the catalogue for a stopped run.
+    """
     checks = [] if result is None else result.checks
     if outcome in ("passed", "partial"):
         near = sum(check.near_miss for check in checks)
         inside = say(f"advice.{outcome}", stages=[] if result is None else result.stages)
         return f"{inside} {say('advice.near', count=near)}" if near else inside
     if outcome != "failed":
-        return say("advice.stopped" if outcome == "stopped" else "advice.incomplete")
+        return say(f"advice.{stopped}" if outcome == "stopped" else "advice.incomplete")
     failed = [check for check in checks if not check.passed]
     if not failed or result is None:
         return say("advice.no_stage")
@@ -58,7 +61,12 @@ def next_action(outcome: str, result: Result | None) -> str:
 
 
 def figures(result: Result) -> list[Figure]:
-    """Return one row per parameter group and product check; failures and near-misses first if there are too many."""
+    """Return every failing parameter and product check, the furthest beyond its limit first; then the passing ones.
+
+    Of the passing parameters, each group has one, the nearest to its limit; near-misses come first if there are too
+    many.
+    """
+    failing: list[tuple[float, Figure]] = []
     found: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}
     for name, row in result.parameters.items():
@@ -67,16 +75,22 @@ def figures(result: Result) -> list[Figure]:
         within, below = checks.get(("within", name)), checks.get(("sigma_below", name))
         share = max(_share(within), _share(below))
         group = PARAMETERS[INDEX[name]].group
-        if (within or below) and share >= found.get(group, (-1.0, None))[0]:
+        if any(check is not None and not check.passed for check in (within, below)):
+            failing.append((share, _figure(name, row, within, below)))
+        elif (within or below) and share >= found.get(group, (-1.0, None))[0]:
             found[group] = (share, _figure(name, row, within, below))
     parameters = [found[group][1] for group in GROUPS if group in found]
     rows = list(parameters)
     for check in filter(of_product, result.checks):
         shown = check_text(check)
         figure = Figure(check_name(check), shown.value, "", shown.limit, shown.unit, check.passed, check.near_miss)
-        rows.append(figure)
-    order = sorted(range(len(rows)), key=lambda k: (rows[k].passed, not rows[k].near, k >= len(parameters)))
-    return [rows[k] for k in sorted(order[:_MAX_FIGURES])]
+        if check.passed:
+            rows.append(figure)
+        else:
+            failing.append((_share(check), figure))
+    failed = [figure for _, figure in sorted(failing, key=lambda each: -each[0])][:_MAX_FIGURES]
+    order = sorted(range(len(rows)), key=lambda k: (not rows[k].near, k >= len(parameters)))
+    return failed + [rows[k] for k in sorted(order[: _MAX_FIGURES - len(failed)])]
 
 
 def failed_check_text(check: Check, result: Result) -> str:

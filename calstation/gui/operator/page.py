@@ -31,6 +31,7 @@ from calstation.gui.text import (
     rendered,
     say,
     step_sentence,
+    term,
 )
 from calstation.gui.widgets import (
     STEPS,
@@ -153,7 +154,9 @@ class OperatorPage(Page):
         if app.product_path is not None:
             app.settings.setValue("product", app.product_path.stem)
         planned, choices = self._summarise()
+        app.run.set_runnable(self._problem is None)
         self._starting.run_summary = planned
+        self._starting.suggest()
         self._stages.plan(planned)
         self._loading.plan(planned)
         if self._problem is not None:
@@ -161,7 +164,6 @@ class OperatorPage(Page):
             ask(self.notice, "caution", self._problem, {"station": open_station}, others=choices)
         else:
             self.notice.dismiss()
-            self._starting.suggest()
             if app.stages is not None and planned is not None:
                 selected = "selected_stages" if planned.omitted else "selected_schedule"
                 question = Text.of(f"question.{selected}", stages=app.stages)
@@ -197,11 +199,12 @@ class OperatorPage(Page):
     def _acknowledge(self) -> None:
         transfer, request = self.app.run.transfer, self.app.engine_link.request
         self.app.run.acknowledge()
+        self._starting.suggest()
         self.header.focus_serial()
         if transfer is not None and request is not None:
             self._starting.ask_transfer(request)
         else:
-            self._starting.offer(self.header.serial)
+            self._starting.offer(self.app.run.serial)
 
     def _pause(self) -> None:
         paused = self.app.run.state in ("pausing", "paused")
@@ -216,7 +219,7 @@ class OperatorPage(Page):
         if running:
             request = self.app.engine_link.request
             self.notice.dismiss()
-            if request is not None:
+            if request is not None and not self.app.run.register_operation:
                 self.header.set_serial(request.serial)
             self._live.start()
         else:
@@ -226,16 +229,17 @@ class OperatorPage(Page):
             self._await_next()
 
     def _await_next(self) -> None:
+        """Clear the serial number of the unit that was calibrated; the field is for the next unit."""
         run = self.app.run
+        if not run.register_operation:
+            self.header.set_serial("")
+            self._starting.suggest()
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
             return
-        if run.shown == "passed" and self._starting.run_summary is not None and self._starting.run_summary.virtual:
-            self.header.set_serial("")
-            self._starting.suggest()
         self.header.focus_serial()
-        if run.state == "stopped":
-            self._starting.offer(self.header.serial)
+        if run.state in ("stopped", "incomplete"):
+            self._starting.offer(run.serial)
 
     def ask_close(self, stop_and_close: Callable[[], None], close_now: Callable[[], None]) -> None:
         """Ask before closing during a run; offer to close immediately only after a safe stop has been requested."""
@@ -291,7 +295,9 @@ class OperatorPage(Page):
         if run.fault is not None:
             return fault_text(run.fault).reason
         if run.state in ("idle", "starting"):
-            return say(f"operator.{run.state}")
+            return say(f"operator.{run.shown}")
+        if run.state == "stopping" and not run.commanded:
+            return say("operator.stopping_connecting")
         if run.state in ("stopping", "paused"):
             return say(f"operator.{run.state}{'_manual' if run.by_hand else ''}")
         if not run.going:
@@ -299,6 +305,8 @@ class OperatorPage(Page):
         if run.latest is None:
             return ""
         what, key, values = run.latest
+        if key == "carry" and run.stage is not None:  # the guide alone gives instructions
+            return term("stage", run.stage.name)
         return event_sentence(key, values) if what == "message" else step_sentence(key, values)
 
 

@@ -89,7 +89,7 @@ class PositionPanel(QFrame):
         left = max(np.ceil(now.wanted - now.rest), 0.0)
         shown = rendered(Text.of(f"position.{now.state}", seconds=left, wanted=now.wanted))
         self.badge.show_state(_KINDS[now.state], shown.text)
-        self.task_label.setText(shown.remedy or _turn_text(now))
+        self.task_label.setText(shown.remedy or self._turn_text(now))
         code = "position.count" if now.stage else "position.count_verification"
         self.count_label.setText(say(code, index=now.index, count=now.count))
         if not now.stage:
@@ -104,17 +104,19 @@ class PositionPanel(QFrame):
         if self._finishing:
             self.finish_button.setEnabled(False)
 
+    def _turn_text(self, now: PositionGuided) -> str:
+        """Return the instruction that states which rail to turn to which angle; of two rails, the outer is first."""
+        least = np.deg2rad(1.0)
+        outer = abs(now.outer - now.outer_before) > least
+        inner = abs(now.inner - now.inner_before) > least
+        if outer and inner:
+            before, after = (self.picture.up_at(angle, now.inner_before) for angle in (now.outer_before, now.outer))
+            outer = bool(before @ now.up > after @ now.up)
+        turn = "outer" if outer else "inner" if inner else "none"
+        angles = {name: f"{np.rad2deg(angle):.0f}°" for name, angle in (("outer", now.outer), ("inner", now.inner))}
+        return say(f"position.turn_{turn}", **angles).replace("-", "−")
+
     def _finish(self) -> None:
         self._finishing = True
         self.finish_wanted.emit()
         self._refresh()
-
-
-def _turn_text(now: PositionGuided) -> str:
-    """Return the instruction that states which rails to turn and to which angles."""
-    least = np.deg2rad(1.0)
-    outer = abs(now.outer - now.outer_before) > least
-    inner = abs(now.inner - now.inner_before) > least
-    turn = "both" if outer and inner else "outer" if outer else "inner" if inner else "none"
-    angles = {name: f"{np.rad2deg(angle):.0f}°" for name, angle in (("outer", now.outer), ("inner", now.inner))}
-    return say(f"position.turn_{turn}", **angles).replace("-", "−")

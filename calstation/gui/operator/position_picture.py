@@ -58,6 +58,10 @@ class PositionPicture(Drawing):
         self._guided = guided
         self.update()
 
+    def up_at(self, outer: float, inner: float) -> FloatArray:
+        """Return the unit vector that points up in b, shape (3,), at the given rail angles, rad."""
+        return np.asarray(self._attitude_at(outer, inner)[2])
+
     def _attitude_at(self, outer: float, inner: float) -> FloatArray:
         """Return the attitude matrix from b to the level frame, shape (3, 3), at the given rail angles, rad."""
         return np.asarray(axis_rotation(self._outer, outer) @ axis_rotation(self._inner, inner))

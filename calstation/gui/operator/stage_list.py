@@ -13,8 +13,9 @@ _KINDS = {
     "kept": "none",
     "active": "active",
     "solving": "active",
-    "good": "good",
+    "good": "done",
     "bad": "bad",
+    "outside": "bad",
     "stopped": "stopped",
     "fault": "caution",
 }

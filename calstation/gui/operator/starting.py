@@ -8,7 +8,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject
 
-from calstation.config import RunRequest, RunSummary, library, load_product
+from calstation.config import RunRequest, RunSummary, library, load_product, serial_example
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
@@ -17,7 +17,7 @@ from calstation.gui.text import event_sentence
 from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery, History
-from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup
+from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup, resumable_run
 
 
 class RunStarter(QObject):
@@ -28,26 +28,42 @@ class RunStarter(QObject):
         self._app, self._header, self._notice = app, header, notice
         #: Summary of the next run; None while station and product cannot be used.
         self.run_summary: RunSummary | None = None
+        #: Serial number that the virtual bench has suggested last.
+        self._suggested = ""
         self._wanted: Path | None = None
         self._serial: str | None = None
         self._search, self._closing = JobWatch(self, self._found, self._not_found), JobWatch(self)
         self._recovery = JobWatch(self, lambda done: self._show_delivery(done.delivery), self._not_recovered)
         notice.report_failures(self._closing, lambda: self.tr("The run was not closed"), header.focus_serial)
         app.resume_run.connect(lambda log: self.offer(log=log))
-        header.serial_entered.connect(self.check)
+        header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self._edited)
         header.start_pressed.connect(self.start)
 
     def suggest(self) -> None:
-        """On the virtual bench, fill an empty field with a serial number that has not passed yet."""
-        if self.run_summary is None or not self.run_summary.virtual or self._header.serial:
-            return
-        history = self._history()
+        """On the virtual bench, fill an empty field with a serial number that has not passed yet.
 
-        def passed(serial: str) -> bool:
-            return history is not None and history.passed_before(serial) is not None
+        An earlier suggestion is replaced, on hardware by nothing. While a verdict is shown, the field is for another
+        unit.
+        """
+        header, run = self._header, self._app.run
+        if self._suggested and header.serial == self._suggested:
+            header.set_serial("")
+        judged = run.serial if run.ended or run.fault is not None else ""
+        if self.run_summary is not None and self.run_summary.virtual and not header.serial:
+            history = self._history()
 
-        self._header.set_serial(suggested_serial(self.run_summary, passed))
+            def unsuitable(serial: str) -> bool:
+                return serial == judged or (history is not None and history.passed_before(serial) is not None)
+
+            self._suggested = suggested_serial(self.run_summary, unsuitable)
+            header.set_serial(self._suggested)
+        self._note_next()
+
+    def scan(self) -> None:
+        """Check the serial number that has been entered; if its run was interrupted, offer to resume it."""
+        if self.check() and (interrupted := self._interrupted()) is not None:
+            self._ask_resume(interrupted)
 
     def check(self) -> bool:
         """Check the serial number; if it is valid, move the focus to START, which has to be pressed separately."""
@@ -57,12 +73,9 @@ class RunStarter(QObject):
         pattern = self.run_summary.serial_pattern
         if not re.fullmatch(pattern, header.serial):
             header.note_serial(self.tr("not valid"), wrong=True)
-            question = (
-                Text.of("question.invalid_serial", serial=header.serial, pattern=pattern)
-                if header.serial
-                else Text.of("question.missing_serial", pattern=pattern)
-            )
-            ask(self._notice, "caution", question, {})
+            code = "question.invalid_serial" if header.serial else "question.missing_serial"
+            example = serial_example(pattern)
+            ask(self._notice, "caution", Text.of(code, serial=header.serial, example=example), {})
             header.focus_serial()
             return False
         history = self._history()
@@ -75,7 +88,17 @@ class RunStarter(QObject):
 
     def start(self) -> None:
         """Check the serial number, ask the necessary questions, then start the run."""
-        if self._app.engine_link.running or not self.check() or self.run_summary is None:
+        if self._app.engine_link.running or not self.check():
+            return
+        interrupted = self._interrupted()
+        if interrupted is None:
+            self._start_anew()
+        else:
+            self._ask_resume(interrupted)
+
+    def _start_anew(self) -> None:
+        """Start a run from its first stage, after a question if the unit has passed or failed too often."""
+        if self.run_summary is None:
             return
         app, serial, history = self._app, self._header.serial, self._history()
         request = self._request(serial, app.product_path, app.stages, schedule=app.schedule)
@@ -157,21 +180,30 @@ class RunStarter(QObject):
     def _not_found(self, error: CalstationError) -> None:
         ask(self._notice, "caution", Text.of("question.cannot_resume", why=error.as_text), {})
 
+    def _interrupted(self) -> Resumable | None:
+        """Return the run of the unit entered that can be resumed, or None."""
+        folder = self._app.runs_folder
+        return resumable_run(folder, self._header.serial) if folder.is_dir() else None
+
+    def _ask_resume(self, run: Resumable) -> None:
+        """Ask whether to resume the run of the unit entered, or to calibrate it from the first stage."""
+        answers = {
+            "resume": lambda: self._resume(run),
+            "anew": self._start_anew,
+            "cancel": self._header.focus_serial,
+        }
+        ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
+
     def _offer(self, runs: list[Resumable]) -> None:
         if not runs or self._notice.asking:
             return
         run, others = runs[0], runs[1:]
-        finished = len(run.finished)
-        stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
-        question = Text.of(
-            "question.resume", serial=run.serial, number=finished + 1, stage=stage, when=_minute_text(run.started_utc)
-        )
         answers = {
             "resume": lambda: self._resume(run),
             "close_incomplete_job": lambda: self._close(run, others),
             "later": lambda: self._offer(others),
         }
-        ask(self._notice, "paused", question, answers, primary="resume")
+        ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
 
     def _resume(self, run: Resumable) -> None:
         product = _product_file(run.product) or self._app.product_path
@@ -191,8 +223,13 @@ class RunStarter(QObject):
         folder = self._app.runs_folder
         return History(folder) if folder.is_dir() else None
 
+    def _note_next(self) -> None:
+        """While a verdict is shown, state that the field is for the next unit."""
+        judged = self._app.run.ended or self._app.run.fault is not None
+        self._header.note_serial(self.tr("next unit") if judged else "")
+
     def _edited(self) -> None:
-        self._header.note_serial("")
+        self._note_next()
         if self.run_summary is not None and not self._app.run.going:
             self._notice.dismiss()
 
@@ -210,8 +247,8 @@ class RunStarter(QObject):
         ask(self._notice, kind, question, {**answers, "cancel": self._header.focus_serial}, primary="cancel")
 
 
-def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> str:
-    """Return the virtual bench's own serial number or one for which `passed` is False; "" for hardware."""
+def suggested_serial(run_summary: RunSummary, unsuitable: Callable[[str], bool]) -> str:
+    """Return the virtual bench's own serial number or one for which `unsuitable` is False; "" for hardware."""
     if run_summary.bench is None:
         return ""
     own = run_summary.bench.get("serial")
@@ -221,9 +258,18 @@ def suggested_serial(run_summary: RunSummary, passed: Callable[[str], bool]) -> 
         serial = f"SN-{number:06d}"
         if not re.fullmatch(run_summary.serial_pattern, serial):
             return ""
-        if not passed(serial):
+        if not unsuitable(serial):
             return serial
     return ""
+
+
+def _resume_question(run: Resumable) -> Text:
+    """Return the question whether to resume a run after its finished stages."""
+    finished = len(run.finished)
+    stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
+    return Text.of(
+        "question.resume", serial=run.serial, number=finished + 1, stage=stage, when=_minute_text(run.started_utc)
+    )
 
 
 def _minute_text(utc: str) -> str:

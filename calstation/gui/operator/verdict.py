@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from PySide6.QtCore import QRectF, Qt, Signal
-from PySide6.QtGui import QColor, QPaintEvent, QResizeEvent
+from PySide6.QtGui import QColor, QFontMetricsF, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import load_station
@@ -28,30 +28,50 @@ from calstation.physics import aligned
 from calstation.results import Result
 from calstation.sequencer import Fault, Verdict
 
+#: Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.
+_BANNER_MARGIN, _GAP = 3 * theme.GRID, 0.4
+
+
+def _width(text: str) -> float:
+    """Return the width of a bold text, in units of its size."""
+    return QFontMetricsF(theme.font(theme.VERDICT, bold=True)).horizontalAdvance(text) / theme.VERDICT
+
 
 class _Banner(QWidget):
-    """Banner with the verdict and its shape on a background in the colour of the state."""
+    """Banner with the verdict, its shape, and the unit, on a background in the colour of the state."""
 
     def __init__(self) -> None:
         super().__init__()
         self._kind = "none"
-        self.word = label(name="verdict_label")
-        row(self.word, on=self)
+        self.word, self.serial = label(name="verdict_label"), label(name="verdict_serial_label")
+        row(self.word, None, self.serial, on=self, margins=(0, 0, _BANNER_MARGIN, 0))
+        for shown in (self.word, self.serial):
+            shown.setMinimumWidth(1)  # the text is fitted to the banner, not the banner to the text
         self.setMinimumHeight(12 * theme.GRID)
 
-    def show_state(self, state: str) -> None:
-        """Show the text of a state in the colours of the theme."""
+    def show_state(self, state: str, serial: str) -> None:
+        """Show the text of a state and the unit that it applies to, in the colours of the theme."""
         self._kind = KINDS.get(state, "none")
-        self.word.setText(term("badge", state))
-        self.word.setStyleSheet(f"color: {theme.colours().on_state};")
+        for shown, text in ((self.word, term("badge", state)), (self.serial, serial)):
+            shown.setText(text)
+            shown.setStyleSheet(f"color: {theme.colours().on_state};")
+        self._fit()
         self.update()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
-        """Fit the size of the text to that of the banner."""
+        """Fit the texts to the banner."""
         super().resizeEvent(event)
-        size = min(0.55 * self.height(), self.width() / 9.0)
-        self.word.setFont(theme.font(max(theme.VERDICT, round(size)), bold=True))
+        self._fit()
+
+    def _fit(self) -> None:
+        """Show both texts in the same size as far as they fit; only a long serial number is smaller."""
+        room = self.width() - self.height() - _BANNER_MARGIN
+        word, serial = (_width(shown.text()) for shown in (self.word, self.serial))
+        size = max(theme.VERDICT, min(0.55 * self.height(), room / (word + serial + _GAP)))
+        self.word.setFont(theme.font(round(size), bold=True))
         self.word.setContentsMargins(self.height(), 0, 0, 0)
+        size = min(size, (room - word * size) / (serial + _GAP))
+        self.serial.setFont(theme.font(max(1, int(size)), bold=True))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the background and the shape."""
@@ -78,19 +98,17 @@ class FiguresTable(QWidget):
         figures = [] if result is None else advice.figures(result)
         if not figures:
             return
-        headings = (
-            self.tr("nearest to its limit"),
-            self.tr("value"),
-            self.tr("sigma"),
-            self.tr("limit"),
-            self.tr("unit"),
-        )
-        for at, text in enumerate(headings, start=1):
-            heading = label(kind="muted")
-            heading.setText(text)
-            self._place(heading, 0, at)
+        columns = self.tr("value"), self.tr("sigma"), self.tr("limit"), self.tr("unit")
         values, sigmas = aligned([figure.value for figure in figures]), aligned([figure.sigma for figure in figures])
-        for number, (figure, value, sigma) in enumerate(zip(figures, values, sigmas, strict=True), start=1):
+        number, passing = 0, None
+        for figure, value, sigma in zip(figures, values, sigmas, strict=True):
+            if figure.passed is not passing:
+                title = self.tr("nearest to its limit") if figure.passed else self.tr("outside its limit")
+                for at, text in enumerate((title, *(columns if passing is None else ())), start=1):
+                    heading = label(kind="muted")
+                    heading.setText(text)
+                    self._place(heading, number, at)
+                number, passing = number + 1, figure.passed
             icon = StateIcon(self._size)
             icon.set_kind("bad" if not figure.passed else "caution" if figure.near else "good")
             self._grid.addWidget(icon, number, 0)
@@ -99,7 +117,8 @@ class FiguresTable(QWidget):
                 cell = QLabel(text)
                 cell.setFont(theme.font(self._size, bold=at == deciding))
                 self._place(cell, number, at)
-        self.setMaximumHeight(4 * theme.GRID * (len(figures) + 1))
+            number += 1
+        self.setMaximumHeight(4 * theme.GRID * number)
 
     def _place(self, cell: QLabel, row: int, column: int) -> None:
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
@@ -163,11 +182,12 @@ class VerdictPanel(QFrame):
 
     def _refresh(self) -> None:
         text = None if self._run.fault is None else fault_text(self._run.fault)
-        self._banner.show_state(self._run.shown)
+        self._banner.show_state(self._run.shown, self._run.serial)
         self.acknowledge_button.setVisible(text is not None)
         self.details_button.setVisible(self._verdict is not None)
         self._station_button.setVisible(text is not None and text.source == "configuration")
-        self.reason_label.setText(advice.reason(self._run.shown, self._result) if text is None else text.reason)
+        reason = advice.reason(self._run.shown, self._result, self._stopped_entry()) if text is None else text.reason
+        self.reason_label.setText(reason)
         notes = dict.fromkeys(event_sentence(*remark) for remark in self._run.remarks)
         for shown, content in (
             (self._source, self.tr("Where: {place}").format(place=text.where) if text and text.where else ""),
@@ -183,12 +203,17 @@ class VerdictPanel(QFrame):
         request = self._app.engine_link.request
         return None if request is None else LinkTestRequest(load_station(request.station)[1], request.product)
 
+    def _stopped_entry(self) -> str:
+        """Return the entry of the catalogue that states what a stopped run has left behind."""
+        if not self._run.commanded:
+            return "stopped_connecting"
+        return "stopped_manual" if self._run.by_hand else "stopped"
+
     def _fact_texts(self) -> list[str]:
         result = self._result
         if result is None:
             return []
         facts = [
-            result.serial,
             self.tr("attempt {count}").format(count=result.attempt),
             self.tr("{time} of table time").format(time=duration_text(result.duration_s)),
         ]

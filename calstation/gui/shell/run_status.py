@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject, QTimer, Signal
 from calstation.config import RunSummary, run_summary
 from calstation.errors import CalstationError
 from calstation.gui.shell.engine_link import EngineLink
+from calstation.results import Result
 from calstation.sequencer import (
     Command,
     Event,
@@ -69,7 +70,8 @@ class StageState:
 
     name: str
     duration: float  #: Planned duration, s of device time.
-    state: str = "waiting"  #: waiting, active, solving, good, bad, stopped, fault; kept if no register is written.
+    #: waiting, active, solving, good, bad, outside (a value of it fails), stopped, fault; kept if nothing is written.
+    state: str = "waiting"
     fraction: float = 0.0
     remaining: float = 0.0  #: Remaining device time, s.
     took: float | None = None  #: Host time from start to solution, s; None until solved or if solved in an earlier run.
@@ -100,6 +102,10 @@ class RunStatus(QObject):
         self.state = "idle"
         self.run_summary: RunSummary | None = None
         self.register_operation = False
+        #: Whether station and product can be used for the next run.
+        self.runnable = True
+        #: Whether the sequencer has begun to command the table; False while devices are opened and identified.
+        self.commanded = False
         self.serial = ""
         #: Stages in order, followed by the transfer if the unit has registers.
         self.stages: list[StageState] = []
@@ -137,9 +143,14 @@ class RunStatus(QObject):
 
     @property
     def shown(self) -> str:
-        """State to display: `state`, ``partial`` if a partial run passed, ``writing`` during a register operation."""
+        """State to display: `state`, or one of these.
+
+        ``partial`` if a partial run passed, ``writing`` during a register operation, ``not_ready`` if no run can start.
+        """
         if self.state == "passed" and self.partial:
             return "partial"
+        if self.state == "idle" and not self.runnable:
+            return "not_ready"
         return "writing" if self.register_operation and self.state == "running" else self.state
 
     @property
@@ -191,6 +202,11 @@ class RunStatus(QObject):
             return stage.duration
         return stage.remaining if stage.state == "active" else 0.0
 
+    def set_runnable(self, runnable: bool) -> None:
+        """Set whether station and product can be used for the next run."""
+        self.runnable = runnable
+        self.changed.emit()
+
     def stop(self) -> None:
         """Stop a run in progress safely; the state changes to ``stopping`` before the engine confirms it."""
         self._link.send(Command.STOP)
@@ -227,7 +243,7 @@ class RunStatus(QObject):
     def _running_changed(self, running: bool) -> None:
         if running:
             assert self._link.request is not None
-            self.state = "starting"
+            self.state, self.commanded = "starting", False
             self.register_operation = self._link.operation is not None
             self.serial = self._link.request.serial
             self.verdict = self.fault = self.latest = self.transfer = None
@@ -270,6 +286,7 @@ class RunStatus(QObject):
                 self._end_stage("fault")
             case Verdict():
                 self.verdict = event
+                self._mark_failed(Result.from_json(event.result))
                 if event.outcome in _OUTCOMES:
                     self.state = event.outcome
             case _:
@@ -277,6 +294,7 @@ class RunStatus(QObject):
         self._changed_timer.start()
 
     def _change_state(self, state: str) -> None:
+        self.commanded = self.commanded or state not in _ENDED
         if self.state == "stopping" and state not in _ENDED:
             return  # the event was sent before the stop
         if state in _ENDED and self.register_operation:
@@ -318,6 +336,12 @@ class RunStatus(QObject):
             row.solve("good")
         elif message == "registers_kept":
             row.state = "kept"
+
+    def _mark_failed(self, result: Result) -> None:
+        """Mark the stages that produced failing values."""
+        for stage in self.stages:
+            if stage.state == "good" and stage.name in result.failed_stages:
+                stage.state = "outside"
 
     def _end_stage(self, state: str) -> None:
         """End the current stage without a solution."""

@@ -13,6 +13,7 @@ from calstation.sequencer import Fault
 #: Badge shape (`widgets.badge.KINDS`) of each state and outcome of a run.
 KINDS = {
     "idle": "none",
+    "not_ready": "caution",
     "starting": "waiting",
     "preparing": "active",
     "running": "active",

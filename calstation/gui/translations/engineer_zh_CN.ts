@@ -52,6 +52,14 @@
         <translation>产品没有保存</translation>
     </message>
     <message>
+        <source>Resume</source>
+        <translation>继续</translation>
+    </message>
+    <message>
+        <source>Begin again</source>
+        <translation>从头再来</translation>
+    </message>
+    <message>
         <source>All clear, start</source>
         <translation>已确认，开始</translation>
     </message>
@@ -97,7 +105,7 @@
     </message>
     <message>
         <source>Open</source>
-        <extracomment>Error that prevents the use of station and product, or None.</extracomment>
+        <extracomment>Serial number that the virtual bench has suggested last. Error that prevents the use of station and product, or None.</extracomment>
         <translation>打开</translation>
     </message>
 </context>
@@ -459,6 +467,10 @@
     <message>
         <source>START PARTIAL</source>
         <translation>开始部分标定</translation>
+    </message>
+    <message>
+        <source>Serial number: next unit</source>
+        <translation>序列号：下一个产品</translation>
     </message>
 </context>
 <context>

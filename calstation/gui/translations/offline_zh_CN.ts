@@ -56,6 +56,14 @@
         <translation>尚未解算</translation>
     </message>
     <message>
+        <source>offline, outdated</source>
+        <translation>离线（已过期）</translation>
+    </message>
+    <message>
+        <source>Outdated: the range or the stages have changed; solve again</source>
+        <translation>已过期：范围或阶段已改变，请重新解算</translation>
+    </message>
+    <message>
         <source>Solved as far as the data allow; some stages are not</source>
         <translation>已按现有数据解算，并非每个阶段都能解算</translation>
     </message>
@@ -225,6 +233,10 @@
         <translation>等当前任务完成或取消后，才能打开另一个记录。</translation>
     </message>
     <message>
+        <source>The range or the stages have changed: solve again first</source>
+        <translation>范围或阶段已改变：请先重新解算</translation>
+    </message>
+    <message>
         <source>Open a log first</source>
         <translation>请先打开一个记录</translation>
     </message>
@@ -250,6 +262,7 @@
     </message>
     <message>
         <source>Open a log…</source>
+        <extracomment>Range and stages selected when the last solve was started, and when that of `solved` was.</extracomment>
         <translation>打开记录…</translation>
     </message>
     <message>

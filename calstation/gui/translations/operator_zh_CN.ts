@@ -29,6 +29,7 @@
     </message>
     <message>
         <source>value</source>
+        <extracomment>Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.</extracomment>
         <translation>值</translation>
     </message>
     <message>
@@ -42,6 +43,10 @@
     <message>
         <source>unit</source>
         <translation>单位</translation>
+    </message>
+    <message>
+        <source>outside its limit</source>
+        <translation>超出限差</translation>
     </message>
 </context>
 <context>
@@ -122,7 +127,7 @@
     <name>RunStarter</name>
     <message>
         <source>The run was not closed</source>
-        <extracomment>Summary of the next run; None while station and product cannot be used.</extracomment>
+        <extracomment>Summary of the next run; None while station and product cannot be used. Serial number that the virtual bench has suggested last.</extracomment>
         <translation>这次标定未能结束</translation>
     </message>
     <message>
@@ -132,6 +137,10 @@
     <message>
         <source>Earlier runs were not closed or handed over</source>
         <translation>以前的标定未能结束或上交</translation>
+    </message>
+    <message>
+        <source>next unit</source>
+        <translation>下一个产品</translation>
     </message>
     <message>
         <source>not valid</source>

@@ -11,8 +11,8 @@ from calstation.gui.widgets import theme
 from calstation.gui.widgets.layout import row
 
 #: Kinds of state: ring, ring with dot, filled triangle, tick, half-filled ring, cross, triangle with exclamation mark,
-#: two bars, square.
-KINDS = ("none", "waiting", "active", "good", "partial", "bad", "caution", "paused", "stopped")
+#: two bars, square, and a tick that says nothing about the quality.
+KINDS = ("none", "waiting", "active", "good", "partial", "bad", "caution", "paused", "stopped", "done")
 
 #: Size of the icons of the top bar, px, and device pixels per px.
 _SIZE, _RATIO = 24, 2
@@ -40,7 +40,7 @@ def draw_state(painter: QPainter, kind: str, box: QRectF, colour: QColor | None 
     def at(x: float, y: float) -> QPointF:
         return QPointF(box.left() + x * side, box.top() + y * side)
 
-    if kind == "good":
+    if kind in ("good", "done"):
         painter.drawPolyline(QPolygonF([at(0.14, 0.54), at(0.40, 0.80), at(0.88, 0.22)]))
     elif kind == "bad":
         painter.drawLine(at(0.18, 0.18), at(0.82, 0.82))
