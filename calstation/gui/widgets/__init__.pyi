@@ -16,6 +16,7 @@ from .layout import STEPS as STEPS
 from .layout import ElidedLabel as ElidedLabel
 from .layout import EmptyState as EmptyState
 from .layout import Item as Item
+from .layout import PageArea as PageArea
 from .layout import ViewTabs as ViewTabs
 from .layout import Words as Words
 from .layout import button as button

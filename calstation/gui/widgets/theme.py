@@ -214,7 +214,7 @@ def style_sheet(c: Colours) -> str:
     QProgressBar {{ border: none; border-radius: 4px; background: {c.line}; }}
     QProgressBar::chunk {{ border-radius: 4px; background: {c.accent}; }}
     QTabWidget#page_tabs > QTabBar::tab {{
-        height: {TOP_BAR - 3}px; padding: 0 {2 * GRID}px; border: none; border-bottom: 3px solid transparent;
+        height: {TOP_BAR - 3}px; padding: 0 {3 * GRID // 2}px; border: none; border-bottom: 3px solid transparent;
         color: {c.muted}; font-size: {BODY}px;
     }}
     QTabWidget#page_tabs > QTabBar::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}
