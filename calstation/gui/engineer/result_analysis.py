@@ -16,7 +16,6 @@ from calstation.gui.text import (
     bind,
     error_text,
     event_sentence,
-    local_time,
     of_parameter,
     on_language_change,
     say,
@@ -39,6 +38,7 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
+from calstation.messages import local_time
 from calstation.physics import NAMES, EffectName, display, further_parameter, number
 from calstation.records import Check
 from calstation.results import (

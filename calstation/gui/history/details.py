@@ -18,7 +18,6 @@ from calstation.gui.text import (
     error_text,
     event_sentence,
     free_text,
-    local_time,
     on_language_change,
     term,
 )
@@ -36,6 +35,7 @@ from calstation.gui.widgets import (
     show_text,
     theme,
 )
+from calstation.messages import local_time
 from calstation.physics import display
 from calstation.records import IndexedRun, RunRecord
 from calstation.results import Result
@@ -239,7 +239,7 @@ class RunDetails(QFrame):
             self._facts.removeRow(0)
         software = self._result.software if self._result is not None else None
         for name, text in (
-            (self.tr("Started"), local_time(run.started_utc)),
+            (self.tr("Started"), local_time(run.started_utc, zone=True)),
             (self.tr("Duration"), duration_text(run.duration)),
             (self.tr("Product"), run.product),
             (self.tr("Attempt"), str(run.attempt)),

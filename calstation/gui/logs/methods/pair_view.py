@@ -8,9 +8,9 @@ from PySide6.QtWidgets import QComboBox, QWidget
 
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
-from calstation.gui.text import local_time, on_language_change, say, show, term
+from calstation.gui.text import on_language_change, say, show, term
 from calstation.gui.widgets import button, column, label, panel, row, show_text, theme
-from calstation.messages import Text
+from calstation.messages import Text, local_time
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G, display, number, pair_name
 from calstation.results import PairCheckResult, PairProgress, Parameter
 from calstation.results.plots import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile
