@@ -167,7 +167,8 @@ class _Formatter(string.Formatter):
             return term(format_spec[1:], str(value), self._language)
         if value is None:
             return "–"
-        return str(super().format_field(value, format_spec))
+        shown = str(super().format_field(value, format_spec))
+        return shown.replace("-", "−") if self._window and isinstance(value, float | int) else shown
 
 
 def _to_json(value: Value) -> Any:

@@ -19,6 +19,7 @@ from calstation.gui.text import (
     event_sentence,
     free_text,
     on_language_change,
+    parameter_text,
     term,
 )
 from calstation.gui.widgets import (
@@ -88,7 +89,7 @@ class Trend(QWidget):
         with QSignalBlocker(self._combo):
             self._combo.clear()
             for name in names:
-                self._combo.addItem(name, name)
+                self._combo.addItem(parameter_text(name), name)
             self._combo.setCurrentIndex(max(0, self._combo.findData(wanted)))
         self.setVisible(bool(names))
         self.draw()

@@ -13,7 +13,7 @@ from calstation.gui.logs.log_columns import LogColumns, Wanted, split_at_gaps
 from calstation.gui.logs.marks import Backdrop, LogMarks, Strip
 from calstation.gui.logs.time_axis import TimeAxis
 from calstation.gui.text import term
-from calstation.gui.widgets import PlotNote, column, fit_below_note, theme
+from calstation.gui.widgets import NumberAxis, PlotNote, column, fit_below_note, theme
 from calstation.results.plots import Columns, LogIndex
 
 #: Channels of each plot: gyro, accelerometer, angles.
@@ -206,7 +206,7 @@ class LogPlot(QWidget):
         return plot
 
     def _add_plot(self, row: int) -> Any:
-        plot = self._graph.addPlot(row=row, col=0, axisItems={"bottom": TimeAxis()})
+        plot = self._graph.addPlot(row=row, col=0, axisItems={"left": NumberAxis("left"), "bottom": TimeAxis()})
         plot.setMenuEnabled(False)
         plot.hideButtons()
         plot.setMouseEnabled(x=True, y=False)

@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
-from calstation.gui.text import on_language_change, rendered, say
+from calstation.gui.text import on_language_change, rendered, say, with_minus
 from calstation.gui.widgets import StateBadge, button, column, enable, label, row, theme
 from calstation.messages import Text
 from calstation.sequencer import PositionGuided
@@ -117,4 +117,4 @@ def _turn_text(now: PositionGuided) -> str:
     inner = abs(now.inner - now.inner_before) > least
     turn = "both" if outer and inner else "outer" if outer else "inner" if inner else "none"
     angles = {name: f"{np.rad2deg(angle):.0f}°" for name, angle in (("outer", now.outer), ("inner", now.inner))}
-    return say(f"position.turn_{turn}", **angles).replace("-", "−")
+    return with_minus(say(f"position.turn_{turn}", **angles))

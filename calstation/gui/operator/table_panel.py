@@ -5,7 +5,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QLabel, QWidget
 
 from calstation.gui.operator.drawing import VIEWER, Drawing, basis, depth, screen
-from calstation.gui.text import on_language_change
+from calstation.gui.text import on_language_change, with_minus
 from calstation.gui.widgets import PANEL, StateBadge, column, grid, label, theme
 from calstation.physics import axis_rotation
 from calstation.sequencer import JointsMoved, TableMoved
@@ -144,9 +144,9 @@ class TablePanel(QFrame):
             self.picture.set_angles(moved.outer, moved.inner)
             angles, rates = (moved.outer, moved.inner), (moved.outer_rate, moved.inner_rate)
         for shown, angle in zip(self.angle_labels, angles, strict=False):
-            shown.setText(f"{np.rad2deg(angle):z.3f}°".replace("-", "−"))
+            shown.setText(with_minus(f"{np.rad2deg(angle):z.3f}°"))
         for shown, rate in zip(self._rates, rates, strict=False):
-            shown.setText(f"{np.rad2deg(rate):z.1f} °/s".replace("-", "−"))
+            shown.setText(with_minus(f"{np.rad2deg(rate):z.1f} °/s"))
         self._show_state()
 
     def forget(self) -> None:

@@ -18,3 +18,5 @@ from .messages import say as say
 from .messages import show as show
 from .messages import step_sentence as step_sentence
 from .messages import term as term
+from .messages import with_minus as with_minus
+from .messages import without_minus as without_minus

@@ -94,6 +94,16 @@ def free_text(text: str) -> ErrorText:
     return ErrorText("", "", text, "")
 
 
+def with_minus(text: str) -> str:
+    """Return the text of a number with a minus sign, U+2212, instead of the hyphen."""
+    return text.replace("-", "−")
+
+
+def without_minus(text: str) -> str:
+    """Return a typed or copied number with a hyphen instead of a minus sign, as files and `float` need it."""
+    return text.replace("−", "-")
+
+
 def duration_text(seconds: float) -> str:
     """Format a duration, s, as ``m:ss`` or ``h:mm:ss``."""
     minutes, rest = divmod(max(0, round(seconds)), 60)

@@ -43,6 +43,7 @@ from .parameter_table import align_columns as align_columns
 from .parameter_table import ordered as ordered
 from .plot import LineLabel as LineLabel
 from .plot import LineLabels as LineLabels
+from .plot import NumberAxis as NumberAxis
 from .plot import PlotNote as PlotNote
 from .plot import ThemedPlot as ThemedPlot
 from .plot import fit_below_note as fit_below_note

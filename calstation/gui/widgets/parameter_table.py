@@ -8,6 +8,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView, QWidget
 
+from calstation.gui.text import parameter_text, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
 from calstation.physics import INDEX, NAMES, aligned
@@ -50,7 +51,10 @@ def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -
 
 
 class ParameterModel(QAbstractTableModel):
-    """Parameters as rows with their contract names as the vertical header; `grouped` shades every second group."""
+    """Parameters as rows with their names as the vertical header; `grouped` shades every second group.
+
+    The tooltip of a name is the name in files; `tsv` has names and numbers as they are in files.
+    """
 
     def __init__(self, columns: Sequence[Column], *, grouped: bool = True) -> None:
         super().__init__()
@@ -79,7 +83,7 @@ class ParameterModel(QAbstractTableModel):
         lines = [["parameter", *(column.heading() for column in self._columns)]]
         for row in rows:
             name = self._names[row]
-            lines.append([name, *(column.text(name) for column in self._columns)])
+            lines.append([name, *(without_minus(column.text(name)) for column in self._columns)])
         return "\n".join("\t".join(line) for line in lines) + "\n"
 
     def refresh(self) -> None:
@@ -87,6 +91,7 @@ class ParameterModel(QAbstractTableModel):
         if self._names:
             last = self.index(len(self._names) - 1, len(self._columns) - 1)
             self.dataChanged.emit(self.index(0, 0), last)
+        self.headerDataChanged.emit(Qt.Orientation.Vertical, 0, max(0, len(self._names) - 1))
         self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, max(0, len(self._columns) - 1))
 
     def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008 - Qt's own signature
@@ -102,7 +107,7 @@ class ParameterModel(QAbstractTableModel):
         name, column = self._names[index.row()], self._columns[index.column()]
         match role:
             case Qt.ItemDataRole.DisplayRole:
-                return column.text(name)
+                return with_minus(column.text(name)) if column.number else column.text(name)
             case Qt.ItemDataRole.TextAlignmentRole:
                 return column.alignment
             case Qt.ItemDataRole.ToolTipRole if column.hint is not None:
@@ -122,7 +127,10 @@ class ParameterModel(QAbstractTableModel):
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return the parameter name of a row, or the heading of a column."""
         if orientation == Qt.Orientation.Vertical:
-            return self._names[section] if role == Qt.ItemDataRole.DisplayRole else None
+            name = self._names[section]
+            if role == Qt.ItemDataRole.ToolTipRole:
+                return name
+            return parameter_text(name) if role == Qt.ItemDataRole.DisplayRole else None
         if role == Qt.ItemDataRole.DisplayRole:
             return self._columns[section].heading()
         return self._columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None

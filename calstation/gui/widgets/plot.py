@@ -8,17 +8,27 @@ from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
+from calstation.gui.text import with_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
 
 pg.setConfigOptions(antialias=False)
 
 
+class NumberAxis(pg.AxisItem):  # type: ignore[misc]
+    """A vertical or horizontal axis with minus signs instead of hyphens."""
+
+    def tickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
+        """Return the labels of ticks."""
+        return [with_minus(text) for text in super().tickStrings(values, scale, spacing)]
+
+
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     """A plot with two axes in the colours of the current theme."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent, enableMenu=False)
+        axes = {side: NumberAxis(side) for side in ("left", "bottom")}
+        super().__init__(parent, enableMenu=False, axisItems=axes)
         self.hideButtons()
         for side in ("left", "bottom"):
             axis = self.getAxis(side)
