@@ -249,7 +249,8 @@ class LogPlot(QWidget):
         for item in self._ranges:
             item.apply_theme()
         titles = self.tr("Gyro, °/s"), self.tr("Accelerometer, m/s²"), self.tr("Table, °")
-        for note, title, lines in zip(self._notes, titles, (axes, axes, table), strict=True):
+        letters = tuple((name, theme.axis_text(name)) for name, _ in axes)
+        for note, title, lines in zip(self._notes, titles, (letters, letters, table), strict=True):
             note.say([(title, c.text), *((f"<b>{name}</b>", colour) for name, colour in lines)])
         self.setAccessibleName(self.tr("The log's curves"))
         self._graph.viewport().update()
