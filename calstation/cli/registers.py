@@ -18,7 +18,7 @@ from calstation.config import RegisterOperation, RunRequest, library, load_stati
 from calstation.devices.imu import Step
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import ConfigurationError, DeviceFaultError, StoppedError
-from calstation.messages import term
+from calstation.messages import local_time, term
 from calstation.physics import PARAMETERS, display
 from calstation.registers import Kind, Transfer, UnitRegisters, journal, moves_table, read_unit
 from calstation.sequencer import Fault, Settled
@@ -126,7 +126,7 @@ def _lines(unit: _UnitTransfers) -> Iterator[str]:
     yield f"unit {unit.serial} {_STATIONS[unit.kind]}, {unit.cycles} flash cycles by this station"
     for t in unit.transfers:
         yield f"  {t.id}  {_closing(t)}"
-        yield f"    {t.utc}{f', by {t.by}' if t.by else ''}, for {t.why} {t.source}".rstrip()
+        yield f"    {local_time(t.utc, zone=True)}{f', by {t.by}' if t.by else ''}, for {t.why} {t.source}".rstrip()
         if t.unit_type.profile:
             kind = t.unit_type
             yield f"    a {kind.model}, with IMU profile '{kind.profile}' of product '{kind.product}'"

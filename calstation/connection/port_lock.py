@@ -48,7 +48,7 @@ def _locked(device: str, port: str) -> Iterator[None]:
         owner = {
             "pid": os.getpid(),
             "user": computer_user(),
-            "since": f"{datetime.now(UTC).astimezone():%Y-%m-%d %H:%M:%S}",
+            "since": datetime.now(UTC).isoformat(timespec="seconds"),
         }
         os.ftruncate(handle, 0)
         os.lseek(handle, 0, os.SEEK_SET)

@@ -9,6 +9,7 @@ from .rendering import Language as Language
 from .rendering import Rendered as Rendered
 from .rendering import Text as Text
 from .rendering import Value as Value
+from .rendering import local_time as local_time
 from .rendering import os_reason as os_reason
 from .rendering import render as render
 from .rendering import sentence as sentence

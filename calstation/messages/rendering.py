@@ -4,6 +4,7 @@ import errno
 import string
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
@@ -108,6 +109,18 @@ def term(family: str, name: str, language: Language = "en", **values: Value) -> 
     return render(code, values, language).text if known(code) else str(name).replace("_", " ")
 
 
+def local_time(utc: str, *, zone: bool = False) -> str:
+    """Format an ISO 8601 time in this computer's time zone, to the minute; any other text is unchanged.
+
+    With `zone`, seconds and the offset of the time zone are added: ``2026-11-22 15:30:05 UTC+08:00``.
+    """
+    try:
+        local = datetime.fromisoformat(utc).astimezone()
+    except ValueError:
+        return utc
+    return f"{local:%Y-%m-%d %H:%M:%S} UTC{local.isoformat()[-6:]}" if zone else f"{local:%Y-%m-%d %H:%M}"
+
+
 def os_reason(error: OSError) -> Text:
     """Return the reason for an operating-system error as a translatable message."""
     code = _OS_REASONS.get(error.errno or 0)
@@ -125,7 +138,10 @@ def values_from_json(values: Mapping[str, Any]) -> dict[str, Value]:
 
 
 class _Formatter(string.Formatter):
-    """A `str.format` that also renders nested messages and the terms of a family (``{axis:@joint}``)."""
+    """A `str.format` that also renders nested messages, the terms of a family (``{axis:@joint}``) and local times.
+
+    ``{utc:local_time}`` shows a time in UTC as that of this computer's time zone.
+    """
 
     def __init__(self, language: Language, window: bool, options: Mapping[str, Value]) -> None:
         self._language: Language = language
@@ -145,11 +161,14 @@ class _Formatter(string.Formatter):
         if isinstance(value, list | tuple):
             between = "、" if self._language == "zh_CN" else ", "
             return between.join(self.format_field(item, format_spec) for item in value) or "–"
+        if format_spec == "local_time":
+            return local_time(str(value), zone=True)
         if format_spec.startswith("@"):
             return term(format_spec[1:], str(value), self._language)
         if value is None:
             return "–"
-        return str(super().format_field(value, format_spec))
+        shown = str(super().format_field(value, format_spec))
+        return shown.replace("-", "−") if self._window and isinstance(value, float | int) else shown
 
 
 def _to_json(value: Value) -> Any:

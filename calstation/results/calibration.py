@@ -81,7 +81,7 @@ def current_calibration(
             none = Message("prior_other_registers", {"serial": serial})
             continue
         section = CalibrationSection(log=record.log.name, started_utc=record.started_utc)
-        found = Message("prior_calibration", {"log": record.log.name, "date": record.started_utc[:10]})
+        found = Message("prior_calibration", {"log": record.log.name, "date": record.started_utc})
         return Calibration(section, from_estimate(registers.estimate), registers.new), found
     return None, none
 

@@ -117,6 +117,7 @@ def window(site_folder: SiteFolder, job_queue: SharedJobQueue, qtbot: QtBot) -> 
     assert isinstance(made, MainWindow)
     qtbot.addWidget(made)
     made.make_pages()
+    made.setWindowState(Qt.WindowState.WindowNoState)  # the screen of the offscreen platform is small
     made.resize(1366, 768)
     made.show()
     qtbot.waitExposed(made)

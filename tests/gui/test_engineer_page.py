@@ -446,7 +446,7 @@ def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
     engineer.show_view(4)
     assert "determined by this stage" in engineer.widget("unobservable_label", QLabel).text().lower()
     heat = page.analysis.observability.view.map
-    assert tooltip_at(heat, 6, 0).startswith("gyro_bias_x after step")
+    assert tooltip_at(heat, 6, 0).startswith("gyro bias x after step")
 
     page.analysis.open(Path(result["log"]["file"]))
     engineer.until(lambda: not page.analysis.loading.busy)
@@ -645,10 +645,10 @@ def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engi
     assert f"{SERIAL}  ·  PARTIAL: Rate, Six positions" in engineer.says()
     assert "PASS" not in engineer.says()
     assert "registers written 2026-11-21" in engineer.says()
-    assert "kept, found better before: gyro_scale_x" in engineer.says()
+    assert "kept, found better before: gyro scale factor x" in engineer.says()
     rows = engineer.cells("register_table")
-    assert (rows["gyro_scale_x"]["In the unit"], rows["gyro_scale_x"]["New"]) == ("500.0000", "–")
-    assert (rows["gyro_scale_y"]["In the unit"], rows["gyro_scale_y"]["Change"]) == ("100.0000", "0")
+    assert (rows["gyro scale factor x"]["In the unit"], rows["gyro scale factor x"]["New"]) == ("500.0000", "–")
+    assert (rows["gyro scale factor y"]["In the unit"], rows["gyro scale factor y"]["Change"]) == ("100.0000", "0")
     engineer.show_view(5)
     assert "as the run wrote it and read it back, 2026-11-21" in engineer.says()
 

@@ -361,3 +361,14 @@ def test_resume_asks_on_the_operator_page_first(window: MainWindow, folder: Path
     assert operator.isVisible()
     qtbot.waitUntil(lambda: operator.findChild(QPushButton, "resume_choice") is not None, timeout=WAIT)
     assert not window.app.engine_link.running
+
+
+def test_the_start_is_shown_in_local_time_with_its_zone_in_the_tooltip(
+    page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
+) -> None:
+    shown(page, qtbot)
+    model = page.findChild(QTableView, "history_table").model()
+    cells = [model.index(row, 2) for row in range(model.rowCount())]
+    local = (NOW - timedelta(hours=2)).astimezone()
+    (cell,) = [cell for cell in cells if cell.data() == f"{local:%Y-%m-%d %H:%M}"]
+    assert cell.data(Qt.ItemDataRole.ToolTipRole) == f"{local:%Y-%m-%d %H:%M:%S} UTC{local.isoformat()[-6:]}"

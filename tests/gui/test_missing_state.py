@@ -45,7 +45,7 @@ def test_a_state_is_added_on_the_engineer_page(operator: Operator, log: Path) ->
     assert set(after.result.parameters) - set(before.result.parameters) == NAMES
     assert after.previous == {name: row.value for name, row in before.result.parameters.items()}
     assert "a trial that replaces neither the stored result nor any register" in operator.says()
-    assert "+ accel_cubic" in analysis.source()
+    assert "+ accel cubic" in analysis.source()
     assert not operator.widget("add_state_button", QPushButton).isVisible()
     assert log.read_bytes() == held
 

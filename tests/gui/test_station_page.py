@@ -272,7 +272,7 @@ def test_a_shipped_file_is_saved_in_the_folder_of_the_site(page_driver: PageDriv
     page_driver.show_section(TABLE)
     page_driver.type("outer_high_deg_edit", "-2000")
     assert (
-        page_driver.message("outer_high_deg") == "low_deg = -1080 must be below high_deg = -2000. Correct one of them."
+        page_driver.message("outer_high_deg") == "low_deg = −1080 must be below high_deg = −2000. Correct one of them."
     )
     assert "no travel" in page_driver.page.findChild(TravelPlot).accessibleName()
     page_driver.type("outer_high_deg_edit", "400")
@@ -307,8 +307,8 @@ def test_gravity_is_compared_with_normal_gravity_while_typing(page_driver: PageD
     edit = page_driver.find(QLineEdit, "site_gravity_mps2_edit")
     assert edit.text() == "9.7", "no site has this value, so the surveyed value must be typed"
     page_driver.type("site_gravity_mps2_edit", "9.80")
-    assert "-0.18 % from normal gravity" in page_driver.message("site_gravity_mps2")
-    assert "off by -1828 ppm" in page_driver.message("site_gravity_mps2")
+    assert "−0.18 % from normal gravity" in page_driver.message("site_gravity_mps2")
+    assert "off by −1828 ppm" in page_driver.message("site_gravity_mps2")
     assert page_driver.find(QPushButton, "save_station_button").isEnabled(), "advice does not prevent saving"
     page_driver.choose("gravity_way_combo", "normal")
     assert not edit.isVisible()

@@ -2,12 +2,15 @@
 
 import errno
 import pickle
+import sys
+import time
+from collections.abc import Iterator
 
 import pytest
 
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.messages import catalogue
-from calstation.messages.rendering import Text, os_reason, render, term, values_from_json, values_to_json
+from calstation.messages.rendering import Text, local_time, os_reason, render, term, values_from_json, values_to_json
 from calstation.schema import EntryError
 
 
@@ -66,3 +69,28 @@ def test_an_error_needs_a_code_of_the_catalogue(kind: type[CalstationError] | ty
 
 def test_only_some_faults_are_resettable() -> None:
     assert not CalstationError("program.internal", detail="x").resettable
+
+
+@pytest.fixture
+def in_china(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The time zone of China as that of this computer."""
+    if sys.platform == "win32":
+        pytest.skip("the time zone of a process cannot be set")
+    else:
+        monkeypatch.setenv("TZ", "Asia/Shanghai")
+        time.tzset()
+        yield
+        monkeypatch.undo()
+        time.tzset()
+
+
+@pytest.mark.usefixtures("in_china")
+def test_a_time_is_read_in_the_time_zone_of_the_computer() -> None:
+    started = "2026-11-22T23:30:05+00:00"
+    assert local_time(started) == "2026-11-23 07:30"
+    assert local_time(started, zone=True) == "2026-11-23 07:30:05 UTC+08:00"
+    assert local_time("yesterday") == "yesterday"
+    resume = render("question.resume", {"serial": "SN-1", "number": 2, "stage": "rate", "when": started})
+    assert resume.remedy.startswith("Started 2026-11-23 07:30:05 UTC+08:00. ")
+    transfer = DeviceFaultError("transfer.interrupted", serial="SN-1", utc=started, holds="new")
+    assert "(2026-11-23 07:30:05 UTC+08:00)" in str(transfer)

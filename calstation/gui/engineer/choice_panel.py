@@ -38,6 +38,7 @@ class ChoicePanel(QFrame):
         content = QWidget()
         self._form_box = column(on=content, spacing=0, margins=(0, 0, theme.GRID // 2, 0))
         self._area = scroll_area(content, wide=False)
+        self._area.setMinimumHeight(6 * theme.GRID)
         for widget in (content, self._area.viewport()):
             widget.setAutoFillBackground(False)
         column(

@@ -12,7 +12,7 @@ from PySide6.QtGui import QHelpEvent, QResizeEvent
 from PySide6.QtWidgets import QToolTip, QWidget
 
 from calstation.gui.engineer.shared_views import ROW, Band, CellTable, StackedPlots, StageCombo, dashed
-from calstation.gui.text import on_language_change, say, term
+from calstation.gui.text import on_language_change, say, term, with_minus
 from calstation.gui.widgets import Column, ElidedLabel, EmptyState, ThemedPlot, column, label, row, scroll_area, theme
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, OBSERVABLE, FloatArray, display_by_unit
 from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual, StageDiagnostics
@@ -218,7 +218,7 @@ class ResidualsView(StackedPlots[Diagnostics]):
         plot.setYRange(-reach, reach, padding=0.0)
 
     def _name_ticks(self) -> None:
-        ticks = [(k, stage.rests.axis(i).replace("-", "−")) for k, (stage, i) in enumerate(self._rests)]
+        ticks = [(k, with_minus(stage.rests.axis(i))) for k, (stage, i) in enumerate(self._rests)]
         room = max(1, (self.plots[-1].width() - _LEFT) // (4 * theme.GRID))
         self.plots[-1].getAxis("bottom").setTicks([ticks[:: -(-max(len(ticks), 1) // room)]])
 
@@ -375,7 +375,7 @@ class ObservabilityView(QWidget):
             tuple(int(segment["step"]) for segment in found["segments"]),
             np.array([state["by_step"] for state in states.values()], dtype=np.float64),
         )
-        lost = [name for name, state in states.items() if state["step"] is None]
+        lost = [self.map.state_name(name) for name, state in states.items() if state["step"] is None]
         if (ranked := self._live.get(self._stage_combo.stage)) is not None:
             key = "observed_so_far" if lost else "observed_all"
             self._lost.setText(say(f"engineer.{key}", step=ranked.step, rank=ranked.rank, lost=lost))
@@ -419,7 +419,7 @@ class HeatMap(ThemedPlot):
         self._image.setImage(np.where(lost, np.nan, decades), levels=(0.0, _DECADES))
         lines, columns = np.nonzero(lost)
         self._dots.setData(columns + 0.5, lines + 0.5, brush=theme.colours().muted)
-        self.getAxis("left").setTicks([[(k + 0.5, self._state_name(name)) for k, name in enumerate(names)]])
+        self.getAxis("left").setTicks([[(k + 0.5, self.state_name(name)) for k, name in enumerate(names)]])
         every = 1 + len(steps) // 15
         self.getAxis("bottom").setTicks([[(k + 0.5, str(step)) for k, step in enumerate(steps)][::every]])
         self.setLabel("bottom", self.tr("after step"))
@@ -436,7 +436,7 @@ class HeatMap(ThemedPlot):
             text = self.tr("{0} after step {1}: not better known than before")
         else:
             text = self.tr("{0} after step {1}: {2:.3g} times better known than before the stage")
-        return str(text.format(self._names[line], self._steps[step], strength))
+        return str(text.format(self.state_name(self._names[line]), self._steps[step], strength))
 
     def viewportEvent(self, event: QEvent) -> bool:
         """Show a cell's value as the tooltip."""
@@ -445,7 +445,7 @@ class HeatMap(ThemedPlot):
             return True
         return bool(super().viewportEvent(event))
 
-    def _state_name(self, state: str) -> str:
+    def state_name(self, state: str) -> str:
         """Return the group and component of a state, such as "gyro bias x"."""
         group, _, component = state.rpartition("_")
         errors = {"attitude_error": self.tr("attitude"), "velocity_error": self.tr("velocity")}

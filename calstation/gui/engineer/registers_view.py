@@ -17,7 +17,6 @@ from calstation.gui.text import (
     error_text,
     event_sentence,
     fault_text,
-    local_time,
     on_language_change,
     say,
     step_sentence,
@@ -37,6 +36,7 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
+from calstation.messages import local_time
 from calstation.physics import display
 from calstation.registers import Register, TargetRegisters, UnitRegisters, read_unit, wanted_registers
 from calstation.results import FinishedRun

@@ -16,9 +16,9 @@ from calstation.gui.text import (
     bind,
     error_text,
     event_sentence,
-    local_time,
     of_parameter,
     on_language_change,
+    parameter_text,
     say,
     term,
 )
@@ -39,6 +39,7 @@ from calstation.gui.widgets import (
     row,
     theme,
 )
+from calstation.messages import local_time
 from calstation.physics import NAMES, EffectName, display, further_parameter, number
 from calstation.records import Check
 from calstation.results import (
@@ -153,7 +154,8 @@ class ResultView(QWidget):
         if result.registers is not None and result.verified:
             about += _register_texts(result.registers)
         if result.states_added:
-            about.append(event_sentence("states_added", {"states": ", ".join(result.states_added)}))
+            names = [term("group", state) for state in result.states_added]
+            about.append(event_sentence("states_added", {"states": names}))
         self._about.setText("  ·  ".join(about))
 
 
@@ -165,7 +167,7 @@ def _register_texts(registers: Registers) -> list[str]:
     if registers.proved_on == "read_back":
         texts.append(say("engineer.registers_read_back"))
     if registers.kept:
-        texts.append(say("engineer.registers_kept", names=", ".join(registers.kept)))
+        texts.append(say("engineer.registers_kept", names=", ".join(map(parameter_text, registers.kept))))
     return texts
 
 
@@ -300,7 +302,7 @@ class ResultAnalysis(QObject):
         if self._run is None:
             return ""
         result = self._run.result
-        added = " ".join(f"+ {state}" for state in result.states_added)
+        added = " ".join(f"+ {term('group', state)}" for state in result.states_added)
         parts = (result.serial, added, local_time(result.started_utc or ""), verdict_text(result, stages=False))
         return "  ·  ".join(part for part in parts if part)
 

@@ -8,7 +8,7 @@ from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEdit, QSizePolicy, QWidget
 
 from calstation.config import ScheduleField, ScheduleOptions, ScheduleProblem, schedule_fields, schedule_problems
-from calstation.gui.text import bind, on_language_change, say, term
+from calstation.gui.text import bind, on_language_change, say, term, with_minus, without_minus
 from calstation.gui.widgets import Words, column, enable, label, row, show_text, theme
 from calstation.messages import known
 from calstation.physics import DISPLAY
@@ -149,7 +149,7 @@ class _Row(QWidget):
             each.setCurrentIndex(each.findData(value))
         elif isinstance(each, QLineEdit):
             shown = f"{value:.12g}" if isinstance(value, float) else str(value)
-            each.setText("" if value is None else shown)
+            each.setText("" if value is None else with_minus(shown))
 
     def lock(self, why: str) -> None:
         """Disable the inputs for the given reason; "" enables them."""
@@ -225,7 +225,7 @@ def _number(text: str, whole: bool = False) -> float | int | str | None:
     """Return the number entered, None for an empty text, or the text itself, which the check rejects."""
     text = text.strip().replace(",", ".")
     try:
-        number = float(text)
+        number = float(without_minus(text))
     except ValueError:
         return text or None
     return int(number) if whole and number.is_integer() else number

@@ -18,8 +18,8 @@ from calstation.gui.text import (
     error_text,
     event_sentence,
     free_text,
-    local_time,
     on_language_change,
+    parameter_text,
     term,
 )
 from calstation.gui.widgets import (
@@ -37,6 +37,7 @@ from calstation.gui.widgets import (
     state_colour,
     theme,
 )
+from calstation.messages import local_time
 from calstation.physics import display
 from calstation.records import IndexedRun, RunRecord
 from calstation.results import Result
@@ -88,7 +89,7 @@ class Trend(QWidget):
         with QSignalBlocker(self._combo):
             self._combo.clear()
             for name in names:
-                self._combo.addItem(name, name)
+                self._combo.addItem(parameter_text(name), name)
             self._combo.setCurrentIndex(max(0, self._combo.findData(wanted)))
         self.setVisible(bool(names))
         self.draw()
@@ -239,7 +240,7 @@ class RunDetails(QFrame):
             self._facts.removeRow(0)
         software = self._result.software if self._result is not None else None
         for name, text in (
-            (self.tr("Started"), local_time(run.started_utc)),
+            (self.tr("Started"), local_time(run.started_utc, zone=True)),
             (self.tr("Duration"), duration_text(run.duration)),
             (self.tr("Product"), run.product),
             (self.tr("Attempt"), str(run.attempt)),

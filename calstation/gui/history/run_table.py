@@ -15,8 +15,9 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.text import KINDS, bind, duration_text, local_time, on_language_change, term
+from calstation.gui.text import KINDS, bind, duration_text, on_language_change, term
 from calstation.gui.widgets import label, row, state_colour, state_icon, theme
+from calstation.messages import local_time
 from calstation.records import RunRecord
 
 #: Choices of outcome, and of the number of past days; None for all.
@@ -189,7 +190,7 @@ class RunTable(QTableWidget):
         cells[_OUTCOME].setIcon(state_icon(kind))
         cells[_OUTCOME].setForeground(state_colour(kind))
         for column, cell in enumerate(cells):
-            cell.setToolTip(utc_text(run.started_utc) if column == _STARTED else cell.text())
+            cell.setToolTip(local_time(run.started_utc, zone=True) if column == _STARTED else cell.text())
             self.setItem(number, column, cell)
 
     def _share_width(self) -> None:
@@ -217,14 +218,6 @@ def _cell(text: str, column: int) -> QTableWidgetItem:
     side = Qt.AlignmentFlag.AlignRight if column in _NUMBERS else Qt.AlignmentFlag.AlignLeft
     cell.setTextAlignment(side | Qt.AlignmentFlag.AlignVCenter)
     return cell
-
-
-def utc_text(started_utc: str) -> str:
-    """Format an ISO 8601 time in UTC, to the second; any other text is unchanged."""
-    try:
-        return f"{datetime.fromisoformat(started_utc):%Y-%m-%d %H:%M:%S} UTC"
-    except ValueError:
-        return started_utc
 
 
 def stages_text(run: RunRecord) -> str:

@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import KINDS, bind, event_sentence, on_language_change, show, term
+from calstation.gui.text import KINDS, bind, event_sentence, on_language_change, parameter_text, show, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
     Column,
@@ -171,7 +171,9 @@ class Comparison(QWidget):
         if self.identical:
             return "good", self.tr("Identical bit for bit")
         name = max(self._in_sigma, key=lambda n: abs(self._in_sigma[n]))
-        largest = self.tr("Largest difference {0} σ, {1}").format(f"{abs(self._in_sigma[name]):.2f}", name)
+        largest = self.tr("Largest difference {0} σ, {1}").format(
+            f"{abs(self._in_sigma[name]):.2f}", parameter_text(name)
+        )
         beyond = sum(abs(difference) > NOTABLE_SIGMAS for difference in self._in_sigma.values())
         return ("caution", self.tr("{0}; beyond 3 σ: {1}").format(largest, beyond)) if beyond else ("none", largest)
 

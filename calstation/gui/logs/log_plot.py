@@ -13,7 +13,7 @@ from calstation.gui.logs.log_columns import LogColumns, Wanted, split_at_gaps
 from calstation.gui.logs.marks import Backdrop, LogMarks, Strip
 from calstation.gui.logs.time_axis import TimeAxis
 from calstation.gui.text import term
-from calstation.gui.widgets import PlotNote, column, fit_below_note, theme
+from calstation.gui.widgets import NumberAxis, PlotNote, column, fit_below_note, theme
 from calstation.results.plots import Columns, LogIndex
 
 #: Channels of each plot: gyro, accelerometer, angles.
@@ -206,7 +206,7 @@ class LogPlot(QWidget):
         return plot
 
     def _add_plot(self, row: int) -> Any:
-        plot = self._graph.addPlot(row=row, col=0, axisItems={"bottom": TimeAxis()})
+        plot = self._graph.addPlot(row=row, col=0, axisItems={"left": NumberAxis("left"), "bottom": TimeAxis()})
         plot.setMenuEnabled(False)
         plot.hideButtons()
         plot.setMouseEnabled(x=True, y=False)
@@ -249,7 +249,8 @@ class LogPlot(QWidget):
         for item in self._ranges:
             item.apply_theme()
         titles = self.tr("Gyro, °/s"), self.tr("Accelerometer, m/s²"), self.tr("Table, °")
-        for note, title, lines in zip(self._notes, titles, (axes, axes, table), strict=True):
+        letters = tuple((name, theme.axis_text(name)) for name, _ in axes)
+        for note, title, lines in zip(self._notes, titles, (letters, letters, table), strict=True):
             note.say([(title, c.text), *((f"<b>{name}</b>", colour) for name, colour in lines)])
         self.setAccessibleName(self.tr("The log's curves"))
         self._graph.viewport().update()

@@ -89,7 +89,7 @@ class Backdrop(_Layer):
         steps = to_pixels(self._marks.steps)
         steps = np.unique(np.rint(steps[(steps >= box.left()) & (steps <= box.right())]))
         if len(steps) <= box.width() / 5:  # no lines if their mean spacing is below 5 px
-            painter.setPen(QPen(theme.faint(c.muted, 70), 1, Qt.PenStyle.DotLine))
+            painter.setPen(QPen(QColor(c.line), 1, Qt.PenStyle.DotLine))
             for x in steps.tolist():
                 painter.drawLine(QPointF(x, box.top()), QPointF(x, box.bottom()))
         for times, colour, style in (

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from calstation.gui.text import check_name, check_text, of_parameter, of_product, parameter_text, say, show
+from calstation.gui.text import check_name, check_text, of_parameter, of_product, parameter_text, say, show, with_minus
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
 from calstation.results import Parameter, Result, cause_text
@@ -131,7 +131,7 @@ def _figure(name: str, row: Parameter, within: Check | None, below: Check | None
     both = [check for check in (within, below) if check is not None]
     return Figure(
         name=parameter_text(name),
-        value=number(value, sigma).replace("-", "−"),
+        value=with_minus(number(value, sigma)),
         sigma=number(sigma, sigma),
         limit=limit,
         unit=unit,

@@ -136,7 +136,7 @@ class Drawing(QWidget):
             colour, tip = theme.AXIS_COLOURS[name], screen(length * direction)
             self.line(screen(starts[i] * direction), tip, colour, 0.045, dotted=hidden[i])
             self._arrow_head(tip, colour)
-            self.letter(name, screen(1.22 * length * direction), colour)
+            self.letter(name, screen(1.22 * length * direction), theme.axis_text(name))
 
     def letter(self, name: str, at: QPointF, colour: str) -> None:
         """Draw an outlined text centred at a point; the font size does not depend on the scale of the drawing."""

@@ -41,7 +41,7 @@ class Preparation(QFrame):
         self._run = run
         self._current = 0
         self._rows = [(StateIcon(20), QLabel(), label(kind="muted", wrap=True)) for _ in _STEPS]
-        steps = grid(across=2 * theme.GRID, down=2 * theme.GRID, stretch=2)
+        steps = grid(across=2 * theme.GRID, down=theme.GRID, stretch=2)
         for number, widgets in enumerate(self._rows):
             for at, widget in enumerate(widgets):
                 steps.addWidget(widget, number, at, Qt.AlignmentFlag.AlignVCenter)

@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import (
     DEFAULT_PRODUCT,
@@ -37,6 +38,7 @@ from calstation.gui.widgets import (
     STEPS,
     Choice,
     NoticeBar,
+    PageArea,
     StateBadge,
     column,
     label,
@@ -66,13 +68,15 @@ class OperatorPage(Page):
         self._starting = RunStarter(app, self.header, self.notice)
         self._views = stack(self._loading, self._live, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
-        self._message, self._badge = label(name="message_label"), StateBadge(theme.SECTION)
+        self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         self._stages.setFixedWidth(38 * theme.GRID)
         right = column(self.closing, self.notice, (self._views, 1))
         foot = panel(row((self._message, 1), self._badge))
         page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
-        column((row(self._stages, (right, 1)), 1), self._progress, foot, on=self, margins=page_margins)
+        content = QWidget()
+        row(self._stages, (right, 1), on=content)
+        column((PageArea(content), 1), self._progress, foot, on=self, margins=page_margins)
         self._connect()
         self._read_products()
         on_language_change(self, self._refresh)

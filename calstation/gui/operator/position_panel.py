@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
-from calstation.gui.text import on_language_change, rendered, say
+from calstation.gui.text import on_language_change, rendered, say, with_minus
 from calstation.gui.widgets import StateBadge, button, column, enable, label, row, theme
 from calstation.messages import Text
 from calstation.sequencer import PositionGuided
@@ -114,7 +114,7 @@ class PositionPanel(QFrame):
             outer = bool(before @ now.up > after @ now.up)
         turn = "outer" if outer else "inner" if inner else "none"
         angles = {name: f"{np.rad2deg(angle):.0f}°" for name, angle in (("outer", now.outer), ("inner", now.inner))}
-        return say(f"position.turn_{turn}", **angles).replace("-", "−")
+        return with_minus(say(f"position.turn_{turn}", **angles))
 
     def _finish(self) -> None:
         self._finishing = True

@@ -80,7 +80,7 @@ class PositionPicture(Drawing):
     def _draw_ring(self) -> None:
         """Draw the ring, which fills clockwise from the top while the unit is at rest."""
         c, now = theme.colours(), self._guided
-        self.disc(QPointF(), _RING, c.line, _WIDTH)
+        self.disc(QPointF(), _RING, c.track, _WIDTH)
         if now is not None and now.state == "enough":
             self.arc(_RING, 1.0, c.good, _WIDTH)
         elif now is not None and now.state == "still":

@@ -106,7 +106,7 @@ class RunStarter(QObject):
         if history is not None and allowed is not None and (failures := history.failures(serial)) >= allowed:
             self._ask_attempt(failures, request)
         elif history is not None and (passed := history.passed_before(serial)) is not None:
-            question = Text.of("question.passed_before", serial=serial, when=_minute_text(passed.started_utc))
+            question = Text.of("question.passed_before", serial=serial, when=passed.started_utc)
             self._ask(question, {"repeat": lambda: self.run(request)})
         else:
             self.run(request)
@@ -267,14 +267,7 @@ def _resume_question(run: Resumable) -> Text:
     """Return the question whether to resume a run after its finished stages."""
     finished = len(run.finished)
     stage = run.stages[finished] if finished < len(run.stages) else run.stages[-1]
-    return Text.of(
-        "question.resume", serial=run.serial, number=finished + 1, stage=stage, when=_minute_text(run.started_utc)
-    )
-
-
-def _minute_text(utc: str) -> str:
-    """Format a UTC time to the minute, ``2026-11-22 07:30``."""
-    return utc.replace("T", " ")[:16]
+    return Text.of("question.resume", serial=run.serial, number=finished + 1, stage=stage, when=run.started_utc)
 
 
 def _product_file(name: str | None) -> Path | None:

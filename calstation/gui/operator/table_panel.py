@@ -5,7 +5,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QLabel, QWidget
 
 from calstation.gui.operator.drawing import VIEWER, Drawing, basis, depth, screen
-from calstation.gui.text import on_language_change
+from calstation.gui.text import on_language_change, with_minus
 from calstation.gui.widgets import PANEL, StateBadge, column, grid, label, theme
 from calstation.physics import axis_rotation
 from calstation.sequencer import JointsMoved, TableMoved
@@ -68,7 +68,7 @@ class TablePicture(Drawing):
         first, second, third = (axis_rotation(np.eye(3)[k], self._angles[k]) for k in (outer, middle, inner))
         unit = first @ second @ third
         for attitude, normal, radius in ((first, inner, _RING), (first @ second, outer, _MIDDLE)):
-            self.plate(attitude[:, normal], radius, c.line, c.muted)
+            self.plate(attitude[:, normal], radius, c.track, c.muted)
             self.plate(attitude[:, normal], radius - _WIDTH, c.panel, c.muted)
         self.box(_UNIT @ unit.T)
         self.axes(unit, (0.0, 0.0, 0.0), 0.62, [False] * 3)
@@ -84,7 +84,7 @@ class TablePicture(Drawing):
         self._draw_posts(behind=True)
         if not facing:
             self.box(corners)
-        self.plate(normal, _RING, c.line, c.muted)
+        self.plate(normal, _RING, c.track, c.muted)
         self.plate(normal, _HOLE, c.panel, c.muted)
         self.plate(normal, _DISC, c.window, c.muted)
         if facing:
@@ -100,7 +100,7 @@ class TablePicture(Drawing):
             if (depth(axis) > 0.0) is behind:
                 end = screen(1.14 * axis)
                 foot = screen(np.array([1.14 * axis[0], 1.14 * axis[1], -0.95]))  # on the floor
-                self.line(foot, end, c.line, 0.10)
+                self.line(foot, end, c.track, 0.10)
                 self.line(end, screen(_RING * axis), c.muted, 0.07)
 
 
@@ -144,9 +144,9 @@ class TablePanel(QFrame):
             self.picture.set_angles(moved.outer, moved.inner)
             angles, rates = (moved.outer, moved.inner), (moved.outer_rate, moved.inner_rate)
         for shown, angle in zip(self.angle_labels, angles, strict=False):
-            shown.setText(f"{np.rad2deg(angle):z.3f}°".replace("-", "−"))
+            shown.setText(with_minus(f"{np.rad2deg(angle):z.3f}°"))
         for shown, rate in zip(self._rates, rates, strict=False):
-            shown.setText(f"{np.rad2deg(rate):z.1f} °/s".replace("-", "−"))
+            shown.setText(with_minus(f"{np.rad2deg(rate):z.1f} °/s"))
         self._show_state()
 
     def forget(self) -> None:

@@ -52,9 +52,9 @@ class _Plot(QWidget):
             margin = max(0.05 * (high - low), 1e-3)
             self.plot.setYRange(low - margin, high + margin, padding=0.0)
             box = self.plot.getViewBox()
-            for (name, colour), value in zip(theme.AXIS_COLOURS.items(), values[-1], strict=True):
+            for name, value in zip(theme.AXIS_COLOURS, values[-1], strict=True):
                 height = box.mapViewToScene(pg.Point(0.0, float(value))).y()
-                labels.append(LineLabel(height, name, QColor(colour), bold=True))
+                labels.append(LineLabel(height, name, QColor(theme.axis_text(name)), bold=True))
         self._labels.show_labels(labels)
 
 

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QComboBox, QFrame, QGridLayout, QLineEdit, QSizePo
 from calstation.config import editing
 from calstation.connection import FoundPort
 from calstation.gui.settings.drafts import Draft
-from calstation.gui.text import bind, on_language_change, say, show, term
+from calstation.gui.text import bind, on_language_change, say, show, term, with_minus, without_minus
 from calstation.gui.widgets import Item, Words, column, enable, label, row, show_text, theme
 from calstation.messages import known
 from calstation.schema import KeyPath, Problem, field_name
@@ -222,7 +222,7 @@ def _number(text: str) -> int | float | str | None:
     text = text.strip()
     for kind in (int, float):
         try:
-            return kind(text)
+            return kind(without_minus(text))
         except ValueError:
             continue
     return text or None
@@ -231,7 +231,8 @@ def _number(text: str) -> int | float | str | None:
 def _shown(value: Any) -> str:
     if value is None:
         return ""
-    return format(value, ".12g") if isinstance(value, float) else str(value)
+    shown = format(value, ".12g") if isinstance(value, float) else str(value)
+    return with_minus(shown) if isinstance(value, float | int) else shown
 
 
 def _describe(port: FoundPort) -> str:

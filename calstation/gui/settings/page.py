@@ -17,9 +17,21 @@ from calstation.gui.settings.profiles_section import NewFileBar, ProfilesSection
 from calstation.gui.settings.site_section import SiteSection
 from calstation.gui.settings.station_section import StationSection
 from calstation.gui.settings.table_section import TableSection
-from calstation.gui.shell import AppContext, Page
+from calstation.gui.shell import AppContext, Page, RunStrip
 from calstation.gui.text import bind, error_text, on_language_change
-from calstation.gui.widgets import Choice, NoticeBar, button, column, enable, label, row, scroll_area, show_text, theme
+from calstation.gui.widgets import (
+    Choice,
+    NoticeBar,
+    PageArea,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    scroll_area,
+    show_text,
+    theme,
+)
 from calstation.schema import KeyPath
 
 _NAV = 26 * theme.GRID
@@ -98,11 +110,15 @@ class StationPage(Page):
         for section in self._sections:
             QListWidgetItem(self.nav).setSizeHint(QSize(_NAV, theme.BUTTON))
             self._stack.addWidget(section if section is self.profiles else scroll_area(section, wide=False))
+        self.nav.setMinimumHeight(self.nav.count() * theme.BUTTON)
         self.nav.currentRowChanged.connect(self._show_section)
         self._problems = label(kind="error", name="station_problem_label", wrap=True)
         right = column(self.notice, self._new_bar, self._problems, (self._stack, 1))
         wide = 2 * theme.GRID
-        row(self.nav, (right, 1), on=self, spacing=wide, margins=(wide, theme.GRID, wide, wide))
+        content = QWidget()
+        row(self.nav, (right, 1), on=content, spacing=wide, margins=(wide, theme.GRID, wide, theme.GRID))
+        status = row(RunStrip(self.app.run), margins=(wide, 0, wide, theme.GRID))
+        column((PageArea(content), 1), status, on=self)
         self.nav.setCurrentRow(0)
 
     def showEvent(self, event: QShowEvent) -> None:

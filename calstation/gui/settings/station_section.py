@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QFileDialog, QFormLayout, QWidget
 from calstation.config import is_manual_table, library, versions
 from calstation.gui.settings.drafts import Drafts
 from calstation.gui.settings.fields import ChoiceBox, Field, Row, Section, panel
-from calstation.gui.text import on_language_change, say
+from calstation.gui.text import on_language_change, say, with_minus
 from calstation.gui.widgets import StateBadge, button, column, label, row, theme
 
 _FOLDER = ("handover", "folder")
@@ -70,7 +70,7 @@ class StationSection(Section):
 
         def get(*place: str) -> str:
             value = self._draft.value(place)
-            return "–" if value is None else f"{value:g}" if isinstance(value, float | int) else str(value)
+            return "–" if value is None else with_minus(f"{value:g}") if isinstance(value, float | int) else str(value)
 
         own = self.tr("opened by the bench")
         table = self.tr("turned by hand") if by_hand else own if bench else get("table", "port")

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QGridLayout
 
 from calstation.gui.settings.drafts import Draft
 from calstation.gui.settings.fields import Field, Section
-from calstation.gui.text import on_language_change, say, term
+from calstation.gui.text import on_language_change, say, term, with_minus
 from calstation.gui.widgets import ThemedPlot, Words, column, label, row, theme
 
 _JOINTS = ("outer", "inner")
@@ -123,7 +123,7 @@ class TravelPlot(ThemedPlot):
                 text = _span_text(high - low)
                 self.addItem(pg.BarGraphItem(x0=low, x1=high, y=y, height=0.3, brush=c.accent, pen=c.accent))
                 for angle in (low, high):
-                    self._write(f"{angle:g}°".replace("-", "−"), c.text, angle, y - 0.15, above=False)
+                    self._write(with_minus(f"{angle:g}°"), c.text, angle, y - 0.15, above=False)
             self.plot([0.0, 0.0], [y - 0.25, y + 0.25], pen=pg.mkPen(c.text, width=2))
             self._write(text, c.muted, 0.0, y + 0.2, above=True)
             summaries.append(f"{name}: {text}")

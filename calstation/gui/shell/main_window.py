@@ -19,11 +19,14 @@ from calstation.gui.shell.context import AppContext, Page
 from calstation.gui.shell.role import RolePanel
 from calstation.gui.shell.run_strip import RunStrip
 from calstation.gui.text import bind, language, on_language_change
-from calstation.gui.widgets import PANEL, button, column, label, padlock_icon, row, theme, theme_icon
+from calstation.gui.widgets import PANEL, PageArea, button, column, label, padlock_icon, row, theme, theme_icon
 
 #: Height of the strip with STOP at the top of every page, px.
 _STRIP_HEIGHT = theme.BIG_BUTTON + 2 * theme.GRID
 _ICON = QSize(24, 24)
+
+#: Usual size of the window, its smallest, and the most that the frame of any system adds, logical px.
+_USUAL, _SMALLEST, _FRAME = QSize(1366, 768), QSize(900, 400), QSize(16, 48)
 
 #: Each page and its title. The package of a page is imported when the page is created.
 _PAGES: dict[str, tuple[Callable[[AppContext], Page], str]] = {
@@ -55,7 +58,7 @@ class _Tab(QWidget):
 
     def make_page(self) -> Page:
         self._page = page = self._make(self._app)
-        column((page, 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
+        column((PageArea(page), 1), on=self, margins=(0, _STRIP_HEIGHT, 0, 0))
         column((page.header or RunStrip(self._app.run), 1), on=self.header)
         return page
 
@@ -111,11 +114,19 @@ class MainWindow(QMainWindow):
         self._connect()
         for show in (self._show_titles, self._show_role, self._show_station):
             on_language_change(self, show)
-        self.setMinimumSize(1280, 720)
-        self.resize(1366, 768)
+        self.setMinimumSize(_SMALLEST)
+        self.resize(_USUAL)
         geometry = app.settings.value("geometry")
         if isinstance(geometry, QByteArray):
             self.restoreGeometry(geometry)
+        self._fit_screen()
+
+    def _fit_screen(self) -> None:
+        """Maximise a window that is too large for its screen."""
+        room = self.screen().availableGeometry().size() - _FRAME
+        if self.size() != self.size().boundedTo(room):
+            self.resize(self.size().boundedTo(room))
+            self.setWindowState(self.windowState() | Qt.WindowState.WindowMaximized)
 
     def _connect(self) -> None:
         app = self.app

@@ -13,9 +13,10 @@ from .messages import error_text as error_text
 from .messages import event_sentence as event_sentence
 from .messages import fault_text as fault_text
 from .messages import free_text as free_text
-from .messages import local_time as local_time
 from .messages import rendered as rendered
 from .messages import say as say
 from .messages import show as show
 from .messages import step_sentence as step_sentence
 from .messages import term as term
+from .messages import with_minus as with_minus
+from .messages import without_minus as without_minus

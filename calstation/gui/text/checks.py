@@ -3,7 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from calstation.gui.text.messages import say, term
+from calstation.gui.text.messages import say, term, with_minus
+from calstation.messages import known
 from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter
 from calstation.records import Check, Where
 
@@ -21,6 +22,8 @@ _PRODUCT_KINDS = (
     "excitation",
     "previous",
 )
+
+_NO_DIGITS = str.maketrans("", "", "0123456789")
 
 #: Display unit and its size in the check's own unit, by that unit; for checks that do not compare a parameter.
 _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
@@ -72,11 +75,12 @@ def of_parameter(check: Check) -> bool:
 
 
 def parameter_text(name: str) -> str:
-    """Return the display name of a parameter (group and axis) or of a group."""
-    if name not in INDEX:
-        return term("group", name)
-    group = PARAMETERS[INDEX[name]].group
-    return f"{term('group', group)} {name.removeprefix(group + '_')}"
+    """Return the display name of a parameter (group and axis, for several secondaries also the IMU) or of a group."""
+    imu = "".join(filter(str.isdigit, name))
+    plain = name.translate(_NO_DIGITS)
+    group, _, axes = (plain, "", "") if known(f"group.{plain}") else plain.rpartition("_")
+    text = f"{term('group', group)} {axes}".strip()
+    return f"{text}, IMU {imu}" if imu else text
 
 
 def _sentence(check: Check) -> str:
@@ -107,7 +111,7 @@ def _number(value: float, size: float) -> str:
         return "–"
     shown = value / size
     text = f"{shown:.0f}" if 1000.0 <= abs(shown) < 1e9 else f"{shown:.4g}"
-    return text.replace("-", "−")
+    return with_minus(text)
 
 
 def _limit(limit: float | tuple[float, float], size: float) -> str:

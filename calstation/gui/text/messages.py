@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from typing import Any
 
 from calstation.errors import CalstationError
@@ -97,19 +96,21 @@ def free_text(text: str) -> ErrorText:
     return ErrorText("", "", text, "")
 
 
+def with_minus(text: str) -> str:
+    """Return the text of a number with a minus sign, U+2212, instead of the hyphen."""
+    return text.replace("-", "−")
+
+
+def without_minus(text: str) -> str:
+    """Return a typed or copied number with a hyphen instead of a minus sign, as files and `float` need it."""
+    return text.replace("−", "-")
+
+
 def duration_text(seconds: float) -> str:
     """Format a duration, s, as ``m:ss`` or ``h:mm:ss``."""
     minutes, rest = divmod(max(0, round(seconds)), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
-
-
-def local_time(utc: str) -> str:
-    """Format an ISO 8601 time in this computer's time zone; any other text is unchanged."""
-    try:
-        return f"{datetime.fromisoformat(utc).astimezone():%Y-%m-%d %H:%M}"
-    except ValueError:
-        return utc
 
 
 def _coded(code: str, values: Mapping[str, Any]) -> ErrorText:

@@ -17,6 +17,7 @@ from .layout import STEPS as STEPS
 from .layout import ElidedLabel as ElidedLabel
 from .layout import EmptyState as EmptyState
 from .layout import Item as Item
+from .layout import PageArea as PageArea
 from .layout import ViewTabs as ViewTabs
 from .layout import Words as Words
 from .layout import button as button
@@ -43,6 +44,7 @@ from .parameter_table import align_columns as align_columns
 from .parameter_table import ordered as ordered
 from .plot import LineLabel as LineLabel
 from .plot import LineLabels as LineLabels
+from .plot import NumberAxis as NumberAxis
 from .plot import PlotNote as PlotNote
 from .plot import ThemedPlot as ThemedPlot
 from .plot import fit_below_note as fit_below_note

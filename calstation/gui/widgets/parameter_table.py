@@ -10,6 +10,7 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelInd
 from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QKeyEvent, QKeySequence, QResizeEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QMenu, QTableView, QWidget
 
+from calstation.gui.text import parameter_text, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
 from calstation.gui.widgets.files import ask_file
@@ -53,7 +54,10 @@ def align_columns(cells: Mapping[str, dict[str, str]], columns: Iterable[str]) -
 
 
 class ParameterModel(QAbstractTableModel):
-    """Parameters as rows with their contract names as the vertical header; `grouped` shades every second group."""
+    """Parameters as rows with their names as the vertical header; `grouped` shades every second group.
+
+    The tooltip of a name is the name in files; `tsv` has names and numbers as they are in files.
+    """
 
     def __init__(self, columns: Sequence[Column], *, grouped: bool = True) -> None:
         super().__init__()
@@ -81,7 +85,7 @@ class ParameterModel(QAbstractTableModel):
         """Return headings and rows as a spreadsheet reads them, with the parameter names in the first column."""
         lines = [["parameter", *(column.heading() for column in self._columns)]]
         for name in (self._names[row] for row in rows):
-            lines.append([name, *(column.text(name).strip().replace("−", "-") for column in self._columns)])
+            lines.append([name, *(without_minus(column.text(name)).strip() for column in self._columns)])
         return lines
 
     def refresh(self) -> None:
@@ -89,6 +93,7 @@ class ParameterModel(QAbstractTableModel):
         if self._names:
             last = self.index(len(self._names) - 1, len(self._columns) - 1)
             self.dataChanged.emit(self.index(0, 0), last)
+        self.headerDataChanged.emit(Qt.Orientation.Vertical, 0, max(0, len(self._names) - 1))
         self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, max(0, len(self._columns) - 1))
 
     def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: B008 - Qt's own signature
@@ -104,7 +109,7 @@ class ParameterModel(QAbstractTableModel):
         name, column = self._names[index.row()], self._columns[index.column()]
         match role:
             case Qt.ItemDataRole.DisplayRole:
-                return column.text(name)
+                return with_minus(column.text(name)) if column.number else column.text(name)
             case Qt.ItemDataRole.TextAlignmentRole:
                 return column.alignment
             case Qt.ItemDataRole.ToolTipRole if column.hint is not None:
@@ -124,7 +129,10 @@ class ParameterModel(QAbstractTableModel):
     def headerData(self, section: int, orientation: Qt.Orientation, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return the parameter name of a row, or the heading of a column."""
         if orientation == Qt.Orientation.Vertical:
-            return self._names[section] if role == Qt.ItemDataRole.DisplayRole else None
+            name = self._names[section]
+            if role == Qt.ItemDataRole.ToolTipRole:
+                return name
+            return parameter_text(name) if role == Qt.ItemDataRole.DisplayRole else None
         if role == Qt.ItemDataRole.DisplayRole:
             return self._columns[section].heading()
         return self._columns[section].alignment if role == Qt.ItemDataRole.TextAlignmentRole else None

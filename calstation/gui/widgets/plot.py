@@ -11,12 +11,21 @@ from PySide6.QtGui import QColor, QContextMenuEvent, QGuiApplication, QPainter, 
 from PySide6.QtSvg import QSvgGenerator
 from PySide6.QtWidgets import QMenu, QSizePolicy, QWidget
 
+from calstation.gui.text import with_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import draw_state
 from calstation.gui.widgets.files import ask_file
 from calstation.gui.widgets.zoom_box import ZoomBox
 
 pg.setConfigOptions(antialias=False)
+
+
+class NumberAxis(pg.AxisItem):  # type: ignore[misc]
+    """A vertical or horizontal axis with minus signs instead of hyphens."""
+
+    def tickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
+        """Return the labels of ticks."""
+        return [with_minus(text) for text in super().tickStrings(values, scale, spacing)]
 
 
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
@@ -26,7 +35,9 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     """
 
     def __init__(self, parent: QWidget | None = None, *, zoom: bool = False) -> None:
-        super().__init__(parent, enableMenu=False, **({"viewBox": ZoomBox()} if zoom else {}))
+        axes = {side: NumberAxis(side) for side in ("left", "bottom")}
+        box = {"viewBox": ZoomBox()} if zoom else {}
+        super().__init__(parent, enableMenu=False, axisItems=axes, **box)
         self.hideButtons()
         self._menu = QMenu(self)
         for side in ("left", "bottom"):

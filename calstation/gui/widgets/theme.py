@@ -25,6 +25,10 @@ TOP_BAR = 56
 #: Colours of x, y and z in both themes, safe for colour-blind viewers.
 AXIS_COLOURS = {"x": "#0072B2", "y": "#D55E00", "z": "#009E73"}
 
+#: Colours of the letters x, y and z in the light and the dark theme, darker or brighter than those of the axes: letters
+#: need more contrast than lines.
+_AXIS_TEXT = {"x": ("#0072B2", "#4DA3D9"), "y": ("#A84A00", "#E8741A"), "z": ("#007A59", "#10B284")}
+
 #: Font families in order of preference.
 FAMILIES = [
     "Segoe UI",
@@ -39,7 +43,7 @@ FAMILIES = [
 
 @dataclass(frozen=True)
 class Colours:
-    """Colours of a theme as ``#rrggbb``."""
+    """Colours of a theme as ``#rrggbb``; `line` is for lines and borders, `track` for fills without a meaning."""
 
     window: str
     panel: str
@@ -47,6 +51,7 @@ class Colours:
     text: str
     muted: str
     line: str
+    track: str
     accent: str
     on_accent: str
     good: str
@@ -63,7 +68,8 @@ _ROLES = {
     "field": ("#ffffff", "#232c33"),
     "text": ("#14191d", "#e7ecef"),
     "muted": ("#55616a", "#9caab4"),
-    "line": ("#c3ccd2", "#3a4750"),
+    "line": ("#7d8a93", "#6b7c86"),
+    "track": ("#c3ccd2", "#3a4750"),
     "accent": ("#1f5f8b", "#6cb2e2"),
     "on_accent": ("#ffffff", "#0d1317"),
     "good": ("#1b7a43", "#4cc38a"),
@@ -93,6 +99,11 @@ themes = _Themes()
 def colours() -> Colours:
     """Return the colours of the current theme."""
     return COLOURS[_current]
+
+
+def axis_text(axis: str) -> str:
+    """Return the colour of the letter x, y or z in the current theme."""
+    return _AXIS_TEXT[axis][_current == "dark"]
 
 
 def current() -> str:
@@ -143,7 +154,12 @@ def palette(c: Colours) -> QPalette:
     ):
         for role in roles.split():
             made.setColor(QPalette.ColorRole[role], QColor(colour))
-    disabled = ((c.muted, "WindowText Text ButtonText"), (c.window, "Base Button"), (c.line, "Highlight"))
+    disabled = (
+        (c.muted, "WindowText Text ButtonText"),
+        (c.window, "Base Button"),
+        (c.track, "Highlight"),
+        (c.text, "HighlightedText"),
+    )
     for colour, roles in disabled:
         for role in roles.split():
             made.setColor(QPalette.ColorGroup.Disabled, QPalette.ColorRole[role], QColor(colour))
@@ -154,7 +170,12 @@ def style_sheet(c: Colours) -> str:
     """Return the style sheet that sets heights, borders and fills, which a palette cannot set."""
     return f"""
     QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox {{ min-height: {BUTTON - 2 * GRID}px; }}
-    QLineEdit {{ padding: 0 {GRID // 2}px; }}
+    QLineEdit {{
+        border: 1px solid {c.line}; border-radius: 4px; background: {c.field}; padding: 0 {GRID // 2}px;
+    }}
+    QLineEdit:focus {{ border: 2px solid {c.accent}; padding: 0 3px; }}
+    QLineEdit:disabled {{ background: {c.window}; color: {c.muted}; }}
+    QComboBox QLineEdit, QAbstractSpinBox QLineEdit {{ border: none; background: transparent; padding: 0; }}
     QLineEdit[kind="tall"], QComboBox[kind="tall"] {{
         min-height: {BUTTON - 2}px; max-height: {BUTTON - 2}px;
     }}
@@ -163,7 +184,7 @@ def style_sheet(c: Colours) -> str:
         background: {c.panel};
     }}
     QPushButton:hover {{ border-color: {c.accent}; }}
-    QPushButton:pressed {{ background: {c.line}; }}
+    QPushButton:pressed {{ background: {c.track}; }}
     QPushButton:focus {{ border: 2px solid {c.accent}; padding: 0 {2 * GRID - 1}px; }}
     QPushButton:disabled {{ background: {c.window}; color: {c.muted}; }}
     QPushButton:checked {{ background: {c.accent}; color: {c.on_accent}; }}
@@ -217,10 +238,10 @@ def style_sheet(c: Colours) -> str:
     }}
     QCheckBox::indicator:unchecked:hover, QCheckBox::indicator:unchecked:focus {{ border-color: {c.accent}; }}
     QCheckBox::indicator:unchecked:disabled {{ border-color: {c.line}; background: {c.window}; }}
-    QProgressBar {{ border: none; border-radius: 4px; background: {c.line}; }}
+    QProgressBar {{ border: none; border-radius: 4px; background: {c.track}; }}
     QProgressBar::chunk {{ border-radius: 4px; background: {c.accent}; }}
     QTabWidget#page_tabs > QTabBar::tab {{
-        height: {TOP_BAR - 3}px; padding: 0 {2 * GRID}px; border: none; border-bottom: 3px solid transparent;
+        height: {TOP_BAR - 3}px; padding: 0 {3 * GRID // 2}px; border: none; border-bottom: 3px solid transparent;
         color: {c.muted}; font-size: {BODY}px;
     }}
     QTabWidget#page_tabs > QTabBar::tab:selected {{ color: {c.text}; border-bottom-color: {c.accent}; }}

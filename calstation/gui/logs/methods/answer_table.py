@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from calstation.gui.text import bind
+from calstation.gui.text import bind, with_minus
 from calstation.gui.widgets import NOTABLE_SIGMAS, Column, ParameterModel, ParameterTable, align_columns, ordered
 from calstation.physics import display, number
 from calstation.results import Parameter
@@ -39,7 +39,7 @@ class AnswerTable(ParameterTable):
             self._in_sigma[name] = _in_sigma(row, other.get(name), truth.get(name))
             self._cells[name] = _cells(name, row, answer.before.get(name), other.get(name), truth.get(name))
             for column, sigmas in self._in_sigma[name].items():
-                self._cells[name][column] = f"{sigmas:+.2f}".replace("-", "−")
+                self._cells[name][column] = with_minus(f"{sigmas:+.2f}")
         align_columns(self._cells, _NUMBERS)
         self._unobservable = frozenset(result.undetermined)
         self._outside = frozenset(check.subject for check in result.failed_checks)
@@ -129,4 +129,4 @@ def _in_sigma(row: Parameter, other: tuple[float, float] | None, truth: float | 
 
 
 def _signed(value: float, sigma: float) -> str:
-    return number(value, sigma).replace("-", "−")
+    return with_minus(number(value, sigma))

@@ -48,7 +48,7 @@ class GimbalView(QWidget):
             predicted = np.where(above_noise, axis.predicted, np.nan)
             self.plot.line(turn, predicted / ARCSECOND, colour)
             self.plot.dots(turn, axis.drift / ARCSECOND, colour)
-            note.append(("● " + axis.axis, colour))
+            note.append(("● " + axis.axis, theme.axis_text(axis.axis)))
         self._panels.addStretch(1)
         if data.threshold > 0.0:
             self.plot.limit(data.threshold / ARCSECOND, c.bad)

@@ -14,7 +14,7 @@ from calstation.gui.widgets import column, grid, label, row, scroll_area, spread
 
 _FOLDER = Path(__file__).parent / "images"
 #: Colours in the SVG files, by the names of the theme colours that replace them.
-_SVG_COLOURS = {"text": "#14191d", "muted": "#55616a", "line": "#c3ccd2", "field": "#ffffff", "accent": "#1f5f8b"}
+_SVG_COLOURS = {"text": "#14191d", "muted": "#55616a", "track": "#c3ccd2", "field": "#ffffff", "accent": "#1f5f8b"}
 #: Half the width of an illustration, in its own units.
 _EXTENT = 1.3
 #: Position of each part from the centre, right and down, in the same units.
@@ -95,5 +95,5 @@ def _renderer(stage: str, theme_name: str) -> QSvgRenderer:
     text, colours = (_FOLDER / f"{stage}.svg").read_text(encoding="utf-8"), theme.colours()
     for name, drawn in _SVG_COLOURS.items():
         dark_field = name == "field" and theme_name != "light"
-        text = text.replace(drawn, colours.line if dark_field else getattr(colours, name))
+        text = text.replace(drawn, colours.track if dark_field else getattr(colours, name))
     return QSvgRenderer(QByteArray(text.encode()))

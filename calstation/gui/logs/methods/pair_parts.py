@@ -71,7 +71,7 @@ class _Bar(QWidget):
         c, width, middle = theme.colours(), float(self.width()), self.height() / 2.0
         painter = theme.painter(self)
         length = max(min(self._share * _LIMIT_AT, 1.0) * width, 2.0)
-        painter.fillRect(QRectF(0, middle - 7, width, 14), QColor(c.line))
+        painter.fillRect(QRectF(0, middle - 7, width, 14), QColor(c.track))
         painter.fillRect(QRectF(0, middle - 7, length, 14), state_colour("bad" if self._share > 1.0 else "good"))
         painter.setPen(QPen(QColor(c.text), 2))
         painter.drawLine(QPointF(_LIMIT_AT * width, 2), QPointF(_LIMIT_AT * width, self.height() - 2))
@@ -126,7 +126,7 @@ class Timeline(QWidget):
         left, line = 1.5 * theme.GRID, _TOP + _MARK / 2
         length = self.width() - 2.0 * left
         scale = length / max(p.duration, 1e-9)
-        for colour, time in ((c.line, p.duration), (c.accent, min(p.time, p.duration))):
+        for colour, time in ((c.track, p.duration), (c.accent, min(p.time, p.duration))):
             painter.setPen(QPen(QColor(colour), 4))
             painter.drawLine(QPointF(left, line), QPointF(left + scale * time, line))
         top, middle = QRectF(0, 0, self.width(), _TOP - 4), Qt.AlignmentFlag.AlignVCenter

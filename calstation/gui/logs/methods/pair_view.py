@@ -8,9 +8,9 @@ from PySide6.QtWidgets import QComboBox, QWidget
 
 from calstation.gui.logs.methods.pair_parts import CheckBar, CheckBars, Timeline
 from calstation.gui.logs.methods.plots import Figure, MethodPlot, three_digits
-from calstation.gui.text import local_time, on_language_change, say, show, term
+from calstation.gui.text import on_language_change, say, show, term, with_minus
 from calstation.gui.widgets import button, column, label, panel, row, show_text, theme
-from calstation.messages import Text
+from calstation.messages import Text, local_time
 from calstation.physics import DEGREE, DEGREE_PER_HOUR, MICRO_G, display, number, pair_name
 from calstation.results import PairCheckResult, PairProgress, Parameter
 from calstation.results.plots import PairPlotData, PairResiduals, SecondaryPlotData, StoredPairFile
@@ -239,6 +239,6 @@ class PairResidualsView(QWidget):
                 return "–"
             value, unit = display(name, fitted.value)
             sigma = display(name, fitted.sigma)[0]
-            alone = f"{number(value, sigma)} ± {number(sigma, sigma)}".replace("-", "−")
+            alone = with_minus(f"{number(value, sigma)} ± {number(sigma, sigma)}")
             texts.append(alone if len(names) == 1 else three_digits(value))
         return f"{', '.join(texts)} {unit}"

@@ -9,6 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
+from calstation.gui.text import with_minus
 from calstation.gui.widgets import PlotNote, ThemedPlot, column, fit_below_note, label, theme
 from calstation.physics import FloatArray
 
@@ -127,4 +128,4 @@ def three_digits(value: float) -> str:
     if value == 0.0 or not abs(value) < 1e15:
         return f"{value:g}"
     digits = 2 - int(f"{abs(value):.2e}".partition("e")[2])
-    return f"{value:.{max(digits, 0)}f}".replace("-", "−")
+    return with_minus(f"{value:.{max(digits, 0)}f}")

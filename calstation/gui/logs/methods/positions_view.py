@@ -151,6 +151,7 @@ class PositionSphere(QWidget):
                     painter.setPen(QPen(QColor(colour), 2.0))
                     painter.drawLine(begin, end)
                     offset = QPointF(-metrics.horizontalAdvance(name) / 2, 0.35 * metrics.ascent())
+                    painter.setPen(QColor(theme.axis_text(name)))
                     painter.drawText(at_name + offset, name)
             painter.setPen(QPen(QColor(c.accent), 1.5))
             painter.setBrush(QColor(c.accent) if near else QColor(c.panel))

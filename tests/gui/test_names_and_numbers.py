@@ -1,0 +1,76 @@
+"""Names of parameters and negative numbers are shown in the same way in the whole window."""
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QApplication
+from pytestqt.qtbot import QtBot
+
+from calstation.gui.engineer.schedule_form import _number as schedule_number
+from calstation.gui.settings.fields import NumberEdit, VectorEdit
+from calstation.gui.text import language, parameter_text
+from calstation.gui.text.messages import show
+from calstation.gui.widgets import Column, ParameterModel, ParameterTable, ThemedPlot
+from calstation.messages import Text, sentence
+from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
+
+
+@pytest.mark.parametrize(("code", "name"), [("en", "gyro bias x"), ("zh_CN", "陀螺零偏 x")])
+def test_a_table_shows_translated_names_and_minus_signs_and_copies_those_of_files(
+    qapp: QApplication, qtbot: QtBot, code: str, name: str
+) -> None:
+    language.use(code)
+    model = ParameterModel([Column(lambda: "value", lambda _: "-1.5"), Column(lambda: "raw", str, number=False)])
+    table = ParameterTable(model)
+    qtbot.addWidget(table)
+    model.set_names(["gyro_bias_x"])
+    vertical = Qt.Orientation.Vertical
+    assert model.headerData(0, vertical) == name
+    assert model.headerData(0, vertical, Qt.ItemDataRole.ToolTipRole) == "gyro_bias_x"
+    assert model.index(0, 0).data() == "−1.5"
+    assert model.index(0, 1).data() == "gyro_bias_x"
+    table.copy()
+    assert QGuiApplication.clipboard().text().splitlines()[1] == "gyro_bias_x\t-1.5\tgyro_bias_x"
+    language.use("en")
+
+
+def test_every_parameter_has_a_name_in_both_languages(qapp: QApplication) -> None:
+    names = [p.name for p in (*PARAMETERS, *PAIR_PARAMETERS, *EFFECT_PARAMETERS)]
+    english = {name: parameter_text(name) for name in names}
+    language.use("zh_CN")
+    chinese = {name: parameter_text(name) for name in names}
+    language.use("en")
+    assert len(set(english.values())) == len(set(chinese.values())) == len(names)
+    assert not [name for name in names if english[name] == chinese[name] or "_" in english[name]]
+    assert parameter_text("secondary3_gyro_bias_x") == "secondary gyro bias x, IMU 3"
+
+
+@pytest.mark.parametrize("typed", ["-12.5", "−12.5"])
+def test_a_field_shows_a_minus_sign_and_accepts_a_hyphen_too(qtbot: QtBot, typed: str) -> None:
+    edit = NumberEdit()
+    qtbot.addWidget(edit)
+    edit.show_value(-12.5)
+    assert edit.text() == "−12.5"
+    edit.clear()
+    QGuiApplication.clipboard().setText(typed)
+    edit.paste()
+    assert edit.value() == -12.5
+    assert schedule_number(typed) == -12.5
+    vector = VectorEdit()
+    qtbot.addWidget(vector)
+    vector.show_value([-1, 0, 1])
+    assert [each.text() for each in vector.edits] == ["−1", "0", "1"]
+    assert vector.value() == [-1, 0, 1]
+
+
+def test_axes_have_minus_signs(qtbot: QtBot) -> None:
+    plot = ThemedPlot()
+    qtbot.addWidget(plot)
+    for side in ("left", "bottom"):
+        assert plot.getAxis(side).tickStrings([-1.0, 0.0], 1.0, 1.0) == ["−1", "0"]
+
+
+def test_sentences_have_minus_signs_only_in_the_window(qapp: QApplication) -> None:
+    turn = Text.of("step.position", outer=-90.0, inner=0.0)
+    assert "−90" in show(turn)
+    assert "-90" in sentence(turn)

@@ -1,0 +1,102 @@
+"""The window on screens of several sizes and scales, each in a process of its own."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PySide6.QtCore import QByteArray, QRect, QSettings
+
+from tests.gui.conftest import SiteFolder
+
+#: Opens the window, shows each page in both languages, and prints what is seen as rectangles in the window.
+SCRIPT = """
+import json, sys
+from pathlib import Path
+from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
+from calstation.gui import create_window
+from calstation.gui.shell.run_strip import RunStrip
+
+def seen(widget):
+    corner = widget.mapTo(window, widget.rect().topLeft())
+    shown = widget.visibleRegion().boundingRect().size() == widget.size()
+    return [corner.x(), corner.y(), widget.width(), widget.height()] if shown else None
+
+if __name__ == "__main__":
+    window = create_window(Path(sys.argv[1]))
+    window.show()
+    pages = []
+    for code in ("en", "zh_CN"):
+        window.app.set_language(code)
+        for name in ("operator_page", "engineer_page", "offline_page", "history_page", "station_page"):
+            window.show_page(name)
+            for _ in range(5):
+                QApplication.processEvents()
+            status = [window.findChild(QLabel, "message_label"), *window.findChildren(RunStrip)]
+            pages.append([name, seen(window.stop_button), [seen(each) for each in status if each.isVisible()]])
+    screen, frame = window.screen().availableGeometry(), window.frameGeometry()
+    state = {
+        "screen": screen.getRect(), "frame": frame.getRect(), "window": window.rect().getRect(), "pages": pages,
+        "tabs": window.page_tabs.tabBar().width(), "scale": window.devicePixelRatio(),
+        "wanted_tabs": window.page_tabs.tabBar().sizeHint().width(),
+    }
+    print(json.dumps(state))
+    window.close()
+"""
+
+
+def shown(site_folder: SiteFolder, size: tuple[int, int], scale: float) -> dict[str, Any]:
+    """The window on a screen of this size, px, at this scale."""
+    screen = {"name": "one", "x": 0, "y": 0, "width": size[0], "height": size[1], "logicalDpi": 96}
+    screens = {"screens": [{**screen, "logicalBaseDpi": 96, "dpr": 1}]}
+    (site_folder.folder / "screens.json").write_text(json.dumps(screens), encoding="utf-8")
+    script = site_folder.folder / "on_screen.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    platform = {"QT_QPA_PLATFORM": "offscreen:configfile=screens.json", "QT_SCALE_FACTOR": str(scale)}
+    command = [sys.executable, str(script), str(site_folder.station)]
+    environment = {"PYTHONPATH": str(Path(__file__).parents[2]), **os.environ, **platform}
+    done = subprocess.run(command, env=environment, cwd=site_folder.folder, capture_output=True, text=True, check=True)
+    return dict(json.loads(done.stdout.splitlines()[-1]))
+
+
+def fits(seen: dict[str, Any]) -> bool:
+    """Whether the frame lies in the screen; logical pixels of the platform's frame are rounded up."""
+    return QRect(*seen["screen"]).adjusted(0, 0, 1, 1).contains(QRect(*seen["frame"]))
+
+
+@pytest.mark.parametrize(
+    ("size", "scale"),
+    [
+        ((1920, 1080), 1.5),
+        ((1366, 768), 1.0),
+        pytest.param((1920, 1080), 2.0, marks=pytest.mark.exhaustive),
+        pytest.param((1280, 720), 1.0, marks=pytest.mark.exhaustive),
+        pytest.param((1600, 900), 1.25, marks=pytest.mark.exhaustive),
+        pytest.param((2560, 1440), 2.0, marks=pytest.mark.exhaustive),
+        pytest.param((1920, 1080), 1.0, marks=pytest.mark.exhaustive),
+    ],
+)
+def test_the_window_fits_the_screen_with_stop_and_status_on_every_page(
+    site_folder: SiteFolder, size: tuple[int, int], scale: float
+) -> None:
+    seen = shown(site_folder, size, scale)
+    assert seen["scale"] == scale
+    assert fits(seen)
+    assert seen["tabs"] >= seen["wanted_tabs"]
+    assert len(seen["pages"]) == 10
+    for page, stop, status in seen["pages"]:
+        for part in (stop, *status):
+            assert part is not None, page
+            assert QRect(*seen["window"]).contains(QRect(*part)), page
+        assert status, page
+
+
+def test_a_window_saved_on_a_larger_screen_fits_this_one(site_folder: SiteFolder) -> None:
+    shown(site_folder, (3840, 2160), 1.0)
+    settings = QSettings(str(site_folder.home / "window.ini"), QSettings.Format.IniFormat)
+    assert isinstance(settings.value("geometry"), QByteArray)
+    seen = shown(site_folder, (1366, 768), 1.0)
+    assert fits(seen)
