@@ -140,9 +140,9 @@ class Operator:
         return found
 
     def choose(self, product: str) -> None:
-        """Choose a product in the list."""
+        """Choose a product in the list by the name of its file."""
         combo = self.widget("product_combo", QComboBox)
-        combo.setCurrentIndex(combo.findText(product))
+        combo.setCurrentIndex([Path(combo.itemData(i)).stem for i in range(combo.count())].index(product))
         combo.activated.emit(combo.currentIndex())
 
     def press(self, name: str) -> None:

@@ -18,7 +18,7 @@ def gimbal_run(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> Operator:
     app.set_station(library.find("stations", "virtual_gimbal"))
     assert "the unit is on a gimbal" in operator.says()
     operator.press("product_choice_mems_gimbal")
-    assert operator.widget("product_combo", QComboBox).currentText() == "mems_gimbal"
+    assert operator.widget("product_combo", QComboBox).currentText() == "MEMS grade C, on a gimbal"
     assert "cannot run" not in operator.says()
     link = app.engine_link
     link.request = RunRequest(SERIAL, app.station_path, app.product_path)

@@ -311,7 +311,7 @@ def test_guide_me_live_needs_a_manual_rig_and_opens_the_operator_page(
     assert "station's rig" in window.findChild(QPushButton, "engineer_start_button").toolTip()
     qtbot.mouseClick(panel.live_button, Qt.MouseButton.LeftButton)
     assert window.page_tabs.currentWidget().objectName() == "operator_page"
-    assert window.findChild(QComboBox, "product_combo").currentText() == "mems_hand"
+    assert window.findChild(QComboBox, "product_combo").currentText() == "MEMS grade C, by hand"
 
 
 def frozen(block: SampleBlock) -> SampleBlock:

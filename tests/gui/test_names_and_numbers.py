@@ -1,18 +1,21 @@
 """Names of parameters and negative numbers are shown in the same way in the whole window."""
 
+from pathlib import Path
+
 import pytest
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QComboBox
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.engineer.schedule_form import _number as schedule_number
 from calstation.gui.settings.fields import NumberEdit, VectorEdit
-from calstation.gui.text import language, parameter_text
+from calstation.gui.text import language, parameter_text, product_text
 from calstation.gui.text.messages import show
 from calstation.gui.widgets import Column, ParameterModel, ParameterTable, ThemedPlot
 from calstation.messages import Text, sentence
 from calstation.physics import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
+from tests.gui.conftest import Operator
 
 
 @pytest.mark.parametrize(("code", "name"), [("en", "gyro bias x"), ("zh_CN", "陀螺零偏 x")])
@@ -74,3 +77,14 @@ def test_sentences_have_minus_signs_only_in_the_window(qapp: QApplication) -> No
     turn = Text.of("step.position", outer=-90.0, inner=0.0)
     assert "−90" in show(turn)
     assert "-90" in sentence(turn)
+
+
+def test_products_have_the_same_translated_name_everywhere(operator: Operator) -> None:
+    operator.choose("nav_a")
+    operator.window.show_page("station_page")
+    combo, box = operator.widget("product_combo", QComboBox), operator.widget("imu_test_product", QComboBox)
+    for code, name in (("en", "Navigation grade A"), ("zh_CN", "导航级 A"), ("en", "Navigation grade A")):
+        operator.window.app.set_language(code)
+        assert combo.currentText() == box.currentText() == product_text("Navigation grade A") == name
+        assert Path(combo.currentData()).stem == "nav_a"
+    assert product_text("our_unit") == "our_unit"

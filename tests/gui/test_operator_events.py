@@ -180,10 +180,10 @@ def test_compatible_products_are_named_and_a_button_chooses_one(
     app.set_station(library.find("stations", "virtual_hand"))
     assert "cannot run" in operator.says()
     assert "rails are turned by hand" in operator.says()
-    assert "Compatible products: mems_hand." in operator.says()
+    assert "Compatible products: “MEMS grade C, by hand”." in operator.says()
     assert "multi_position" not in operator.says()
     operator.press("product_choice_mems_hand")
-    assert operator.widget("product_combo", QComboBox).currentText() == "mems_hand"
+    assert operator.widget("product_combo", QComboBox).currentText() == "MEMS grade C, by hand"
     assert "cannot run" not in operator.says()
     assert "The simulated operator turns the rails" in operator.says()
     assert operator.widget("start_button").isEnabled()

@@ -286,11 +286,12 @@ def test_default_folder_of_runs(operator: Operator) -> None:
 
 def test_product_file_added_while_the_window_is_open_is_offered(operator: Operator) -> None:
     combo = operator.widget("product_combo", QComboBox)
-    before = combo.currentText()
+    before = combo.currentData()
     text = (library.site_folder() / "products" / "short.toml").read_text(encoding="utf-8")
     (library.site_folder() / "products" / "another.toml").write_text(text, encoding="utf-8")
     operator.window.show_page("station_page")
     operator.window.show_page("operator_page")
-    assert combo.findText("another") >= 0
-    assert combo.currentText() == before
+    assert combo.findText("short (another)") >= 0, "both files name their product short"
+    assert combo.currentText() == "short (short)"
+    assert combo.currentData() == before
     assert str(operator.window.app.product_path) == combo.currentData()

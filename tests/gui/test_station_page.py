@@ -641,7 +641,7 @@ def test_files_added_outside_the_window_are_offered(page_driver: PageDriver) -> 
     page_driver.show_section(IMU_LINK)
     box = page_driver.find(QComboBox, "imu_test_product")
     box.showPopup()
-    assert box.findText("nav_b") >= 0
+    assert box.findData("nav_b") >= 0
     box.hidePopup()
     page_driver.show_section(PROFILES)
     assert files.findText("nav_b") >= 0

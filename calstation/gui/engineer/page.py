@@ -17,7 +17,7 @@ from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
 from calstation.gui.shell import AppContext, EndStageButton, Page, RunStatus, RunStrip
-from calstation.gui.text import bind, error_text, on_language_change, say
+from calstation.gui.text import bind, error_text, on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
@@ -213,7 +213,7 @@ class EngineerPage(Page):
         confirm = Choice("confirm_save_button", lambda: self.tr("Save to product"), save, primary=True)
         self.notice.ask(
             "caution",
-            lambda: say("engineer.ask_save", stage=stage, product=product),
+            lambda: say("engineer.ask_save", stage=stage, product=product_text(product)),
             lambda: say("engineer.about_save", engineer=self._header.engineer),
             (Choice("cancel_save_button", lambda: self.tr("Cancel"), lambda: None), confirm),
         )
@@ -226,8 +226,10 @@ class EngineerPage(Page):
     def _saved(self, saved: tuple[Path, Version]) -> None:
         path, version = saved
         name = self._options.name if self._options is not None else path.stem
-        title = {"product": name, "number": version.number}
-        self.notice.ask("good", lambda: say("engineer.saved", **title), lambda: str(path))
+        number = version.number
+        self.notice.ask(
+            "good", lambda: say("engineer.saved", product=product_text(name), number=number), lambda: str(path)
+        )
         if path == self.app.product_path:
             self.app.product_changed.emit()
         else:

@@ -20,6 +20,7 @@ from calstation.gui.text import (
     free_text,
     on_language_change,
     parameter_text,
+    product_text,
     term,
 )
 from calstation.gui.widgets import (
@@ -242,7 +243,7 @@ class RunDetails(QFrame):
         for name, text in (
             (self.tr("Started"), local_time(run.started_utc, zone=True)),
             (self.tr("Duration"), duration_text(run.duration)),
-            (self.tr("Product"), run.product),
+            (self.tr("Product"), product_text(run.product or "")),
             (self.tr("Attempt"), str(run.attempt)),
             (self.tr("Station"), run.station),
             (self.tr("Operator"), run.operator),

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from calstation.gui.text import KINDS, bind, duration_text, on_language_change, term
+from calstation.gui.text import KINDS, bind, duration_text, on_language_change, product_text, term
 from calstation.gui.widgets import label, row, state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import RunRecord
@@ -179,7 +179,7 @@ class RunTable(QTableWidget):
             term("badge", run.verdict),
             run.serial,
             local_time(run.started_utc),
-            run.product or "",
+            product_text(run.product or ""),
             str(run.attempt),
             run.operator or "",
             duration_text(run.duration),

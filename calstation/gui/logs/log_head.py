@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QLabel, QPushButton, QWidget
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.marks import draw_sign
 from calstation.gui.logs.range_bar import RangeBar
-from calstation.gui.text import bind, duration_text
+from calstation.gui.text import bind, duration_text, product_text
 from calstation.gui.widgets import ElidedLabel, Words, button, label, painted_pixmap, row, theme
 from calstation.results.plots import LogIndex
 
@@ -57,7 +57,7 @@ class LogHead(QWidget):
         samples = self.tr("{0} samples, {1} Hz").format(f"{log.facts.samples:,}".replace(",", " "), f"{log.rate:g}")
         parts = [log.meta.imu.serial, duration_text(log.facts.samples / log.rate), samples]
         if log.meta.product is not None:  # last, because a line that is too long is elided at its end
-            parts.append(log.meta.product.name)
+            parts.append(product_text(log.meta.product.name))
         self._facts.setText("  ·  ".join(parts))
         for kind, count, words in (
             ("gap", log.gaps.count, self.tr("gaps: {0}")),

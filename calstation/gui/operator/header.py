@@ -47,6 +47,7 @@ class RunHeader(QWidget):
         self.serial_edit.setFont(theme.font(theme.SECTION, bold=True))
         self.operator_edit.setMaxLength(40)
         self.serial_edit.setMaxLength(80)
+        self.product_combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.product_combo.setMinimumWidth(16 * theme.GRID)
         self.start_button.setMinimumWidth(22 * theme.GRID)
         self.pause_button.setMinimumWidth(17 * theme.GRID)

@@ -13,7 +13,6 @@ from calstation.config import (
     RunRequest,
     RunSummary,
     compatible_products,
-    library,
     run_summary,
 )
 from calstation.errors import CalstationError
@@ -28,6 +27,7 @@ from calstation.gui.shell import AppContext, Page, run_badge
 from calstation.gui.text import (
     event_sentence,
     fault_text,
+    offered_products,
     on_language_change,
     rendered,
     say,
@@ -79,6 +79,7 @@ class OperatorPage(Page):
         column((PageArea(content), 1), self._progress, foot, on=self, margins=page_margins)
         self._connect()
         self._read_products()
+        on_language_change(self, self._show_names)
         on_language_change(self, self._refresh)
 
     def showEvent(self, event: QShowEvent) -> None:
@@ -134,7 +135,7 @@ class OperatorPage(Page):
 
     def _update_products(self) -> None:
         """Read the products again if files were added or removed."""
-        if self.app.engine_link.running or self._products == _products():
+        if self.app.engine_link.running or self._products == offered_products():
             return
         before = self.app.product_path
         self._read_products()
@@ -142,15 +143,22 @@ class OperatorPage(Page):
             self.app.product_changed.emit()
 
     def _read_products(self) -> None:
-        self._products = _products()
+        self._products = offered_products()
         paths = [path for _, path in self._products]
         chosen = self.app.product_path
         if chosen not in paths:
             last = str(self.app.settings.value("product", DEFAULT_PRODUCT)) if chosen is None else chosen.stem
-            chosen = next((path for name, path in self._products if name == last), paths[0] if paths else None)
+            chosen = next((path for _, path in self._products if path.stem == last), paths[0] if paths else None)
         self.header.set_products(self._products, chosen)
         self.app.product_path = self.header.product
         self._plan()
+
+    def _show_names(self) -> None:
+        """Show the names of the products in the current language."""
+        self._products = offered_products()
+        self.header.set_products(self._products, self.app.product_path)
+        if self._problem is not None:
+            self._plan()  # its notice names products
 
     def _plan(self) -> None:
         """Read station and product again; if they cannot be used, show the reason and disable START."""
@@ -185,13 +193,14 @@ class OperatorPage(Page):
             stations = {"product.needs_manual_table": "driven_station", "plan.needs_gimbal": "not_gimbal_station"}
             stations["product.needs_table"] = "gimbal_station"
             found = compatible_products(app.station_path, app.product_path)
-            names = ", ".join(name for name, _ in found)
+            shown = {path: name for name, path in self._products}
+            names = ", ".join(f"“{shown[path]}”" for _, path in found)
             why = Text.of(f"window.{stations.get(error.code, 'manual_station')}")
             products = Text.of("window.compatible_products" if found else "window.no_compatible_product", names=names)
             self._problem = Text.of("question.wrong_table", why=why, products=products)
             choices = []
             for name, path in found[:2]:  # the notice lists all of them
-                words = partial(say, "window.choose_product", name=name)
+                words = partial(say, "window.choose_product", name=shown[path])
                 choices.append(Choice(f"product_choice_{name}", words, partial(app.set_product, path)))
             return None, choices
         except CalstationError as error:
@@ -312,7 +321,3 @@ class OperatorPage(Page):
         if key == "carry" and run.stage is not None:  # the guide alone gives instructions
             return term("stage", run.stage.name)
         return event_sentence(key, values) if what == "message" else step_sentence(key, values)
-
-
-def _products() -> list[tuple[str, Path]]:
-    return [(name, library.find("products", name)) for name in library.names("products")]

@@ -25,7 +25,7 @@ from calstation.gui.settings.fields import (
     choices_of,
 )
 from calstation.gui.shell import AppContext, ResetBar
-from calstation.gui.text import error_text, on_language_change, rendered, say, term
+from calstation.gui.text import error_text, offered_products, on_language_change, rendered, say, term
 from calstation.gui.widgets import (
     JobRow,
     JobWatch,
@@ -216,7 +216,9 @@ class TestPanel(QFrame):
         self._tested: tuple[object, ...] = ()
         self._error: CalstationError | None = None
         self.setProperty("kind", "panel")
-        self.product_box = ChoiceBox(lambda: [(name, name) for name in library.names("products")], "imu_test_product")
+        self.product_box = ChoiceBox(
+            lambda: [(path.stem, name) for name, path in offered_products()], "imu_test_product"
+        )
         self.product_box.typed.connect(self.refresh)
         self.button = button(
             f"test_{device}_button",

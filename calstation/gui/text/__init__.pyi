@@ -20,3 +20,5 @@ from .messages import step_sentence as step_sentence
 from .messages import term as term
 from .messages import with_minus as with_minus
 from .messages import without_minus as without_minus
+from .products import offered_products as offered_products
+from .products import product_text as product_text
