@@ -96,12 +96,12 @@ class Engineer(Operator):
         return dict(self.page.analysis.result.view.shown.result.to_json())
 
     def cells(self, table: str) -> dict[str, dict[str, str]]:
-        """The texts of a parameter table by row and heading."""
+        """The texts of a parameter table by the identifier of the row, which is its tooltip, and by heading."""
         model = self.widget(table, QTableView).model()
         across, down = Qt.Orientation.Horizontal, Qt.Orientation.Vertical
         headings = [model.headerData(i, across) for i in range(model.columnCount())]
         return {
-            model.headerData(row, down): {
+            model.headerData(row, down, Qt.ItemDataRole.ToolTipRole): {
                 heading: str(model.index(row, column).data()).strip() for column, heading in enumerate(headings)
             }
             for row in range(model.rowCount())
@@ -261,7 +261,7 @@ def test_a_partial_run_differs_from_a_full_one_everywhere(engineer: Engineer) ->
     assert "Only Rate, Six positions" in engineer.says()
     assert "not a full PASS" in engineer.message
     assert engineer.widget("start_button", QPushButton).text() == "START"
-    assert engineer.widget("serial_edit", QLineEdit).text() == SERIAL
+    assert engineer.widget("serial_edit", QLineEdit).text() == "SN-000001"
     engineer.scan(SERIAL)
     engineer.press("start_button")
     assert engineer.window.app.engine_link.running, "no question: this unit has not passed yet"
@@ -647,8 +647,8 @@ def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engi
     assert "registers written 2026-11-21" in engineer.says()
     assert "kept, found better before: gyro scale factor x" in engineer.says()
     rows = engineer.cells("register_table")
-    assert (rows["gyro scale factor x"]["In the unit"], rows["gyro scale factor x"]["New"]) == ("500.0000", "–")
-    assert (rows["gyro scale factor y"]["In the unit"], rows["gyro scale factor y"]["Change"]) == ("100.0000", "0")
+    assert (rows["gyro_scale_x"]["In the unit"], rows["gyro_scale_x"]["New"]) == ("500.0000", "–")
+    assert (rows["gyro_scale_y"]["In the unit"], rows["gyro_scale_y"]["Change"]) == ("100.0000", "0")
     engineer.show_view(5)
     assert "as the run wrote it and read it back, 2026-11-21" in engineer.says()
 

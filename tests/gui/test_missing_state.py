@@ -71,6 +71,7 @@ def test_a_state_is_added_on_the_offline_page(operator: Operator, log: Path) -> 
     assert not page.missing.isVisible()
     assert "Solved with accel_cubic added" in page.comparison.note_label.text()
     rows = {
-        page.comparison.model.headerData(k, Qt.Orientation.Vertical) for k in range(page.comparison.model.rowCount())
+        page.comparison.model.headerData(k, Qt.Orientation.Vertical, Qt.ItemDataRole.ToolTipRole)
+        for k in range(page.comparison.model.rowCount())
     }
     assert rows >= NAMES
