@@ -83,6 +83,7 @@ class ScheduleOptions:
     rate: float  #: Maximum rate of both joints, °/s.
     acceleration: float  #: Maximum acceleration of both joints, °/s².
     serial_pattern: str  #: Regular expression for the whole serial number.
+    serial_example: str  #: A serial number that matches.
     serial: str  #: Serial number of the unit on a virtual bench; empty on hardware.
 
 
@@ -110,6 +111,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         rate=float(np.rad2deg(min(limits.rate))),
         acceleration=float(np.rad2deg(min(limits.acceleration))),
         serial_pattern=setup.product.serial_pattern,
+        serial_example=setup.product.example,
         serial=setup.station.virtual_serial,
     )
 

@@ -161,6 +161,7 @@ class ProductConfig(StrictModel):
     imu: str  #: Name of the IMU profile.
     bench_grade: Literal["nav", "tactical", "mems"] = "nav"  #: Grade of a virtual unit.
     serial_pattern: str  #: Regular expression for the whole serial number.
+    serial_example: str = "SN-000123"  #: A serial number that matches, shown where another one is refused.
     stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Parameters of each stage's method.
     targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
@@ -196,6 +197,19 @@ class ProductConfig(StrictModel):
     def _limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
         check_limit_names(limits)
         return limits
+
+    @model_validator(mode="after")
+    def _example(self) -> "ProductConfig":
+        given = "serial_example" in self.model_fields_set
+        if given and not re.fullmatch(self.serial_pattern, self.serial_example):
+            values = {"example": self.serial_example, "pattern": self.serial_pattern}
+            raise EntryError("product.example_unlike", "serial_example", **values)
+        return self
+
+    @property
+    def example(self) -> str:
+        """A serial number that matches, or the pattern if the product gives none."""
+        return self.serial_example if re.fullmatch(self.serial_pattern, self.serial_example) else self.serial_pattern
 
     @model_validator(mode="after")
     def _stages_of_checks(self) -> "ProductConfig":

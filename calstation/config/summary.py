@@ -33,6 +33,7 @@ class RunSummary:
     outer_axis: tuple[float, float, float]  #: Unit vector in the body frame at home.
     inner_axis: tuple[float, float, float]  #: Unit vector in the body frame at home.
     serial_pattern: str  #: Regular expression for the whole serial number.
+    serial_example: str  #: A serial number that matches.
     stages: tuple[StageSummary, ...]
     #: Approximate duration of writing and verifying the registers, s; None for a unit without registers.
     transfer: float | None
@@ -68,6 +69,7 @@ def run_summary(request: RunRequest) -> RunSummary:
         outer_axis=geometry.outer_axis,
         inner_axis=geometry.inner_axis,
         serial_pattern=setup.product.serial_pattern,
+        serial_example=setup.product.example,
         stages=tuple(
             StageSummary(p.name, float(plan_time(p.steps(), p.rule, (0.0, 0.0), setup.table.settle_s))) for p in plans
         ),

@@ -55,3 +55,27 @@ def test_a_check_at_a_stage_that_the_product_lacks_is_refused(shipped: Path, tmp
     with pytest.raises(ConfigurationError, match=r"'exitation' is unknown.*'excitation'") as caught:
         load_product(path)
     assert complaint(caught.value) == "checks.motion_angle.stage entry.unknown_name"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "given", "example"),
+    [
+        (r"SN-\\d{6}", "", "SN-000123"),
+        (r"NAV-\\d{4}", 'serial_example = "NAV-0001"', "NAV-0001"),
+        (r"X\\d", "", r"X\d"),
+    ],
+)
+def test_a_refused_scan_shows_an_example(tmp_path: Path, pattern: str, given: str, example: str) -> None:
+    path = tmp_path / "p.toml"
+    path.write_text(f'name = "p"\nimu = "bench_nav"\nserial_pattern = "{pattern}"\n{given}\n', encoding="utf-8")
+    assert load_product(path)[1].example == example
+
+
+def test_an_example_that_does_not_match_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "p.toml"
+    path.write_text(
+        'name = "p"\nimu = "bench_nav"\nserial_pattern = "X\\\\d"\nserial_example = "Y1"\n', encoding="utf-8"
+    )
+    with pytest.raises(ConfigurationError) as caught:
+        load_product(path)
+    assert complaint(caught.value) == "serial_example product.example_unlike"

@@ -148,7 +148,8 @@ def test_line_labels_keep_their_distance_inside_the_plot() -> None:
 
 
 def bench(**settings: object) -> RunSummary:
-    return RunSummary("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), r"SN-\d{6}", (), None, {}, None, (0.0, 0.0))
+    serials = r"SN-\d{6}", "SN-000123"
+    return RunSummary("s", "p", settings, "t", (1, 0, 0), (0, 0, 1), *serials, (), None, {}, None, (0.0, 0.0))
 
 
 def test_suggested_serial_is_the_first_that_has_not_passed() -> None:

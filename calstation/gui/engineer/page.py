@@ -10,7 +10,7 @@ from typing import Any
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QVBoxLayout, QWidget
 
-from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options, serial_example
+from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
 from calstation.errors import CalstationError
 from calstation.gui.engineer.choice_panel import ChoicePanel
 from calstation.gui.engineer.preview import PreviewView
@@ -366,7 +366,7 @@ class EngineerPage(Page):
         if not serial:
             return say("engineer.no_serial")
         if found is not None and not re.fullmatch(found.serial_pattern, serial):
-            return say("engineer.wrong_serial", example=serial_example(found.serial_pattern))
+            return say("engineer.wrong_serial", example=found.serial_example)
         return say("engineer.fault_unread") if self.app.run.fault is not None else ""
 
     def _why_not_save(self) -> str:

@@ -8,7 +8,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject
 
-from calstation.config import RunRequest, RunSummary, library, load_product, serial_example
+from calstation.config import RunRequest, RunSummary, library, load_product
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
@@ -70,11 +70,10 @@ class RunStarter(QObject):
         header = self._header
         if self.run_summary is None:
             return False
-        pattern = self.run_summary.serial_pattern
-        if not re.fullmatch(pattern, header.serial):
+        if not re.fullmatch(self.run_summary.serial_pattern, header.serial):
             header.note_serial(self.tr("not valid"), wrong=True)
             code = "question.invalid_serial" if header.serial else "question.missing_serial"
-            example = serial_example(pattern)
+            example = self.run_summary.serial_example
             ask(self._notice, "caution", Text.of(code, serial=header.serial, example=example), {})
             header.focus_serial()
             return False
