@@ -174,7 +174,7 @@ class EngineerPage(Page):
     def _running_changed(self, running: bool) -> None:
         """After a run, clear its serial number and restore the product's stages, so that no later run is partial."""
         if not running and self.app.engine_link.operation is None:
-            self._suggest()
+            self._header.serial_edit.clear()
             found = self._options
             if found is not None and found.offered and self.choice.parts.stages != found.stages:
                 self.choice.parts.offer(found.offered, found.stages)

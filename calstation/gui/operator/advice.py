@@ -61,11 +61,12 @@ def next_action(outcome: str, result: Result | None) -> str:
 
 
 def figures(result: Result) -> list[Figure]:
-    """Return every failing parameter and product check, the furthest beyond its limit first; then the passing ones.
+    """Return every failing parameter and other check, the furthest beyond its limit first; then the passing ones.
 
-    Of the passing parameters, each group has one, the nearest to its limit; near-misses come first if there are too
-    many.
+    A run that did not end is not judged. Of the passing parameters, each group has one, the nearest to its limit;
+    near-misses come first if there are too many.
     """
+    judged = result.outcome not in ("stopped", "incomplete")
     failing: list[tuple[float, Figure]] = []
     found: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}
@@ -76,12 +77,15 @@ def figures(result: Result) -> list[Figure]:
         share = max(_share(within), _share(below))
         group = PARAMETERS[INDEX[name]].group
         if any(check is not None and not check.passed for check in (within, below)):
-            failing.append((share, _figure(name, row, within, below)))
+            if judged:
+                failing.append((share, _figure(name, row, within, below)))
         elif (within or below) and share >= found.get(group, (-1.0, None))[0]:
             found[group] = (share, _figure(name, row, within, below))
     parameters = [found[group][1] for group in GROUPS if group in found]
     rows = list(parameters)
-    for check in filter(of_product, result.checks):
+    for check in result.checks:
+        if of_parameter(check) or not (of_product(check) if check.passed else judged):
+            continue
         shown = check_text(check)
         figure = Figure(check_name(check), shown.value, "", shown.limit, shown.unit, check.passed, check.near_miss)
         if check.passed:

@@ -13,7 +13,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
 from calstation.gui.shell import AppContext
-from calstation.gui.text import event_sentence
+from calstation.gui.text import event_sentence, on_language_change
 from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery, History
@@ -39,6 +39,7 @@ class RunStarter(QObject):
         header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self._edited)
         header.start_pressed.connect(self.start)
+        on_language_change(header, self._note_next)
 
     def suggest(self) -> None:
         """On the virtual bench, fill an empty field with a serial number that has not passed yet.

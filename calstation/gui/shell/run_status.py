@@ -338,7 +338,9 @@ class RunStatus(QObject):
             row.state = "kept"
 
     def _mark_failed(self, result: Result) -> None:
-        """Mark the stages that produced failing values."""
+        """Mark the stages that produced failing values, unless later stages would have improved them."""
+        if result.outcome in ("stopped", "incomplete"):
+            return
         for stage in self.stages:
             if stage.state == "good" and stage.name in result.failed_stages:
                 stage.state = "outside"

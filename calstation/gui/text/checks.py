@@ -61,7 +61,7 @@ def check_text(check: Check) -> CheckText:
 
 def check_name(check: Check) -> str:
     """Return a short text that states what a check of a product's ``[checks]`` compares."""
-    return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject))
+    return say(f"check_short.{check.kind}", parameter=parameter_text(check.subject), stage=check.subject)
 
 
 def of_product(check: Check) -> bool:
