@@ -131,7 +131,7 @@ def test_an_effect_outside_the_model_is_named_though_it_looks_like_noise(mems, c
 def test_a_drift_during_the_recording_is_named(mems):
     imu, recorded = mems
     prior, context = prior_of("mems"), context_of(imu)
-    counts = np.asarray(recorded.counts, dtype=np.float64)
+    counts = recorded.counts.astype(np.float64)
     course = np.linspace(0.0, np.deg2rad(100.0) / 3600.0, len(counts))
     counts[:, 1] += course / (context.imu.gyro_lsb * context.imu.rate_factor)
     first = effects_of(solved(replace(recorded, counts=counts), context, prior), prior)[0]
