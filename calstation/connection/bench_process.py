@@ -17,7 +17,7 @@ from calstation.errors import DeviceFaultError
 _START_TIMEOUT = 180.0
 
 _CHECK_INTERVAL = 0.1
-_STOP_TIMEOUT = 5.0
+_STOP_TIMEOUT = 15.0  # more than the watchdog of the virtual table, for which a bench with a report waits
 
 #: On Windows, shields the bench from Ctrl-C in the console; elsewhere its own session does.
 _CREATION_FLAGS = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
