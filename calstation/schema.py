@@ -1,6 +1,7 @@
 """Read TOML files into validated pydantic models, and report errors with file, entry and remedy."""
 
 import difflib
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -18,6 +19,8 @@ from calstation.messages import entry as catalogue_entry
 
 #: Keys and element numbers that lead to a value, as in pydantic's ``loc``.
 KeyPath = tuple[str | int, ...]
+
+_TOML_POSITION = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)")
 
 
 class StrictModel(BaseModel):
@@ -93,8 +96,19 @@ def _content(path: Path, error: type[CalstationError] = ConfigurationError) -> b
 def _parsed(content: bytes, path: Path, error: type[CalstationError] = ConfigurationError) -> dict[str, Any]:
     try:
         return tomllib.loads(content.decode())
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as exc:
-        raise error("entry.not_toml", file=path, detail=str(exc)) from exc
+    except UnicodeDecodeError as exc:
+        line = content.count(b"\n", 0, exc.start) + 1
+        raise error("entry.not_toml", file=path, line=line, detail=str(exc)) from exc
+    except tomllib.TOMLDecodeError as exc:
+        line, detail = toml_error(exc, content.decode())
+        raise error("entry.not_toml", file=path, line=line, detail=detail) from exc
+
+
+def toml_error(error: tomllib.TOMLDecodeError, text: str) -> tuple[int, str]:
+    """Return the line of an error in a TOML text and what is wrong there; tomllib has both in its message only."""
+    position = _TOML_POSITION.search(str(error))
+    line = int(position[1]) if position and position[1] else text.count("\n") + 1
+    return line, _TOML_POSITION.sub("", str(error)).strip()
 
 
 def validate(

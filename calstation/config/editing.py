@@ -18,7 +18,7 @@ from calstation.config.station import ProductConfig, StationConfig, register_con
 from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
-from calstation.schema import KeyPath, Problem, problems_of, read_toml
+from calstation.schema import KeyPath, Problem, problems_of, read_toml, toml_error
 from procedures import method
 
 #: Model of each kind of file.
@@ -41,7 +41,6 @@ _SIGNATURES = {
 _MARKER = "\ue000"
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
-_TOML_POSITION = re.compile(r"\(at (?:line (\d+), column \d+|end of document)\)")
 
 
 @dataclass(frozen=True)
@@ -75,9 +74,7 @@ def check(kind: str, text: str) -> list[Problem]:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as exc:
-        found = _TOML_POSITION.search(str(exc))
-        line = int(found[1]) if found and found[1] else text.count("\n") + 1
-        detail = _TOML_POSITION.sub("", str(exc)).strip()
+        line, detail = toml_error(exc, text)
         return [Problem((), "toml", Text.of("configuration.not_toml", detail=detail), line)]
     return [replace(problem, line=line_of(text, problem.place)) for problem in check_data(kind, data)]
 
@@ -215,7 +212,7 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as exc:
-        reason = os_reason(exc) if isinstance(exc, OSError) else str(exc)
+        reason = os_reason(exc) if isinstance(exc, OSError) else Text.of("configuration.not_utf8")
         raise ConfigurationError("configuration.unreadable", file=path, reason=reason) from exc
 
 

@@ -182,7 +182,8 @@ class ProductConfig(StrictModel):
         try:
             re.compile(pattern)
         except re.error as exc:
-            raise EntryError("product.not_a_pattern", pattern=pattern, detail=str(exc)) from None
+            position = (exc.pos or 0) + 1
+            raise EntryError("product.not_a_pattern", pattern=pattern, position=position, detail=exc.msg) from None
         return pattern
 
     @field_validator("stages")

@@ -11,8 +11,10 @@ from .rendering import Text as Text
 from .rendering import Value as Value
 from .rendering import local_time as local_time
 from .rendering import os_reason as os_reason
+from .rendering import parameter_name as parameter_name
 from .rendering import render as render
 from .rendering import sentence as sentence
 from .rendering import term as term
 from .rendering import values_from_json as values_from_json
 from .rendering import values_to_json as values_to_json
+from .rendering import with_minus as with_minus

@@ -19,6 +19,8 @@ Value = Any
 #: station and product, and the run folder. Otherwise, and in the window, they are empty.
 COMMAND_OPTIONS = ("station_options", "out_option")
 
+_NO_DIGITS = str.maketrans("", "", string.digits)
+
 _OS_REASONS = {
     errno.ENOENT: "os.not_found",
     errno.EACCES: "os.no_permission",
@@ -121,10 +123,26 @@ def local_time(utc: str, *, zone: bool = False) -> str:
     return f"{local:%Y-%m-%d %H:%M:%S} UTC{local.isoformat()[-6:]}" if zone else f"{local:%Y-%m-%d %H:%M}"
 
 
+def parameter_name(name: str, language: Language = "en") -> str:
+    """Return the display name of a parameter (group and axis, for several secondaries also the IMU) or of a group."""
+    imu = "".join(filter(str.isdigit, name))
+    plain = name.translate(_NO_DIGITS)
+    group, _, axes = (plain, "", "") if known(f"group.{plain}") else plain.rpartition("_")
+    text = f"{term('group', group, language)} {axes}".strip()
+    return f"{text}, IMU {imu}" if imu else text
+
+
+def with_minus(text: str) -> str:
+    """Return the text of a number with a minus sign, U+2212, instead of the hyphen."""
+    return text.replace("-", "−")
+
+
 def os_reason(error: OSError) -> Text:
     """Return the reason for an operating-system error as a translatable message."""
-    code = _OS_REASONS.get(error.errno or 0)
-    return Text(code) if code else Text.of("os.other", words=error.strerror or str(error))
+    if error.errno is None:
+        return Text.of("os.other", words=str(error))
+    code = _OS_REASONS.get(error.errno)
+    return Text(code) if code else Text.of("os.number", number=error.errno, words=error.strerror)
 
 
 def values_to_json(values: Mapping[str, Value]) -> dict[str, Any]:
@@ -138,9 +156,10 @@ def values_from_json(values: Mapping[str, Any]) -> dict[str, Value]:
 
 
 class _Formatter(string.Formatter):
-    """A `str.format` that also renders nested messages, the terms of a family (``{axis:@joint}``) and local times.
+    """A `str.format` that also renders nested messages, the terms of a family (``{axis:@joint}``), times and names.
 
-    ``{utc:local_time}`` shows a time in UTC as that of this computer's time zone.
+    ``{utc:local_time}`` shows a time in UTC as that of this computer's time zone, and ``{name:parameter}`` a parameter
+    by its display name in the window, otherwise by its name in files.
     """
 
     def __init__(self, language: Language, window: bool, options: Mapping[str, Value]) -> None:
@@ -163,12 +182,14 @@ class _Formatter(string.Formatter):
             return between.join(self.format_field(item, format_spec) for item in value) or "–"
         if format_spec == "local_time":
             return local_time(str(value), zone=True)
+        if format_spec == "parameter":
+            return parameter_name(str(value), self._language) if self._window else str(value)
         if format_spec.startswith("@"):
             return term(format_spec[1:], str(value), self._language)
         if value is None:
             return "–"
         shown = str(super().format_field(value, format_spec))
-        return shown.replace("-", "−") if self._window and isinstance(value, float | int) else shown
+        return with_minus(shown) if self._window and isinstance(value, float | int) else shown
 
 
 def _to_json(value: Value) -> Any:

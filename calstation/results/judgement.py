@@ -213,7 +213,7 @@ def cause_text(check: Check) -> Text | None:
         for value in (found.size, found.sigma)
     )
     worst = sorted(found.moves, key=lambda name: -abs(found.moves[name]))[:_MOST_MOVES]
-    moves = ", ".join(f"{name} {found.moves[name]:+.0f} σ" for name in worst)
+    moves = [Text.of("cause.move", parameter=name, sigmas=found.moves[name]) for name in worst]
     shown = {"size": size, "sigma": sigma, "unit": unit, "moves": moves, "stage": check.subject}
     return Text(f"cause.{found.cause}", {**shown, **values_from_json(found.values)})
 

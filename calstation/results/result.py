@@ -265,7 +265,7 @@ def load_result(path: Path) -> Result:
     except OSError as exc:
         raise InputError("result.unreadable", file=path, reason=os_reason(exc)) from exc
     except json.JSONDecodeError as exc:
-        raise InputError("result.not_json", file=path, detail=str(exc)) from exc
+        raise InputError("result.not_json", file=path, line=exc.lineno, detail=exc.msg) from exc
     except ValueError as exc:
         raise InputError("result.not_a_result", file=path, schema=SCHEMA) from exc
 

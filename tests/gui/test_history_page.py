@@ -254,7 +254,7 @@ def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot
     assert not button(page, "history_log_button").isEnabled()
     select_row(page, 3, qtbot)
     assert page.details.badge.text() == "FAIL"
-    assert "gyro bias x is 5 °/h, allowed are ±3" in page.details.failed_label.text()
+    assert "gyro bias x is 5 °/h, allowed are ±3 °/h" in page.details.failed_label.text()
     assert not button(page, "history_resume_button").isVisible()
     assert not button(page, "history_close_button").isVisible()
 

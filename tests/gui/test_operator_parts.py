@@ -58,15 +58,16 @@ def check(name: str, value: float, limit: Any, *, passed: bool) -> dict[str, Any
     return {"name": name, "value": value, "limit": limit, "unit": "", "passed": passed}
 
 
-def test_advice_names_the_first_failure_and_counts_the_rest() -> None:
+def test_advice_names_the_worst_failure_and_counts_the_rest() -> None:
     checks = [
+        check("gyro_bias_x within", 2e-5, [-1.5e-5, 1.5e-5], passed=False),
         check("gyro_scale_x within", 2e-3, [-1e-3, 1e-3], passed=False),
         check("gyro_scale_x sigma below", 1e-6, 4e-6, passed=True),
-        check("rate consistency", 9.0, 1.2, passed=False),
+        check("rate consistency", 1.3, 1.2, passed=False),
     ]
     result = result_with(checks=checks, advice="reseat")
     reason = advice.reason("failed", result)
-    assert reason == "Gyro scale factor x is 2000 ppm, allowed are ±1000. (1 more checks failed.)"
+    assert reason == "Gyro scale factor x is 2000 ppm, allowed are ±1000 ppm. (Other failed checks: 2.)"
     assert advice.next_action("failed", result).startswith("Reseat the unit")
     assert advice.next_action("failed", result_with(advice="set_aside")).startswith("Set the unit aside")
 

@@ -1,6 +1,7 @@
 """Every message that the program can produce is in the catalogue, in both languages, with all its values."""
 
 import ast
+import re
 import string
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -32,6 +33,9 @@ CODE_FROM_ELSEWHERE = {
     "calstation/messages/rendering.py",
     "calstation/messages/progress.py",
 }
+
+#: Faults of the program itself, which show the exception to those who maintain it.
+_INTERNAL = {"program.internal", "imu.reader_failed", "connection.bench_not_started", "connection.bench_refused"}
 
 #: Base classes of errors, and the family that completes the short id of other messages.
 _ERRORS = {"CalstationError", "EntryError"}
@@ -228,6 +232,16 @@ def test_every_message_gets_the_values_that_its_texts_name() -> None:
 
 def test_every_entry_is_in_both_languages() -> None:
     assert not [e.code for e in all_entries() if not e.zh or bool(e.remedy) > bool(e.zh_remedy)]
+
+
+def test_chinese_texts_contain_no_english_sentence_and_no_words_of_a_library() -> None:
+    names = re.compile(r"Modbus (TCP|RTU)|calstation [a-z]+( [a-z]+)?|--stages [a-z,]+")
+    for found in all_entries():
+        for text in (found.zh, found.zh_remedy):
+            plain = names.sub("", re.sub(r"\{[^{}]*\}", "", text))
+            assert not re.search("[A-Za-z][a-z]+ [A-Za-z]+", plain), found.code
+            fields = {name for _, name, _, _ in string.Formatter().parse(text) if name}
+            assert "detail" not in fields or found.code in _INTERNAL, found.code
 
 
 def test_every_source_and_family_that_an_entry_names_exists() -> None:

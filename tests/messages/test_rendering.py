@@ -1,7 +1,9 @@
 """Messages become sentences in both languages, with their values, terms and messages inside."""
 
 import errno
+import os
 import pickle
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -10,7 +12,16 @@ import pytest
 
 from calstation.errors import CalstationError, DeviceFaultError
 from calstation.messages import catalogue
-from calstation.messages.rendering import Text, local_time, os_reason, render, term, values_from_json, values_to_json
+from calstation.messages.rendering import (
+    Text,
+    local_time,
+    os_reason,
+    render,
+    sentence,
+    term,
+    values_from_json,
+    values_to_json,
+)
 from calstation.schema import EntryError
 
 
@@ -48,6 +59,23 @@ def test_messages_stand_inside_messages_and_travel_as_json() -> None:
 
 def test_a_reason_that_the_catalogue_lacks_keeps_the_systems_words() -> None:
     assert render("program.internal", {"detail": os_reason(OSError(9999, "odd"))}).text == "Internal error: odd."
+
+
+def test_every_system_error_has_a_reason_in_chinese() -> None:
+    reasons = [os_reason(OSError(number, os.strerror(number))) for number in errno.errorcode]
+    reasons += [os_reason(OSError("of a library"))]
+    for reason in reasons:
+        assert not re.search("[A-Za-z]", sentence(reason, "zh_CN"))
+        assert sentence(reason).isascii()
+
+
+def test_a_parameter_has_its_display_name_in_the_window_and_its_file_name_elsewhere() -> None:
+    moves = [Text.of("cause.move", parameter=name, sigmas=size) for name, size in (("gyro_bias_x", -7.0), ("a_b", 4.0))]
+    values = {"parameter": "gyro_scale_z", "during": "rate", "size": 1.0, "sigma": 0.1, "unit": "ppm", "moves": moves}
+    assert render("cause.drift", values).text.startswith("gyro_scale_z drifted during")
+    assert "It moves gyro_bias_x -7 σ, a_b +4 σ." in render("cause.drift", values).text
+    assert "It moves gyro bias x −7 σ" in render("cause.drift", values, window=True).text
+    assert "陀螺刻度系数 z 在速率" in render("cause.drift", values, "zh_CN", window=True).text
 
 
 def test_terms_are_translated_and_unknown_ones_are_readable() -> None:

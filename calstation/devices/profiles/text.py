@@ -89,7 +89,8 @@ def _check_pattern(pattern: str) -> re.Pattern[str]:
     try:
         return re.compile(pattern)
     except re.error as exc:
-        raise EntryError("profile.not_a_pattern", value=pattern, reason=str(exc)) from None
+        position = (exc.pos or 0) + 1
+        raise EntryError("profile.not_a_pattern", value=pattern, position=position, detail=exc.msg) from None
 
 
 class Query(StrictModel):

@@ -4,7 +4,6 @@ Noise measured in the data of a stage widens that of the profiles where it is la
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -180,18 +179,23 @@ def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[
     return np.maximum(products.mean(axis=0), 0.0), len(products)
 
 
-def _vibration_scatter(velocity: Any, noise: FilterNoise, count: int) -> Any:
+def _vibration_scatter(velocity: FloatArray | float, noise: FilterNoise, count: int) -> FloatArray:
     """Return the scatter of the variance from `_vibration` for white velocities of a variance, (m/s)².
 
     The products of successive changes, of variance c₀ and covariance c₁, have a variance of c₀² + c₁² and a covariance
     of c₁² with their neighbours.
     """
     own = 2.0 * velocity + noise.force * noise.interval
-    return np.sqrt((own**2 + 3.0 * velocity**2) / max(count, 1))
+    return np.asarray(np.sqrt((own**2 + 3.0 * velocity**2) / max(count, 1)))
 
 
 def _ratio(
-    time: float, rests: list[FloatArray], width: int, expected: float, table: Any = 0.0, uncertain: Any = 0.0
+    time: float,
+    rests: list[FloatArray],
+    width: int,
+    expected: float,
+    table: FloatArray | float = 0.0,
+    uncertain: FloatArray | float = 0.0,
 ) -> NoiseRatio:
     """Return the noise of three channels from the Allan variance of means of `width` samples.
 

@@ -63,6 +63,8 @@ def pair_effects(
 
     Parameters
     ----------
+    blocks : the linearised fit in blocks of time, in order
+    tested : whether an effect is tested
     scale : noise of the six outputs, rad/s and m/s², shape (6,)
     axes : those of the secondary, in the primary's, one in a row, shape (3, 3)
     duration : of the recording, s

@@ -41,7 +41,8 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     failed = [check for check in checks if not check.passed]
     if not failed or result is None:
         return say("advice.no_stage")
-    first = failed_check_text(failed[0], result)
+    tests = [check for check in failed if check.misfit is not None]
+    first = failed_check_text(tests[0] if tests else max(failed, key=_share), result)
     first = first[0].upper() + first[1:]
     return first if len(failed) == 1 else f"{first} {say('advice.more_failed', count=len(failed) - 1)}"
 
@@ -110,10 +111,11 @@ def failed_check_text(check: Check, result: Result) -> str:
     row, name = check_text(check), parameter_text(check.subject)
     if check.kind == "change":
         return say("advice.changed", name=parameter_text(check.where.parameter), value=row.value, limit=row.limit)
+    value, limit = (f"{number} {row.unit}".rstrip() for number in (row.value, row.limit))
     if not of_parameter(check) or check.subject not in INDEX:
-        return say("advice.violated", name=row.sentence, value=row.value, unit=row.unit, limit=row.limit)
+        return say("advice.violated", name=row.sentence, value=value, limit=limit)
     code = "advice.outside" if check.kind == "within" else "advice.uncertain"
-    return say(code, parameter=name, value=row.value, unit=row.unit, limit=row.limit)
+    return say(code, parameter=name, value=value, limit=limit)
 
 
 def _share(check: Check | None) -> float:

@@ -3,8 +3,9 @@
 import math
 from dataclasses import dataclass
 
+from calstation.gui.text import language
 from calstation.gui.text.messages import say, term, with_minus
-from calstation.messages import known
+from calstation.messages import parameter_name
 from calstation.physics import ARCSECOND, DEGREE, INDEX, MICRO_G, PARAMETERS, display, further_parameter
 from calstation.records import Check, Where
 
@@ -22,8 +23,6 @@ _PRODUCT_KINDS = (
     "excitation",
     "previous",
 )
-
-_NO_DIGITS = str.maketrans("", "", "0123456789")
 
 #: Display unit and its size in the check's own unit, by that unit; for checks that do not compare a parameter.
 _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma": ("σ", 1.0), "1": ("", 1.0)}
@@ -76,11 +75,7 @@ def of_parameter(check: Check) -> bool:
 
 def parameter_text(name: str) -> str:
     """Return the display name of a parameter (group and axis, for several secondaries also the IMU) or of a group."""
-    imu = "".join(filter(str.isdigit, name))
-    plain = name.translate(_NO_DIGITS)
-    group, _, axes = (plain, "", "") if known(f"group.{plain}") else plain.rpartition("_")
-    text = f"{term('group', group)} {axes}".strip()
-    return f"{text}, IMU {imu}" if imu else text
+    return parameter_name(name, language.current())
 
 
 def _sentence(check: Check) -> str:

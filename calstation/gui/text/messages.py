@@ -7,6 +7,7 @@ from typing import Any
 from calstation.errors import CalstationError
 from calstation.gui.text import language
 from calstation.messages import Rendered, Text, entry, event_text, rendering, step_text
+from calstation.messages import with_minus as with_minus
 from calstation.sequencer import Fault
 
 #: Badge shape (`widgets.badge.KINDS`) of each state and outcome of a run.
@@ -94,11 +95,6 @@ def error_text(error: CalstationError) -> ErrorText:
 def free_text(text: str) -> ErrorText:
     """Return the error text of a message without a code, such as one from an older result."""
     return ErrorText("", "", text, "")
-
-
-def with_minus(text: str) -> str:
-    """Return the text of a number with a minus sign, U+2212, instead of the hyphen."""
-    return text.replace("-", "−")
 
 
 def without_minus(text: str) -> str:
