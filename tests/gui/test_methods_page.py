@@ -405,7 +405,7 @@ def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> N
     assert "Between rests the unit turns by the angle of the reference (1856 ″, allowed ≤ 1238 ″)" in advice.reason(
         "failed", result_with(checks=checks)
     )
-    assert "1 near its limit" in advice.reason("passed", result_with(checks=checks[:1]))
+    assert "Near their limits: 1" in advice.reason("passed", result_with(checks=checks[:1]))
 
 
 @pytest.mark.long
