@@ -164,6 +164,16 @@ class Operator:
         """Wait for a condition."""
         self.qtbot.waitUntil(lambda: bool(condition()), timeout=round(1000 * seconds))
 
+    def until_no_job(self) -> None:
+        """Wait until no job is running or waiting, including those that nobody watches."""
+        queue = self.window.app.job_queue
+
+        def idle() -> bool:
+            queue.poll()
+            return not queue.busy
+
+        self.until(idle)
+
     def until_state(self, state: str) -> None:
         """Wait for a state of the run."""
         self.until(lambda: self.run.state == state)

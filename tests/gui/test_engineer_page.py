@@ -552,7 +552,7 @@ def test_registers_of_the_previous_run_are_not_offered_for_the_next(engineer: En
     registers = engineer.page.registers
     registers.show_run(finished_run(found))
     registers.show_run(finished_run({}))
-    engineer.until(lambda: not engineer.window.app.job_queue.busy)
+    engineer.until_no_job()
     engineer.qtbot.wait(200)
     assert registers.target is None
 

@@ -49,7 +49,7 @@ def test_a_state_is_added_on_the_engineer_page(operator: Operator, log: Path) ->
     assert not operator.widget("add_state_button", QPushButton).isVisible()
     assert log.read_bytes() == held
 
-    operator.until(lambda: not window.app.job_queue.busy)
+    operator.until_no_job()
     assert page.registers.target is None, "no register is written from a trial"
     language.use("zh_CN")
     assert "仅为试算" in operator.says()

@@ -248,8 +248,7 @@ def test_serial_number_belongs_to_the_verdict_and_the_field_to_the_next_unit(
     word, serial = (simulated_run.widget(n, QLabel) for n in ("verdict_label", "verdict_serial_label"))
     assert serial.text() == SERIAL
     assert serial.isVisible()
-    if outcome != "stopped":
-        assert serial.font().pixelSize() >= word.font().pixelSize() - 1
+    assert serial.font().pixelSize() >= word.font().pixelSize() - 1
     assert SERIAL not in (edit.text(), engineer_edit.text())
     assert "Serial number: next unit" in simulated_run.says()
     simulated_run.window.show_page("engineer_page")

@@ -58,6 +58,8 @@ _NONE = "–"
 #: Maximum height of the table of checks that do not concern a single parameter, px.
 _MAX_CHECKS_HEIGHT = 26 * theme.GRID
 _NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "sigma_limit")
+#: Columns that compare with the previous run, or with the result without an added state.
+_COMPARED_COLUMNS = (3, 4, 5)
 #: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
 
@@ -106,9 +108,9 @@ class ResultView(QWidget):
         )
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
-            (table, 1),
+            (table, 2),
             self.missing,
-            self._checks,
+            (self._checks, 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
@@ -127,9 +129,12 @@ class ResultView(QWidget):
         for name in cells.keys() & set(result.undetermined):
             cells[name]["verdict"] = "lost"
         self._table.show_cells(cells, _NUMBERS)
+        for index in _COMPARED_COLUMNS:
+            self._table.setColumnHidden(index, not finished.previous)
+        self._table.spread()
         general = [check for check in result.checks if not of_parameter(check)]
         self._checks.show_checks(general)
-        self._checks.setFixedHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))
+        self._checks.setMaximumHeight(min(self._checks.height_of_rows(), _MAX_CHECKS_HEIGHT))
         self._checks.setVisible(bool(general))
         self.missing.show_result(result if finished.log is not None else None)
         self._show_texts()

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from PySide6.QtCore import QRectF, Qt, Signal
 from PySide6.QtGui import QColor, QFontMetricsF, QPaintEvent, QResizeEvent
-from PySide6.QtWidgets import QFrame, QLabel, QWidget
+from PySide6.QtWidgets import QBoxLayout, QFrame, QLabel, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
@@ -44,7 +44,10 @@ class _Banner(QWidget):
         super().__init__()
         self._kind = "none"
         self.word, self.serial = label(name="verdict_label"), label(name="verdict_serial_label")
-        row(self.word, None, self.serial, on=self, margins=(0, 0, _BANNER_MARGIN, 0))
+        self._texts = QBoxLayout(QBoxLayout.Direction.LeftToRight, self)
+        self._texts.setSpacing(0)
+        for stretch, shown in ((1, self.word), (0, self.serial)):
+            self._texts.addWidget(shown, stretch)
         for shown in (self.word, self.serial):
             shown.setMinimumWidth(1)  # the text is fitted to the banner, not the banner to the text
         self.setMinimumHeight(12 * theme.GRID)
@@ -64,14 +67,17 @@ class _Banner(QWidget):
         self._fit()
 
     def _fit(self) -> None:
-        """Show both texts in the same size as far as they fit; only a long serial number is smaller."""
+        """Show both texts in one size, the unit below the verdict if they do not fit on one line in that size."""
         room = self.width() - self.height() - _BANNER_MARGIN
         word, serial = (_width(shown.text()) for shown in (self.word, self.serial))
-        size = max(theme.VERDICT, min(0.55 * self.height(), room / (word + serial + _GAP)))
-        self.word.setFont(theme.font(round(size), bold=True))
-        self.word.setContentsMargins(self.height(), 0, 0, 0)
-        size = min(size, (room - word * size) / (serial + _GAP))
-        self.serial.setFont(theme.font(max(1, int(size)), bold=True))
+        size = min(0.55 * self.height(), room / (word + serial + _GAP))
+        below = size < theme.VERDICT
+        if below:
+            size = min(0.42 * self.height(), room / word)
+        self._texts.setDirection(QBoxLayout.Direction.TopToBottom if below else QBoxLayout.Direction.LeftToRight)
+        self._texts.setContentsMargins(self.height(), 0, _BANNER_MARGIN, 0)
+        self.word.setFont(theme.font(int(size), bold=True))
+        self.serial.setFont(theme.font(int(min(size, room / max(serial, 1.0))), bold=True))
 
     def paintEvent(self, event: QPaintEvent) -> None:
         """Draw the background and the shape."""

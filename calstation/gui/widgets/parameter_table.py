@@ -18,6 +18,9 @@ from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
 
+#: Smallest width of an elided column, px.
+_LEAST_WIDTH = 15 * theme.GRID
+
 #: Differences above this number of sigmas are highlighted.
 NOTABLE_SIGMAS = 3.0
 
@@ -160,15 +163,17 @@ class ParameterTable(QTableView):
         model.headerDataChanged.connect(self.spread)
 
     def spread(self) -> None:
-        """Fit the columns to their contents and distribute the remaining width among them."""
-        header = self.horizontalHeader()
+        """Fit the columns to their contents, and distribute the remaining width; if there is none, texts are elided."""
         self.resizeColumnsToContents()
-        widths = [self.columnWidth(i) for i in range(header.count())]
-        left = self.viewport().width() - sum(widths)
-        if widths and left > 0:
-            share, more = divmod(left, len(widths))
-            for i, width in enumerate(widths):
-                self.setColumnWidth(i, width + share + (i < more))
+        shown = [i for i in range(self.parameters.columnCount()) if not self.isColumnHidden(i)]
+        left = self.viewport().width() - sum(map(self.columnWidth, shown))
+        if shown and left > 0:
+            share, more = divmod(left, len(shown))
+            for k, i in enumerate(shown):
+                self.setColumnWidth(i, self.columnWidth(i) + share + (k < more))
+        elif shown:
+            widest = max(shown, key=self.columnWidth)
+            self.setColumnWidth(widest, max(self.columnWidth(widest) + left, _LEAST_WIDTH))
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fit the columns to the new width."""
