@@ -401,7 +401,7 @@ def test_the_verdict_of_the_operator_page_shows_the_checks_of_the_product() -> N
     many = [check("previous gyro_bias", 0.1 * k, 9.0, "1") for k in range(20)]
     rows = advice.figures(result_with(checks=[*many, *checks]))
     assert [row.near for row in rows].count(True) == 1
-    assert len(rows) == 10
+    assert len(rows) == 7
     assert "Between rests the unit turns by the angle of the reference (1856 ″, allowed ≤ 1238 ″)" in advice.reason(
         "failed", result_with(checks=checks)
     )

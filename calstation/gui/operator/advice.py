@@ -8,8 +8,8 @@ from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
 from calstation.results import Parameter, Result, cause_text
 
-#: Maximum number of figures, which fit beside the verdict on a small screen.
-_MAX_FIGURES = 10
+#: Maximum number of figures that fit below the verdict on a small screen, with and without a long reason above them.
+_MAX_FIGURES, _MAX_BELOW_REASON = 10, 7
 
 
 @dataclass(frozen=True)
@@ -93,9 +93,10 @@ def figures(result: Result) -> list[Figure]:
             rows.append(figure)
         else:
             failing.append((_share(check), figure))
-    failed = [figure for _, figure in sorted(failing, key=lambda each: -each[0])][:_MAX_FIGURES]
+    most = _MAX_BELOW_REASON if failing else _MAX_FIGURES
+    failed = [figure for _, figure in sorted(failing, key=lambda each: -each[0])][:most]
     order = sorted(range(len(rows)), key=lambda k: (not rows[k].near, k >= len(parameters)))
-    return failed + [rows[k] for k in sorted(order[: _MAX_FIGURES - len(failed)])]
+    return failed + [rows[k] for k in sorted(order[: most - len(failed)])]
 
 
 def failed_check_text(check: Check, result: Result) -> str:

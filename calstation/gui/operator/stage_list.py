@@ -31,7 +31,7 @@ class _Row(QFrame):
         self._name, self._state, self._time = QLabel(), QLabel(), label(kind="muted")
         right = Qt.AlignmentFlag.AlignRight
         times = column(None, (self._state, 0, right), (self._time, 0, right), None, spacing=0)
-        line = row(self._icon, (self._name, 1), times, spacing=3 * theme.GRID // 2, margins=(2 * theme.GRID, 0) * 2)
+        line = row(self._icon, (self._name, 1), times, spacing=theme.GRID, margins=(2 * theme.GRID, 0, theme.GRID, 0))
         column((line, 1), self._bar, on=self, spacing=0)
 
     def show_stage(self, kind: str, name: str, state: str, time: str, fraction: float) -> None:

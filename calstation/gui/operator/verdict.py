@@ -50,7 +50,7 @@ class _Banner(QWidget):
             self._texts.addWidget(shown, stretch)
         for shown in (self.word, self.serial):
             shown.setMinimumWidth(1)  # the text is fitted to the banner, not the banner to the text
-        self.setMinimumHeight(12 * theme.GRID)
+        self.setMinimumHeight(17 * theme.GRID)
 
     def show_state(self, state: str, serial: str) -> None:
         """Show the text of a state and the unit that it applies to, in the colours of the theme."""
@@ -159,14 +159,19 @@ class VerdictPanel(QFrame):
             lambda: self.tr("Open the station page"),
             lambda: app.page_wanted.emit("station_page"),
         )
-        left = column(
-            *(self._source, self.reason_label, self.action_label, self.reset, self._facts, self._notes),
+        beside = column(
+            *(self._facts, self._notes),
             None,
             row(self.acknowledge_button, self.details_button, self._station_button, None),
         )
-        right = column((self._figures, 1), None)
-        lower = row((left, 1), right, spacing=3 * theme.GRID)
-        column((self._banner, 2), (lower, 3), on=self, spacing=2 * theme.GRID, margins=(2 * theme.GRID,) * 4)
+        column(
+            (self._banner, 2),
+            *(self._source, self.reason_label, self.action_label, self.reset),
+            (row(column(self._figures, None), (beside, 1), spacing=3 * theme.GRID), 3),
+            on=self,
+            spacing=theme.GRID,
+            margins=(2 * theme.GRID,) * 4,
+        )
         theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
