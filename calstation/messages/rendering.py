@@ -123,7 +123,7 @@ def local_time(utc: str, *, zone: bool = False) -> str:
 
 def os_reason(error: OSError) -> Text:
     """Return the reason for an operating-system error as a translatable message."""
-    code = _OS_REASONS.get(error.errno or 0)
+    code = "os.timed_out" if isinstance(error, TimeoutError) else _OS_REASONS.get(error.errno or 0)
     return Text(code) if code else Text.of("os.other", words=error.strerror or str(error))
 
 
