@@ -23,8 +23,10 @@ def play(name: Literal["accepted", "refused"]) -> None:
 
 
 def _play(name: str) -> None:
-    import miniaudio  # loads a library that only a scan needs
-
+    try:
+        import miniaudio  # loads a library that only a scan needs
+    except ImportError:  # it exists for common platforms only
+        return
     try:
         with miniaudio.PlaybackDevice(backends=[miniaudio.Backend[service] for service in _SERVICES]) as device:
             device.start(miniaudio.stream_file(str(_FOLDER / f"{name}.wav")))

@@ -2,6 +2,7 @@
 
 import json
 import socket
+import sys
 import threading
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
@@ -91,6 +92,8 @@ def test_the_sounds_can_be_played_and_need_no_device(name: str, monkeypatch: pyt
     monkeypatch.setattr(sound, "_OPEN_S", 0.05)
     sound._play(name)
     monkeypatch.setattr(sound, "_SERVICES", ("NULL",))
+    sound._play(name)
+    monkeypatch.setitem(sys.modules, "miniaudio", None)
     sound._play(name)
 
 
