@@ -39,7 +39,9 @@ fuzz: $(VENV)/installed-dev
 # The window's words: one file per page folder, and window for what lies beside them. New ones appear unfinished.
 GUI := calstation/gui
 translations: $(VENV)/installed-dev
-	for page in operator engineer history; do \
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/operator/*.py $(GUI)/operator/production/*.py \
+		-ts $(GUI)/translations/operator_zh_CN.ts
+	for page in engineer history; do \
 		$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/$$page/*.py -ts $(GUI)/translations/$${page}_zh_CN.ts || exit 1; \
 	done
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/*.py -ts $(GUI)/translations/offline_zh_CN.ts

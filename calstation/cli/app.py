@@ -100,6 +100,10 @@ def run(
         bool, typer.Option("--beyond-attempts", help="Accept a unit whose attempts are used up.")
     ] = False,
     faults: Annotated[Path | None, typer.Option(help="Virtual bench: plan of faults.", metavar="FILE.toml")] = None,
+    operator: Annotated[
+        str | None,
+        typer.Option(help="Badge of the operator, or a name where nobody signs in; default: the computer's user."),
+    ] = None,
 ) -> None:
     """Calibrate the unit on the station: one click without a window."""
     from calstation.cli.run import complete_request, run_command
@@ -111,6 +115,7 @@ def run(
         product,
         _stages(stages),
         out,
+        operator,
         speed=speed,
         seed=seed,
         resume=resume,
@@ -381,9 +386,9 @@ def restore(
 
 def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":
     from calstation.cli.run import complete_request
-    from calstation.config import RunRequest
+    from calstation.config import RunRequest, computer_user
 
-    return complete_request(RunRequest(serial, station, product, out=out))
+    return complete_request(RunRequest(serial, station, product, out=out, operator=computer_user()))
 
 
 table = typer.Typer(

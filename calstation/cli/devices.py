@@ -70,7 +70,7 @@ def check_command(path: Path, json: str | None) -> int:
     path = library.locate_any(path)
     text = read_text(path)
     kind = detect_kind(path, text)
-    problems = check(kind, text)
+    problems = check(kind, text, path)
     if kind == "stations" and not problems:
         problems = station_conflicts(text)
     rows = [{"line": p.line, "text": p.text} for p in problems]

@@ -12,7 +12,7 @@ from rich.progress import BarColumn, Progress, TaskID, TaskProgressColumn, TextC
 
 from calstation.cli.errors import command_options, complain, complete_commands, station_options
 from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, result_table, say, show_line
-from calstation.config import RegisterOperation, RunRequest, computer_user, load_station, prepare_run
+from calstation.config import RegisterOperation, RunRequest, load_station, prepare_run
 from calstation.errors import ConfigurationError, StoppedError
 from calstation.messages import Text, event_text, render, sentence, step_text
 from calstation.results import Result
@@ -61,7 +61,7 @@ def run_command(request: RunRequest, json: str | None, *, yes: bool, debug: bool
 
 
 def complete_request(request: RunRequest) -> RunRequest:
-    """Complete the request from the command line with the operator, and with the serial number if it is empty.
+    """Complete the request from the command line with the serial number if it is empty.
 
     Raises ConfigurationError if the serial number is missing, or if an option contradicts the resumed run.
     """
@@ -75,7 +75,7 @@ def complete_request(request: RunRequest) -> RunRequest:
         if station.bench is None:
             raise ConfigurationError("cli.serial_missing", path=path)
         serial = station.virtual_serial
-    return replace(request, serial=serial, operator=computer_user())
+    return replace(request, serial=serial)
 
 
 def engine_events(request: RunRequest, work: RunRequest | RegisterOperation | None = None) -> Iterator[Event]:

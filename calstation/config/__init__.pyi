@@ -26,6 +26,7 @@ from .schedules import save_schedule as save_schedule
 from .schedules import schedule_fields as schedule_fields
 from .schedules import schedule_options as schedule_options
 from .schedules import schedule_problems as schedule_problems
+from .sign_in import SignInSection as SignInSection
 from .site_check import check_latitude as check_latitude
 from .site_check import check_seen_latitude as check_seen_latitude
 from .site_check import confirmation_key as confirmation_key

@@ -14,7 +14,14 @@ from tomlkit.container import OutOfOrderTableProxy
 from tomlkit.items import AbstractTable, AoT, Table
 
 from calstation.config import library
-from calstation.config.station import ProductConfig, StationConfig, register_conflicts, schedule_values, unknown_targets
+from calstation.config.station import (
+    ProductConfig,
+    StationConfig,
+    missing_files,
+    register_conflicts,
+    schedule_values,
+    unknown_targets,
+)
 from calstation.devices.profiles import FrameSection, ImuProfile, TableProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
@@ -69,18 +76,18 @@ def detect_kind(path: Path, text: str) -> str:
     raise ConfigurationError("configuration.unknown_kind", file=path, kinds=list(MODELS))
 
 
-def check(kind: str, text: str) -> list[Problem]:
-    """Return all errors in the text of a file, by the same rules as for loading; [] if it may be saved."""
+def check(kind: str, text: str, path: Path | None = None) -> list[Problem]:
+    """Return all errors in the text of the file at `path`, by the same rules as for loading; [] if it may be saved."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as exc:
         line, detail = toml_error(exc, text)
         return [Problem((), "toml", Text.of("configuration.not_toml", detail=detail), line)]
-    return [replace(problem, line=line_of(text, problem.place)) for problem in check_data(kind, data)]
+    return [replace(problem, line=line_of(text, problem.place)) for problem in check_data(kind, data, path)]
 
 
-def check_data(kind: str, data: Mapping[str, Any]) -> list[Problem]:
-    """Return all errors in the data of a file, without line numbers."""
+def check_data(kind: str, data: Mapping[str, Any], path: Path | None = None) -> list[Problem]:
+    """Return all errors in the data of the file at `path`, without line numbers."""
     model = MODELS[kind]
     problems = problems_of(model, data)
     if problems:
@@ -88,7 +95,7 @@ def check_data(kind: str, data: Mapping[str, Any]) -> list[Problem]:
     checked = model.model_validate(data)
     if isinstance(checked, StationConfig):
         return _check_station(checked)
-    return _check_product(checked) if isinstance(checked, ProductConfig) else []
+    return _check_product(checked, path) if isinstance(checked, ProductConfig) else []
 
 
 def _check_station(station: StationConfig) -> list[Problem]:
@@ -100,7 +107,7 @@ def _check_station(station: StationConfig) -> list[Problem]:
     return problems
 
 
-def _check_product(product: ProductConfig) -> list[Problem]:
+def _check_product(product: ProductConfig, path: Path | None) -> list[Problem]:
     problems = list(_unknown_profile("imus", product.imu, "imu"))
     if not product.limits:
         problems.append(Problem((), "missing", Text("product.no_limits")))
@@ -109,6 +116,7 @@ def _check_product(product: ProductConfig) -> list[Problem]:
             profile = load_imu_profile(library.find("imus", product.imu))
             problems += map(Problem.of, register_conflicts(product, profile))
     problems += map(Problem.of, unknown_targets(product.targets, "targets"))
+    problems += map(Problem.of, missing_files(product, path))
     for stage in dict.fromkeys((*product.stages, *product.schedule)):
         place: KeyPath = ("schedule", stage) if stage in product.schedule else ("stages",)
         try:

@@ -48,6 +48,17 @@ def find(kind: str, name: str) -> Path:
     raise ConfigurationError("configuration.no_profile", kind=kind, name=name, known=names(kind))
 
 
+def find_beside(product: Path | None, name: str) -> Path | None:
+    """Return a file that a product file names, or None.
+
+    It is beside the product file or, for a copy or a draft, beside the site's or the shipped products.
+    """
+    folders = [folder / "products" for folder in (site_folder(), shipped_folder())]
+    if product is not None:
+        folders.insert(0, product.parent)
+    return next((folder / name for folder in folders if (folder / name).is_file()), None)
+
+
 def locate(kind: str, path: Path) -> Path:
     """Return the file of a kind that the user specified by path or by name. Raises ConfigurationError."""
     if _is_path(path):

@@ -16,7 +16,8 @@ class RunRequest:
     product: Path | None = None  #: Product file; None for the default.
     stages: tuple[str, ...] | None = None  #: Stages in order; None for those of the product.
     out: Path = Path("runs")  #: Folder for the log and the result.
-    operator: str | None = None  #: Person who requested the run; None for the user of the computer.
+    #: Person who requested the run, a badge at a station where operators sign in; None for the user of the computer.
+    operator: str | None = None
     speed: float | None = None  #: Virtual bench: multiple of real time, 0 as fast as possible; None for the station's.
     seed: int | None = None  #: Seed of the virtual bench; None for that of the station file.
     #: Method parameters that replace those of the product, by stage.

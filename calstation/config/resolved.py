@@ -3,7 +3,7 @@
 import re
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -15,7 +15,7 @@ from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
 from calstation.config import library, versions
-from calstation.config.request import RunRequest
+from calstation.config.request import RunRequest, computer_user
 from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
 from calstation.config.station import (
     ProductConfig,
@@ -364,8 +364,14 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
 
 
 def prepare_run(request: RunRequest, adjust: Adjustment = lambda resolved: resolved) -> ResolvedConfiguration:
-    """Like `resolve_configuration`, but check everything that a run needs, including serial number and site."""
+    """Like `resolve_configuration`, but check everything that a run needs, including operator, serial number and site.
+
+    The request of the result names the operator.
+    """
     resolved = resolve_configuration(request, adjust)
+    sign_in = resolved.station.sign_in
+    operator = request.operator or computer_user() if sign_in is None else sign_in.operator(request.operator)
+    resolved = replace(resolved, request=replace(resolved.request, operator=operator))
     pattern, path = resolved.product.serial_pattern, resolved.sources["product"].path
     if not re.fullmatch(pattern, request.serial):
         raise ConfigurationError("product.serial_mismatch", serial=request.serial, pattern=pattern, product=path)

@@ -5,11 +5,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
+from calstation.config.sign_in import SignInSection
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
 from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSettings, load_imu_profile, load_table_profile
@@ -77,6 +78,19 @@ class HandoverSection(StrictModel):
     folder: str = Field(min_length=1)
 
 
+class LabelSection(StrictModel):
+    """`[label]` of a station: its label printer, ``tcp://host:port``."""
+
+    printer: str
+
+    @field_validator("printer")
+    @classmethod
+    def _address(cls, printer: str) -> str:
+        if not printer.startswith("tcp://") or host_and_port(printer) is None:
+            raise EntryError("station.not_an_address", port=printer, scheme="tcp")
+        return printer
+
+
 class StationSite(SiteSection):
     """`[site]` of a station: its location, and the computers on which it was confirmed."""
 
@@ -106,6 +120,12 @@ class StationConfig(StrictModel):
     clock_error_ppm: float | None = Field(default=None, ge=0)
     #: By default, results are delivered to a folder `handover` next to the runs folder.
     handover: HandoverSection | None = None
+    sign_in: SignInSection | None = None  #: None: the operator's name is optional.
+    #: Local times, ``HH:MM``, at which the counter of the operator page starts again.
+    shift_starts: list[Annotated[str, Field(pattern=r"^([01]\d|2[0-3]):[0-5]\d$")]] = Field(
+        default=["00:00"], min_length=1
+    )
+    label: LabelSection | None = None
 
     @property
     def virtual_serial(self) -> str:
@@ -162,6 +182,9 @@ class ProductConfig(StrictModel):
     bench_grade: Literal["nav", "tactical", "mems"] = "nav"  #: Grade of a virtual unit.
     serial_pattern: str  #: Regular expression for the whole serial number.
     serial_example: str = "SN-000123"  #: A serial number that matches, shown where another one is refused.
+    #: Files beside the product file: drawing of the unit in its fixture, and template of the label of a passed unit.
+    picture: str | None = Field(default=None, pattern=r"^[^/\\]+\.(svg|png|jpe?g)$")
+    label: str | None = Field(default=None, pattern=r"^[^/\\]+\.(zpl|typ)$")
     stages: list[str] = Field(default_factory=lambda: list(DEFAULT_STAGES), min_length=1)
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Parameters of each stage's method.
     targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
@@ -243,7 +266,18 @@ def load_product(path: Path | None) -> tuple[Path, ProductConfig]:
     product = load(ProductConfig, path)
     for stage in (*product.stages, *product.schedule):
         method(stage)
+    with in_file(path):
+        for error in missing_files(product, path):
+            raise error
     return path, product
+
+
+def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[EntryError]:
+    """Yield errors for files that a product at `path` names but that do not exist."""
+    for entry in ("picture", "label"):
+        name = getattr(product, entry)
+        if name is not None and library.find_beside(path, name) is None:
+            yield EntryError("product.no_file", entry, name=name, folder=library.site_folder() / "products")
 
 
 def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:

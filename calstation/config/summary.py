@@ -8,6 +8,7 @@ from pathlib import Path
 from calstation.config import library
 from calstation.config.request import RunRequest
 from calstation.config.resolved import ResolvedConfiguration, check_station, resolve_configuration
+from calstation.config.sign_in import SignInSection
 from calstation.devices.imu import RegisterMap
 from calstation.errors import ConfigurationError
 from calstation.physics import GROUPS, NAMES, Carry, TableGeometry, group_indices
@@ -46,6 +47,9 @@ class RunSummary:
     joint_order: str = ""  #: Letters of a gimbal's joints from base to body; "" for a table.
     #: Unit vector of the direction of gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
+    sign_in: SignInSection | None = None  #: How operators sign in; None where they need not.
+    shift_starts: tuple[str, ...] = ("00:00",)  #: Local times, ``HH:MM``.
+    picture: Path | None = None  #: Drawing of the unit in its fixture.
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.
 
     @property
@@ -83,8 +87,16 @@ def run_summary(request: RunRequest) -> RunSummary:
         positions=tuple(_up(geometry, step) for plan in plans for step in plan.steps() if isinstance(step, Carry))
         if setup.by_hand
         else (),
+        sign_in=setup.station.sign_in,
+        shift_starts=tuple(setup.station.shift_starts),
+        picture=_picture(setup),
         omitted=tuple(stage for stage in setup.product.stages if stage not in setup.stages),
     )
+
+
+def _picture(setup: ResolvedConfiguration) -> Path | None:
+    name = setup.product.picture
+    return None if name is None else library.find_beside(setup.sources["product"].path, name)
 
 
 def _up(geometry: TableGeometry, step: Carry) -> tuple[float, float, float]:

@@ -139,6 +139,8 @@ def with_minus(text: str) -> str:
 
 def os_reason(error: OSError) -> Text:
     """Return the reason for an operating-system error as a translatable message."""
+    if isinstance(error, TimeoutError):
+        return Text("os.timed_out")
     if error.errno is None:
         return Text.of("os.other", words=str(error))
     code = _OS_REASONS.get(error.errno)

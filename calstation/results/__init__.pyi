@@ -53,5 +53,8 @@ from .result import Registers as Registers
 from .result import Result as Result
 from .result import load_result as load_result
 from .result import write_json as write_json
+from .shift import ShiftCount as ShiftCount
+from .shift import count_shift as count_shift
+from .shift import shift_start as shift_start
 from .solver_chain import StageChain as StageChain
 from .solver_chain import one_blas_thread as one_blas_thread

@@ -3,12 +3,12 @@
 import logging
 import re
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config import ResolvedConfiguration, RunRequest, computer_user, prepare_run
+from calstation.config import ResolvedConfiguration, RunRequest, prepare_run
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX
@@ -119,7 +119,6 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     if request.resume is not None:
         continuation = Continuation.of(request, request.resume)
         request = continuation.request
-    request = replace(request, operator=request.operator or computer_user())
     setup = prepare_run(request, hooks.adjust)
     _check_folder(request.out)
     for log in finish_incomplete(request.out):

@@ -60,7 +60,7 @@ def test_a_file_edited_elsewhere_is_saved_as_a_version(home: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (SHIPPED.replace("turns = 2", "turns = 0"), r"line 17: schedule\.rate\.turns: 0 is out of range"),
+        (SHIPPED.replace("turns = 2", "turns = 0"), r"line 19: schedule\.rate\.turns: 0 is out of range"),
         (SHIPPED.replace('imu = "bench_nav"', 'imu = "other"'), "no IMU profile “other”"),
         (SHIPPED.replace("name =", "name", 1), "not valid TOML"),
     ],

@@ -52,15 +52,22 @@ class SiteFolder:
         self.product = self.home / "products" / "short.toml"
         for file in (self.station, self.product):
             file.parent.mkdir(parents=True)
-        (self.home / "window.ini").write_text("[General]\nlanguage=en\ntheme=light\n", encoding="utf-8")
+        (self.home / "window.ini").write_text("[General]\nlanguage=en\ntheme=light\nsounds=false\n", encoding="utf-8")
         self.write()
 
-    def write(self, product: dict[str, Any] | None = None, *, surveyed: bool = True, **bench: Any) -> None:
-        """Write both files, with changes to the product and to the settings of the bench; gravity may be unknown."""
+    def write(
+        self,
+        product: dict[str, Any] | None = None,
+        station: dict[str, Any] | None = None,
+        *,
+        surveyed: bool = True,
+        **bench: Any,
+    ) -> None:
+        """Write both files, with changes to the product, the station and its bench; gravity may be unknown."""
         self.product.write_text(tomli_w.dumps({**PRODUCT, **(product or {})}), encoding="utf-8")
         site = {**STATION["site"], **({"gravity_mps2": 9.79547} if surveyed else {})}
-        station = {**STATION, "site": site, "bench": {**BENCH, **bench}}
-        self.station.write_text(tomli_w.dumps(station), encoding="utf-8")
+        entries = {**STATION, "site": site, "bench": {**BENCH, **bench}, **(station or {})}
+        self.station.write_text(tomli_w.dumps(entries), encoding="utf-8")
 
 
 @pytest.fixture(autouse=True)

@@ -312,9 +312,11 @@ def test_reason_of_a_stop_is_shown(page: HistoryPage, folder: Path, qtbot: QtBot
     assert page.details.reason_label.text().startswith(text)
 
 
+@pytest.mark.parametrize("signed_in", [None, "Li Na"])
 def test_an_incomplete_run_is_resumed_or_closed(
-    page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
+    page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot, signed_in: str | None
 ) -> None:
+    app.operator = signed_in
     shown(page, qtbot)
     select_row(page, 0, qtbot)
     with qtbot.waitSignal(app.resume_run) as wanted:
@@ -324,7 +326,7 @@ def test_an_incomplete_run_is_resumed_or_closed(
     qtbot.waitUntil(lambda: not page.busy and not button(page, "history_close_button").isVisible(), timeout=WAIT)
     assert not button(page, "history_resume_button").isVisible()
     result = json.loads(runs["dead"].with_suffix(".json").read_text("utf-8"))
-    assert (result["outcome"], result["closed_by"]) == ("incomplete", computer_user())
+    assert (result["outcome"], result["closed_by"]) == ("incomplete", signed_in or computer_user())
 
 
 def test_failures_are_reported(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:

@@ -229,7 +229,7 @@ def test_failures_with_earlier_runs_are_reported(operator: Operator) -> None:
     ):
         watch.failed.emit(error)
         assert title in operator.says()
-        operator.press("_close")
+        operator.press("operator_notice_close")
     starting._search.failed.emit(error)
     assert "The run cannot be resumed" in operator.says()
     reason = Text.of("handover.no_answer", seconds=5.0)

@@ -42,7 +42,7 @@ from calstation.gui.shell.context import AppContext
 from calstation.gui.shell.engine_link import EngineLink
 from calstation.gui.shell.main_window import MainWindow
 from calstation.gui.text import language
-from calstation.gui.widgets import theme
+from calstation.gui.widgets import NoticeBar, theme
 from calstation.jobs.queue import JobQueue
 from calstation.messages.catalogue import family
 from calstation.sequencer.events import Fault
@@ -517,7 +517,7 @@ def test_an_operator_can_reset_a_latched_fault(
 
         # The same from the verdict of a run; an open interlock keeps the fault latched.
         clock.order({"order": "interlock", "value": 0})
-        verdict = VerdictPanel(operator.app)
+        verdict = VerdictPanel(operator.app, NoticeBar(), lambda: None)
         operator._bot.addWidget(verdict)
         verdict.show()
         run = operator.app.run
@@ -654,10 +654,10 @@ def test_a_problem_in_a_text_leads_to_its_line(page_driver: PageDriver) -> None:
     profiles.editor.setPlainText(profiles.editor.toPlainText().replace("turns = 2", "turns = 0"))
     problems = page_driver.find(QListWidget, "problems_list")
     assert problems.count() == 1
-    assert problems.item(0).text().startswith("Line 17: schedule.rate.turns: 0 is out of range")
+    assert problems.item(0).text().startswith("Line 19: schedule.rate.turns: 0 is out of range")
     problems.setCurrentRow(0)
     problems.itemClicked.emit(problems.item(0))
-    assert profiles.editor.textCursor().blockNumber() == 16
+    assert profiles.editor.textCursor().blockNumber() == 18
     assert not page_driver.find(QPushButton, "save_station_button").isEnabled()
 
 

@@ -10,7 +10,7 @@ from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QComboBox, QFormLayout, QFrame, QSizePolicy, QWidget
 
 from calstation.gui.history.run_table import stages_text
-from calstation.gui.operator import FiguresTable, advice
+from calstation.gui.operator import FiguresTable, LabelButton, advice
 from calstation.gui.text import (
     KINDS,
     bind,
@@ -133,9 +133,9 @@ class Trend(QWidget):
 
 
 class RunDetails(QFrame):
-    """Shows the details of a run; the page connects the buttons."""
+    """Shows the details of a run; the page connects the buttons and adds that for the label."""
 
-    def __init__(self) -> None:
+    def __init__(self, label_button: LabelButton) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
         self._run: RunRecord | None = None
@@ -156,6 +156,7 @@ class RunDetails(QFrame):
         self.folder_button = button("history_folder_button", lambda: self.tr("Folder"))
         self.resume_button = button("history_resume_button", lambda: self.tr("Resume"))
         self.close_button = button("history_close_button")
+        self._label_button = label_button
         self._lay_out()
         on_language_change(self, self._show)
 
@@ -169,6 +170,7 @@ class RunDetails(QFrame):
     ) -> None:
         """Show a run with its result, the solved runs of the same unit, oldest first, and the possible actions."""
         self._run, self._result, self._actions = run, result, actions
+        self._label_button.offer(result, run.result)
         checks = result.checks if result is not None else []
         limits = {c.subject: c.limit for c in checks if c.kind == "within" and isinstance(c.limit, tuple)}
         self.trend.show_runs(unit_runs, run.log.stem, limits)
@@ -189,7 +191,7 @@ class RunDetails(QFrame):
             (scroll_area(content, wide=False), 5),
             (self.trend, 3),
             row((self.resume_button, 1), (self.close_button, 1)),
-            row((self.result_button, 1), (self.log_button, 1), (self.folder_button, 1)),
+            row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button, self._label_button))),
             on=self,
             margins=(2 * theme.GRID,) * 4,
         )

@@ -10,6 +10,7 @@ from calstation.config import computer_user
 from calstation.errors import InputError
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.run_table import Filters, RunTable
+from calstation.gui.operator import LabelButton
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, on_language_change
 from calstation.gui.widgets import Choice, EmptyState, JobWatch, NoticeBar, button, column, split, stack, theme
@@ -31,9 +32,10 @@ class HistoryPage(Page):
         self._refresher, self._offers, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
         self._resumable: frozenset[Path] = frozenset()
         self._index: tuple[Path, History] | None = None
-        self._filters, self.table, self.details = Filters(), RunTable(), RunDetails()
+        self._filters, self.table = Filters(), RunTable()
         bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
         self.notice = NoticeBar("history_notice")
+        self.details = RunDetails(LabelButton(app, "history_label_button", self.notice, self.table.setFocus))
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear)
         self._nothing = EmptyState(self._clear_button)
         self._split = split((self.table, 14), (self.details, 9), handle=2 * theme.GRID)
@@ -156,7 +158,9 @@ class HistoryPage(Page):
 
     def _close_run(self) -> None:
         if self.table.run is not None:
-            job = self.app.job_queue.submit(close_incomplete_job, self.table.run.log, computer_user())
+            job = self.app.job_queue.submit(
+                close_incomplete_job, self.table.run.log, self.app.operator or computer_user()
+            )
             self._closer.watch(job)
             self._update()
 

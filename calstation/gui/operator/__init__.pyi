@@ -1,3 +1,4 @@
 from . import advice as advice
 from .page import OperatorPage as OperatorPage
+from .production import LabelButton as LabelButton
 from .verdict import FiguresTable as FiguresTable

@@ -6,9 +6,12 @@ from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QVBoxLayout, QWidget
 
-from calstation.config import computer_user
+from calstation.gui.operator.production import BadgeField
 from calstation.gui.text import bind, on_language_change
-from calstation.gui.widgets import button, column, enable, label, row, theme
+from calstation.gui.widgets import StateIcon, button, column, enable, label, row, theme
+
+#: Size of the symbol in the serial field that shows whether a scan was accepted, px.
+_SYMBOL = 28
 
 _COMMAND = Qt.KeyboardModifier.ControlModifier | Qt.KeyboardModifier.AltModifier
 
@@ -29,14 +32,18 @@ class RunHeader(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self.operator_edit, self.serial_edit, self.product_combo = QLineEdit(), QLineEdit(), QComboBox()
+        self.badge_field, self.serial_edit, self.product_combo = BadgeField(), QLineEdit(), QComboBox()
+        self.operator_edit = self.badge_field.edit
         self.start_button = button("start_button", pressed=self.start_pressed, kind="primary")
         self.pause_button = button("pause_button", pressed=self.pause_pressed)
         self._serial_caption = label()
         self._serial_note = ""
+        self._symbol = StateIcon(_SYMBOL)
+        self._symbol.setObjectName("serial_symbol")
+        self._symbol.hide()
         self._partial = False
-        row(
-            (_field(self.operator_edit, "operator_edit", label(lambda: self.tr("Operator"))), 2),
+        self._fields = row(
+            (self.badge_field, 2),
             (_field(self.serial_edit, "serial_edit", self._serial_caption), 4),
             (_field(self.product_combo, "product_combo", label(lambda: self.tr("Product"))), 3),
             self.start_button,
@@ -45,19 +52,19 @@ class RunHeader(QWidget):
             spacing=2 * theme.GRID,
         )
         self.serial_edit.setFont(theme.font(theme.SECTION, bold=True))
-        self.operator_edit.setMaxLength(40)
         self.serial_edit.setMaxLength(80)
+        self.serial_edit.setTextMargins(0, 0, _SYMBOL + theme.GRID, 0)
+        row(None, self._symbol, on=self.serial_edit, margins=(0, 0, theme.GRID, 0))
         self.product_combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.product_combo.setMinimumWidth(16 * theme.GRID)
         self.start_button.setMinimumWidth(22 * theme.GRID)
         self.pause_button.setMinimumWidth(17 * theme.GRID)
-        self.operator_edit.returnPressed.connect(self.focus_serial)
+        self.badge_field.entered.connect(self.focus_scan)
         self.serial_edit.returnPressed.connect(self.serial_entered)
         self.serial_edit.textEdited.connect(lambda _: self.serial_edited.emit())
         self.product_combo.activated.connect(lambda _: self.product_chosen.emit(self.product))
         self.start_button.installEventFilter(self)
         self.guard(self.product_combo)
-        bind(self.operator_edit.setPlaceholderText, lambda: self.tr("name or badge"))
         bind(self.serial_edit.setPlaceholderText, lambda: self.tr("scan or type"))
         on_language_change(self, self._show_texts)
 
@@ -68,8 +75,8 @@ class RunHeader(QWidget):
 
     @property
     def operator(self) -> str | None:
-        """The operator entered, or by default the user of the computer."""
-        return self.operator_edit.text().strip() or computer_user()
+        """The operator for a request, see `BadgeField.operator`."""
+        return self.badge_field.operator
 
     @property
     def product(self) -> Path | None:
@@ -95,20 +102,28 @@ class RunHeader(QWidget):
         self.serial_edit.setText(text)
         self.note_serial("")
 
-    def focus_serial(self) -> None:
-        """Focus the serial number and select it, so that a scan replaces it."""
-        self.serial_edit.setFocus()
-        self.serial_edit.selectAll()
+    def focus_scan(self) -> None:
+        """Focus the field for the next scan and select its text: the serial number, unless a badge is required."""
+        field = self._scan_field
+        field.setFocus()
+        field.selectAll()
 
-    def note_serial(self, note: str, *, wrong: bool = False) -> None:
-        """Show a note beside the caption of the serial number, in the error colour if `wrong`."""
+    @property
+    def _scan_field(self) -> QLineEdit:
+        return self.operator_edit if self.badge_field.required else self.serial_edit
+
+    def note_serial(self, note: str, *, accepted: bool | None = None) -> None:
+        """Show a note beside the caption of the serial number, and a tick or a cross if a scan was checked."""
         self._serial_note = note
-        theme.set_kind(self._serial_caption, "error" if wrong else "")
+        theme.set_kind(self._serial_caption, "error" if accepted is False else "")
+        self._symbol.set_kind("good" if accepted else "bad")
+        self._symbol.setVisible(accepted is not None)
         self._show_caption()
 
     def set_running(self, why: str) -> None:
         """Lock the fields for the given reason; "" unlocks them."""
-        for widget in (self.operator_edit, self.serial_edit, self.product_combo):
+        self.badge_field.lock(why)
+        for widget in (self.serial_edit, self.product_combo):
             enable(widget, why)
 
     def set_start(self, why_not: str) -> None:
@@ -133,22 +148,24 @@ class RunHeader(QWidget):
         combo.view().installEventFilter(self)
 
     def take_key(self, event: QKeyEvent) -> bool:
-        """Enter a character that no field has handled into the serial field as the first character of a scan.
+        """Enter a character that no field has handled into the field for the next scan, as the scan's first character.
 
         Return False for other keys, while the page is hidden, and while a run is in progress.
         """
         text = event.text()
         if not text.strip() or not text.isprintable() or event.modifiers() & _COMMAND:
             return False
-        if not (self.isVisible() and self.serial_edit.isEnabled()):
+        field = self._scan_field
+        if not (self.isVisible() and field.isEnabled()):
             return False
         popup = QApplication.activePopupWidget()
         if popup is not None:
             popup.close()
-        self.serial_edit.setFocus()
-        self.serial_edit.clear()
-        self.serial_edit.insert(text)
-        self.serial_edited.emit()
+        field.setFocus()
+        field.clear()
+        field.insert(text)
+        if field is self.serial_edit:
+            self.serial_edited.emit()
         return True
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:

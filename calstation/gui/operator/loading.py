@@ -1,4 +1,4 @@
-"""Instructions for loading a unit, in four steps beside a drawing of the table; shown before a run."""
+"""Instructions for loading a unit, in four steps beside a picture of product or table; shown before a run."""
 
 import numpy as np
 from PySide6.QtCore import Qt
@@ -6,6 +6,7 @@ from PySide6.QtWidgets import QFrame, QLabel, QWidget
 
 from calstation.config import RunSummary
 from calstation.gui.operator.position_picture import PositionPicture
+from calstation.gui.operator.production import FixturePicture
 from calstation.gui.operator.table_panel import TablePicture
 from calstation.gui.text import on_language_change, rendered
 from calstation.gui.widgets import column, grid, label, row, theme
@@ -19,8 +20,8 @@ class Loading(QFrame):
         super().__init__(parent)
         self.setProperty("kind", "panel")
         self._situation = "driven"
-        self.picture, self.rails = TablePicture(), PositionPicture()
-        for picture in (self.picture, self.rails):
+        self.picture, self.rails, self.fixture = TablePicture(), PositionPicture(), FixturePicture()
+        for picture in (self.picture, self.rails, self.fixture):
             picture.setMinimumSize(30 * theme.GRID, 30 * theme.GRID)
         self._titles = [label(wrap=True) for _ in range(4)]
         self._texts = [label(kind="muted", wrap=True) for _ in range(4)]
@@ -33,7 +34,8 @@ class Loading(QFrame):
             steps.addWidget(number, 2 * step, 0, Qt.AlignmentFlag.AlignTop)
             steps.addWidget(title, 2 * step, 1)
             steps.addWidget(text, 2 * step + 1, 1)
-        drawings = row((column(None, steps, None), 3), (self.picture, 2), (self.rails, 2), spacing=4 * theme.GRID)
+        pictures = ((self.picture, 2), (self.rails, 2), (self.fixture, 2))
+        drawings = row((column(None, steps, None), 3), *pictures, spacing=4 * theme.GRID)
         column(
             label(lambda: self.tr("Load the unit"), "section"),
             (drawings, 1),
@@ -46,8 +48,10 @@ class Loading(QFrame):
         """Show how to load a unit for the next run."""
         self._situation = "driven"
         by_hand = run_summary is not None and run_summary.by_hand
-        self.picture.setVisible(not by_hand)
-        self.rails.setVisible(by_hand)
+        drawn = None if run_summary is None else run_summary.picture
+        self.fixture.show_file(drawn)
+        self.picture.setVisible(drawn is None and not by_hand)
+        self.rails.setVisible(drawn is None and by_hand)
         if run_summary is not None:
             self.picture.set_axes(run_summary.outer_axis, run_summary.inner_axis)
             self.picture.set_joints(run_summary.joint_order, known=True)

@@ -19,6 +19,7 @@ from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.live_view import LiveView
 from calstation.gui.operator.loading import Loading
+from calstation.gui.operator.production import ShiftCounter
 from calstation.gui.operator.questions import ask
 from calstation.gui.operator.stage_list import StageList
 from calstation.gui.operator.starting import RunStarter
@@ -63,8 +64,9 @@ class OperatorPage(Page):
         self._products: list[tuple[str, Path]] = []
         self.header: RunHeader = RunHeader()
         self._stages = StageList(app.run)
-        self._loading, self._live, self._verdict = Loading(), LiveView(app.run), VerdictPanel(app)
-        self.closing, self.notice = NoticeBar(), NoticeBar()
+        self.closing, self.notice = NoticeBar(), NoticeBar("operator_notice")
+        self._loading, self._live = Loading(), LiveView(app.run)
+        self._verdict, self._shift = VerdictPanel(app, self.notice, self.await_scan), ShiftCounter(app)
         self._starting = RunStarter(app, self.header, self.notice)
         self._views = stack(self._loading, self._live, self._verdict)
         self._progress = progress_bar(theme.GRID, "run_progress")
@@ -72,7 +74,7 @@ class OperatorPage(Page):
         self._message.setFont(theme.font(theme.SECTION))
         self._stages.setFixedWidth(38 * theme.GRID)
         right = column(self.closing, self.notice, (self._views, 1))
-        foot = panel(row((self._message, 1), self._badge))
+        foot = panel(row((column(self._message, self._shift, spacing=0), 1), self._badge))
         page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
         content = QWidget()
         row(self._stages, (right, 1), on=content)
@@ -89,19 +91,23 @@ class OperatorPage(Page):
         if not self._opened:
             self._opened = True
             self._starting.recover()
+        self._shift.count()
         self.await_scan()
 
     def await_scan(self) -> None:
         """Focus the serial number field for a scan, unless a run is in progress or a question is open."""
         run = self.app.run
         if self.isVisible() and not run.going and run.fault is None and not self.notice.asking:
-            self.header.focus_serial()
+            self.header.focus_scan()
 
     def _connect(self) -> None:
         header, app = self.header, self.app
         header.pause_pressed.connect(self._pause)
         header.product_chosen.connect(self._choose_product)
         header.enter_refused.connect(lambda: self._message.setText(say("operator.enter_refused")))
+        for changed in (header.badge_field.signed_in, header.badge_field.signed_out):
+            changed.connect(self._operator_changed)
+        header.badge_field.signed_out.connect(self.await_scan)
         self._live.finish_wanted.connect(lambda: app.engine_link.send(Command.END_STAGE))
         self._verdict.acknowledged.connect(self._acknowledge)
         app.engine_link.event.connect(self._live.take)
@@ -114,9 +120,14 @@ class OperatorPage(Page):
 
     # ---- the next run
 
+    def _operator_changed(self) -> None:
+        field = self.header.badge_field
+        self.app.operator = None if field.section is None else field.name
+        self._refresh()
+
     def _choose_product(self, path: Path) -> None:
         self.app.set_product(path)
-        self.header.focus_serial()
+        self.header.focus_scan()
 
     def _change_station(self) -> None:
         self._clear_verdict()
@@ -171,6 +182,9 @@ class OperatorPage(Page):
         self._starting.suggest()
         self._stages.plan(planned)
         self._loading.plan(planned)
+        self._shift.plan(planned)
+        if planned is not None:
+            self.header.badge_field.set_section(planned.sign_in)
         if self._problem is not None:
             open_station = partial(app.page_wanted.emit, "station_page")
             ask(self.notice, "caution", self._problem, {"station": open_station}, others=choices)
@@ -213,7 +227,7 @@ class OperatorPage(Page):
         transfer, request = self.app.run.transfer, self.app.engine_link.request
         self.app.run.acknowledge()
         self._starting.suggest()
-        self.header.focus_serial()
+        self.header.focus_scan()
         if transfer is not None and request is not None:
             self._starting.ask_transfer(request)
         else:
@@ -239,6 +253,7 @@ class OperatorPage(Page):
             self.closing.dismiss()
             self._live.stop()
             self._refresh()
+            self._shift.count()
             self._await_next()
 
     def _await_next(self) -> None:
@@ -250,7 +265,7 @@ class OperatorPage(Page):
         if run.fault is not None:
             self._verdict.acknowledge_button.setFocus()
             return
-        self.header.focus_serial()
+        self.header.focus_scan()
         if run.state in ("stopped", "incomplete"):
             self._starting.offer(run.serial)
 
@@ -278,7 +293,8 @@ class OperatorPage(Page):
         if self._problem is not None:
             header.set_start(rendered(self._problem).remedy)
         else:
-            header.set_start(say("operator.fault_open") if run.fault is not None else why_busy)
+            missing = say("operator.sign_in") if header.badge_field.required else ""
+            header.set_start(say("operator.fault_open") if run.fault is not None else why_busy or missing)
         pausable = run.shown in ("running", "paused")
         header.set_pause(
             run.state in ("pausing", "paused"),
@@ -307,6 +323,8 @@ class OperatorPage(Page):
         run = self.app.run
         if run.fault is not None:
             return fault_text(run.fault).reason
+        if run.shown == "idle" and self.header.badge_field.required:
+            return say("operator.sign_in")
         if run.state in ("idle", "starting"):
             return say(f"operator.{run.shown}")
         if run.state == "stopping" and not run.commanded:

@@ -18,6 +18,7 @@ from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text
 from calstation.results import Delivery, History
 from calstation.runs import Resumable, close_incomplete_job, find_resumable, recover_startup, resumable_run
+from calstation.sound import play
 
 
 class RunStarter(QObject):
@@ -34,11 +35,13 @@ class RunStarter(QObject):
         self._serial: str | None = None
         self._search, self._closing = JobWatch(self, self._found, self._not_found), JobWatch(self)
         self._recovery = JobWatch(self, lambda done: self._show_delivery(done.delivery), self._not_recovered)
-        notice.report_failures(self._closing, lambda: self.tr("The run was not closed"), header.focus_serial)
+        notice.report_failures(self._closing, lambda: self.tr("The run was not closed"), header.focus_scan)
         app.resume_run.connect(lambda log: self.offer(log=log))
         header.serial_entered.connect(self.scan)
         header.serial_edited.connect(self._edited)
         header.start_pressed.connect(self.start)
+        header.badge_field.signed_in.connect(self._signed_in)
+        header.badge_field.refused.connect(self._badge_refused)
         on_language_change(header, self._note_next)
 
     def suggest(self) -> None:
@@ -62,28 +65,66 @@ class RunStarter(QObject):
         self._note_next()
 
     def scan(self) -> None:
-        """Check the serial number that has been entered; if its run was interrupted, offer to resume it."""
-        if self.check() and (interrupted := self._interrupted()) is not None:
+        """Check the serial number that has been entered; if its run was interrupted, offer to resume it.
+
+        A badge that was scanned into the field signs in the operator.
+        """
+        header = self._header
+        sign_in = header.badge_field.section
+        if sign_in is not None and sign_in.is_badge(header.serial) and not self._valid(header.serial):
+            badge = header.serial
+            header.set_serial("")
+            self.suggest()
+            header.badge_field.sign_in(badge)
+            return
+        accepted = self.check()
+        self._signal(accepted=accepted)
+        if accepted and (interrupted := self._interrupted()) is not None:
             self._ask_resume(interrupted)
+
+    def _signed_in(self) -> None:
+        """Go on with the serial number, or with runs that can be resumed."""
+        self._signal(accepted=True)
+        if not self._notice.asking:
+            self._notice.dismiss()
+        self._header.focus_scan()
+        self.offer()
+
+    def _badge_refused(self, error: CalstationError) -> None:
+        self._signal(accepted=False)
+        ask(self._notice, "caution", error.as_text, {})
+        self._header.focus_scan()
+
+    def _signal(self, *, accepted: bool) -> None:
+        """Play the sound of an accepted or a refused scan, unless this computer is muted."""
+        if self._app.settings.value("sounds", True, type=bool):
+            play("accepted" if accepted else "refused")
+
+    def _valid(self, serial: str) -> bool:
+        return self.run_summary is not None and re.fullmatch(self.run_summary.serial_pattern, serial) is not None
 
     def check(self) -> bool:
         """Check the serial number; if it is valid, move the focus to START, which has to be pressed separately."""
         header = self._header
         if self.run_summary is None:
             return False
-        if not re.fullmatch(self.run_summary.serial_pattern, header.serial):
-            header.note_serial(self.tr("not valid"), wrong=True)
+        if not self._valid(header.serial):
+            header.note_serial(self.tr("not valid"), accepted=False)
             code = "question.invalid_serial" if header.serial else "question.missing_serial"
             example = self.run_summary.serial_example
             ask(self._notice, "caution", Text.of(code, serial=header.serial, example=example), {})
-            header.focus_serial()
+            header.focus_scan()
             return False
         history = self._history()
         before = history.attempts(header.serial) if history is not None else 0
-        header.note_serial(self.tr("attempt {count}").format(count=before + 1) if before else "")
         if self._app.run.ended:
             self._app.run.acknowledge()
-        header.start_button.setFocus()
+        note = self.tr("attempt {count}").format(count=before + 1) if before else self.tr("accepted")
+        header.note_serial(note, accepted=True)
+        if header.badge_field.required:
+            header.focus_scan()
+        else:
+            header.start_button.setFocus()
         return True
 
     def start(self) -> None:
@@ -113,7 +154,10 @@ class RunStarter(QObject):
 
     def run(self, request: RunRequest) -> None:
         """Start a run; ask for confirmation before a real table moves."""
-        if self.run_summary is not None and self.run_summary.virtual:
+        if self._header.badge_field.required:
+            ask(self._notice, "caution", Text("station.badge_missing"), {})
+            self._header.focus_scan()
+        elif self.run_summary is not None and self.run_summary.virtual:
             self._launch(request)
         else:
             station = self.run_summary.station if self.run_summary is not None else ""
@@ -190,7 +234,7 @@ class RunStarter(QObject):
         answers = {
             "resume": lambda: self._resume(run),
             "anew": self._start_anew,
-            "cancel": self._header.focus_serial,
+            "cancel": self._header.focus_scan,
         }
         ask(self._notice, "paused", _resume_question(run), answers, primary="resume")
 
@@ -211,7 +255,7 @@ class RunStarter(QObject):
         self.run(self._request(run.serial, product, run.stages, resume=run.log))
 
     def _close(self, run: Resumable, others: list[Resumable]) -> None:
-        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.operator))
+        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.badge_field.name))
         self._offer(others)
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
@@ -244,7 +288,7 @@ class RunStarter(QObject):
 
     def _ask(self, question: Text, answers: Mapping[str, Callable[[], None]], kind: str = "caution") -> None:
         """Ask a question that can also be cancelled."""
-        ask(self._notice, kind, question, {**answers, "cancel": self._header.focus_serial}, primary="cancel")
+        ask(self._notice, kind, question, {**answers, "cancel": self._header.focus_scan}, primary="cancel")
 
 
 def suggested_serial(run_summary: RunSummary, unsuitable: Callable[[str], bool]) -> str:

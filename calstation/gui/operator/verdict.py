@@ -1,5 +1,6 @@
 """The verdict of a run: a large banner, the reason, the next action, and the decisive values."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QRectF, Qt, Signal
@@ -9,9 +10,11 @@ from PySide6.QtWidgets import QBoxLayout, QFrame, QLabel, QWidget
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
 from calstation.gui.operator import advice
+from calstation.gui.operator.production import LabelButton
 from calstation.gui.shell import AppContext, ResetBar
 from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, term
 from calstation.gui.widgets import (
+    NoticeBar,
     StateIcon,
     button,
     clear,
@@ -132,11 +135,14 @@ class FiguresTable(QWidget):
 
 
 class VerdictPanel(QFrame):
-    """Replaces the plots when a run has ended; `acknowledged()` : the operator has acknowledged the fault."""
+    """Replaces the plots when a run has ended; `acknowledged()` : the operator has acknowledged the fault.
+
+    `notice` shows what became of a label, and `then` is called afterwards.
+    """
 
     acknowledged = Signal()
 
-    def __init__(self, app: AppContext) -> None:
+    def __init__(self, app: AppContext, notice: NoticeBar, then: Callable[[], None]) -> None:
         super().__init__()
         self._app = app
         self.setProperty("kind", "panel")
@@ -154,6 +160,7 @@ class VerdictPanel(QFrame):
         self.acknowledge_button = button(
             "acknowledge_button", lambda: self.tr("Understood"), self.acknowledged, kind="primary"
         )
+        self.label_button = LabelButton(app, "label_button", notice, then)
         self._station_button = button(
             "verdict_station_button",
             lambda: self.tr("Open the station page"),
@@ -162,7 +169,7 @@ class VerdictPanel(QFrame):
         beside = column(
             *(self._facts, self._notes),
             None,
-            row(self.acknowledge_button, self.details_button, self._station_button, None),
+            row(self.acknowledge_button, self.label_button, self.details_button, self._station_button, None),
         )
         column(
             (self._banner, 2),
@@ -184,6 +191,7 @@ class VerdictPanel(QFrame):
         if run.verdict is not self._verdict:
             self._verdict = run.verdict
             self._result = None if run.verdict is None else Result.from_json(run.verdict.result)
+            self.label_button.offer(self._result, None if run.verdict is None else Path(run.verdict.result_file))
         self._refresh()
 
     def next_action(self) -> str:

@@ -62,7 +62,7 @@ class Draft(QObject):
 
     def rewrite(self, text: str) -> None:
         """Replace the whole text."""
-        self._show(text, editing.check(self.kind, text))
+        self._show(text, editing.check(self.kind, text, self.path))
 
     def discard(self) -> None:
         """Revert to the stored text."""

@@ -1,16 +1,16 @@
-"""Settings of this computer: language, theme, runs folder, engineer's name and PIN; none of them affects a result."""
+"""Settings of this computer: language, theme, sounds, runs folder, name and PIN; none of them affects a result."""
 
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Qt
-from PySide6.QtWidgets import QFileDialog, QLineEdit, QWidget
+from PySide6.QtWidgets import QCheckBox, QFileDialog, QLineEdit, QWidget
 
 from calstation.config import access
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import default_author
 from calstation.gui.settings.fields import ChoiceBox, Row, choices_of, panel
 from calstation.gui.shell import AppContext
-from calstation.gui.text import error_text, language, on_language_change, say
+from calstation.gui.text import bind, error_text, language, on_language_change, say
 from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
@@ -24,6 +24,11 @@ class PersonalSection(QWidget):
         self._language.typed.connect(lambda: app.set_language(self._language.value()))
         self._theme = ChoiceBox(choices_of("theme", "light", "dark"), "theme_combo")
         self._theme.typed.connect(lambda: app.set_theme(self._theme.value()))
+        self._sounds = QCheckBox()
+        self._sounds.setObjectName("sounds_check")
+        self._sounds.setChecked(bool(app.settings.value("sounds", True, type=bool)))
+        self._sounds.clicked.connect(lambda checked: app.settings.setValue("sounds", checked))
+        bind(self._sounds, lambda: self.tr("after every scan"))
         self._author = QLineEdit()
         self._author.setObjectName("author_edit")
         self._author.setPlaceholderText(default_author())
@@ -34,6 +39,7 @@ class PersonalSection(QWidget):
             label(lambda: self.tr("This computer"), "section"),
             Row(self._language, "language"),
             Row(self._theme, "theme"),
+            Row(self._sounds, "sounds"),
             Row(self._author, "author"),
             Row(self._runs, "runs_folder"),
             Row(label(lambda: say("setting.about_runs"), "muted", wrap=True)),

@@ -46,6 +46,8 @@ class AppContext(QObject):
         #: Station file; None selects the default, the virtual bench.
         self.station_path = station or self._last_station()
         self.product_path: Path | None = None
+        #: Name of the operator who has signed in; None where nobody has.
+        self.operator: str | None = None
         #: Stages and schedule chosen by an engineer instead of the product's; None selects those of the product.
         self.stages: tuple[str, ...] | None = None
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None

@@ -2,6 +2,26 @@
 <!DOCTYPE TS>
 <TS version="2.1" language="zh_CN">
 <context>
+    <name>BadgeField</name>
+    <message>
+        <source>Sign out</source>
+        <extracomment>Events that count as activity of the operator.</extracomment>
+        <translation>退出登录</translation>
+    </message>
+    <message>
+        <source>Operator</source>
+        <translation>操作员</translation>
+    </message>
+    <message>
+        <source>name or badge</source>
+        <translation>姓名或工号</translation>
+    </message>
+    <message>
+        <source>scan your badge</source>
+        <translation>扫描工牌</translation>
+    </message>
+</context>
+<context>
     <name>Convergence</name>
     <message>
         <source>Sigma as a multiple of its target</source>
@@ -50,6 +70,25 @@
     </message>
 </context>
 <context>
+    <name>LabelButton</name>
+    <message>
+        <source>The label was not printed</source>
+        <translation>标签未打印</translation>
+    </message>
+    <message>
+        <source>Print label</source>
+        <translation>打印标签</translation>
+    </message>
+    <message>
+        <source>The label was sent to the printer</source>
+        <translation>标签已发送到打印机</translation>
+    </message>
+    <message>
+        <source>The label was saved as a PDF file</source>
+        <translation>标签已存为 PDF 文件</translation>
+    </message>
+</context>
+<context>
     <name>Loading</name>
     <message>
         <source>Load the unit</source>
@@ -95,16 +134,9 @@
         <translation>暂停</translation>
     </message>
     <message>
-        <source>Operator</source>
-        <translation>操作员</translation>
-    </message>
-    <message>
         <source>Product</source>
+        <extracomment>Size of the symbol in the serial field that shows whether a scan was accepted, px.</extracomment>
         <translation>产品</translation>
-    </message>
-    <message>
-        <source>name or badge</source>
-        <translation>姓名或工号</translation>
     </message>
     <message>
         <source>scan or type</source>
@@ -135,6 +167,10 @@
         <translation>第 {count} 次</translation>
     </message>
     <message>
+        <source>accepted</source>
+        <translation>已接受</translation>
+    </message>
+    <message>
         <source>Earlier runs were not closed or handed over</source>
         <translation>以前的标定未能结束或上交</translation>
     </message>
@@ -145,6 +181,34 @@
     <message>
         <source>not valid</source>
         <translation>无效</translation>
+    </message>
+</context>
+<context>
+    <name>ShiftCounter</name>
+    <message>
+        <source>Since {time}</source>
+        <extracomment>Time between two checks whether another shift has begun, ms.</extracomment>
+        <translation>自 {time} 起</translation>
+    </message>
+    <message>
+        <source>{count} done</source>
+        <translation>完成 {count}</translation>
+    </message>
+    <message>
+        <source>{count} passed</source>
+        <translation>合格 {count}</translation>
+    </message>
+    <message>
+        <source>{count} failed</source>
+        <translation>不合格 {count}</translation>
+    </message>
+    <message>
+        <source>yield {percent} %</source>
+        <translation>合格率 {percent} %</translation>
+    </message>
+    <message>
+        <source>{time} per unit</source>
+        <translation>平均每台 {time}</translation>
     </message>
 </context>
 <context>

@@ -86,6 +86,10 @@
         <translation>选择文件夹</translation>
     </message>
     <message>
+        <source>after every scan</source>
+        <translation>每次扫描后</translation>
+    </message>
+    <message>
         <source>Change the PIN</source>
         <translation>修改密码</translation>
     </message>

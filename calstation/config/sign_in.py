@@ -1,0 +1,48 @@
+"""The operators of a station who sign in with a badge."""
+
+import re
+
+from pydantic import Field, field_validator, model_validator
+
+from calstation.errors import ConfigurationError
+from calstation.schema import EntryError, StrictModel
+
+
+class SignInSection(StrictModel):
+    """`[sign_in]` of a station: every run needs the badge of its operator."""
+
+    badge_pattern: str  #: Regular expression for the whole badge.
+    #: Names by badge; if there are any, no other badge is accepted.
+    names: dict[str, str] = Field(default_factory=dict)
+    idle_minutes: float | None = Field(default=None, gt=0)  #: The window signs the operator out after this time.
+
+    @field_validator("badge_pattern")
+    @classmethod
+    def _pattern(cls, pattern: str) -> str:
+        try:
+            re.compile(pattern)
+        except re.error as exc:
+            raise EntryError("product.not_a_pattern", pattern=pattern, detail=str(exc)) from None
+        return pattern
+
+    @model_validator(mode="after")
+    def _badges(self) -> "SignInSection":
+        for badge in self.names:
+            if not self.is_badge(badge):
+                raise EntryError("station.badge_unlike", "names", badge=badge, pattern=self.badge_pattern)
+        return self
+
+    def is_badge(self, text: str) -> bool:
+        """Whether a text has the form of a badge."""
+        return re.fullmatch(self.badge_pattern, text) is not None
+
+    def operator(self, badge: str | None) -> str:
+        """Return the name of the operator with a badge, or the badge if the station lists no names.
+
+        Raises ConfigurationError if the badge is missing or not accepted.
+        """
+        if not badge:
+            raise ConfigurationError("station.badge_missing")
+        if badge not in self.names and (self.names or not self.is_badge(badge)):
+            raise ConfigurationError("station.badge_unknown", badge=badge)
+        return self.names.get(badge, badge)

@@ -1,0 +1,5 @@
+"""What a production line adds to the operator page: badges, the shift counter, pictures and labels."""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

@@ -1,0 +1,141 @@
+"""Field for the operator: a name that may be left out or, where the station requires it, a badge to sign in with."""
+
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, QTimer, Signal
+from PySide6.QtWidgets import QApplication, QLineEdit, QWidget
+
+from calstation.config import SignInSection, computer_user
+from calstation.errors import ConfigurationError
+from calstation.gui.text import bind
+from calstation.gui.widgets import button, column, enable, label, row, theme
+
+#: Events that count as activity of the operator.
+_ACTIVITY = (QEvent.Type.KeyPress, QEvent.Type.MouseButtonPress, QEvent.Type.TouchBegin)
+
+#: Width for a name beside the button to sign out, px.
+_WIDTH = 28 * theme.GRID
+
+
+class BadgeField(QWidget):
+    """Shows the operator; with a `SignInSection` only a badge signs in, until the operator or idleness signs out.
+
+    `entered()` : Enter in the field of a station without sign-in; `signed_in()`, `signed_out()` : the operator has
+    changed; `refused(error)` : a badge was not accepted.
+    """
+
+    entered = Signal()
+    signed_in = Signal()
+    signed_out = Signal()
+    refused = Signal(object)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.edit = QLineEdit()
+        self.edit.setObjectName("operator_edit")
+        self.edit.setProperty("kind", "tall")
+        self.edit.setMaxLength(40)
+        self._section: SignInSection | None = None
+        self._badge = ""
+        self._held = False
+        self._idle = QTimer(self, singleShot=True)
+        self._idle.timeout.connect(self._sign_out_idle)
+        self.sign_out_button = button("sign_out_button", lambda: self.tr("Sign out"), self.sign_out)
+        self.sign_out_button.hide()
+        caption = label(lambda: self.tr("Operator"), buddy=self.edit)
+        column(caption, row((self.edit, 1), self.sign_out_button), on=self, spacing=0)
+        self.edit.returnPressed.connect(self._entered)
+        bind(self.edit.setPlaceholderText, self._placeholder)
+
+    @property
+    def section(self) -> SignInSection | None:
+        """How operators of the station sign in; None where they need not."""
+        return self._section
+
+    @property
+    def required(self) -> bool:
+        """Whether an operator has to sign in before a run."""
+        return self._section is not None and not self._badge
+
+    @property
+    def operator(self) -> str | None:
+        """The operator for a request: the badge, or the name entered, or by default the user of the computer."""
+        if self._section is not None:
+            return self._badge or None
+        return self.edit.text().strip() or computer_user()
+
+    @property
+    def name(self) -> str | None:
+        """The operator for a record: the name of who has signed in, otherwise as `operator`."""
+        return self.operator if self._section is None else self.edit.text() if self._badge else None
+
+    def set_section(self, section: SignInSection | None) -> None:
+        """Use the sign-in of a station; if it differs from the present one, nobody is signed in."""
+        if section != self._section:
+            self._section = section
+            self.setMinimumWidth(0 if section is None else _WIDTH)
+            self.edit.clear()
+            self.sign_out()
+            self.edit.setPlaceholderText(self._placeholder())
+
+    def sign_in(self, badge: str) -> None:
+        """Sign in the operator with a badge, in place of the previous one."""
+        assert self._section is not None
+        try:
+            name = self._section.operator(badge)
+        except ConfigurationError as error:
+            self.edit.selectAll()
+            self.refused.emit(error)
+            return
+        self._badge = badge
+        self.edit.setText(name)
+        self._show()
+        if self._section.idle_minutes is not None:
+            _application().installEventFilter(self)
+            self._idle.start(round(60_000 * self._section.idle_minutes))
+        self.signed_in.emit()
+
+    def sign_out(self) -> None:
+        """Sign out the operator."""
+        if self._badge:
+            self._badge = ""
+            self.edit.clear()
+            self._idle.stop()
+            _application().removeEventFilter(self)
+        self._show()
+        self.signed_out.emit()
+
+    def lock(self, why: str) -> None:
+        """Lock the field for the given reason; "" unlocks it. Meanwhile nobody is signed out for being idle."""
+        for widget in (self.edit, self.sign_out_button):
+            enable(widget, why)
+        self._held = bool(why)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Measure idleness from the latest key, click or touch."""
+        if event.type() in _ACTIVITY:
+            self._idle.start()
+        return super().eventFilter(watched, event)
+
+    def _sign_out_idle(self) -> None:
+        if self._held:
+            self._idle.start()
+        else:
+            self.sign_out()
+
+    def _entered(self) -> None:
+        if self._section is None or self._badge:
+            self.entered.emit()
+        else:
+            self.sign_in(self.edit.text().strip())
+
+    def _placeholder(self) -> str:
+        return self.tr("name or badge") if self._section is None else self.tr("scan your badge")
+
+    def _show(self) -> None:
+        self.edit.setReadOnly(bool(self._badge))
+        self.sign_out_button.setVisible(bool(self._badge))
+
+
+def _application() -> QCoreApplication:
+    app = QApplication.instance()
+    assert app is not None
+    return app

@@ -1,0 +1,76 @@
+"""One line with the counts of the shift: units done, passed and failed, yield, and mean time per unit."""
+
+from datetime import datetime
+
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QLabel
+
+from calstation.config import RunSummary
+from calstation.gui.shell import AppContext
+from calstation.gui.text import duration_text, on_language_change
+from calstation.gui.widgets import JobWatch, show_text
+from calstation.results import ShiftCount, count_shift, shift_start
+
+#: Time between two checks whether another shift has begun, ms.
+_CHECK_MS = 60_000
+
+
+class ShiftCounter(QLabel):
+    """Counts in a background job; hidden while the station cannot be used."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__()
+        self.setObjectName("shift_label")
+        self.setProperty("kind", "muted")
+        self._app = app
+        self._summary: RunSummary | None = None
+        self._since: datetime | None = None
+        self._count: ShiftCount | None = None  # not known yet
+        self._watch = JobWatch(self, self._take)
+        self._timer = QTimer(self, interval=_CHECK_MS)
+        self._timer.timeout.connect(self._check_shift)
+        on_language_change(self, self._show_count)
+
+    def plan(self, run_summary: RunSummary | None) -> None:
+        """Count for the station of the next run from now on."""
+        self._summary = run_summary
+        if self._timer.isActive():
+            self.count()
+
+    def count(self) -> None:
+        """Count again, and from now on whenever a shift begins."""
+        self._timer.start()
+        summary, folder = self._summary, self._app.runs_folder
+        since = None if summary is None else shift_start(summary.shift_starts)
+        if since != self._since:
+            self._since, self._count = since, None
+        if summary is not None and folder.is_dir():
+            self._watch.watch(self._app.job_queue.submit(count_shift, folder, summary.station, since))
+        else:
+            self._count = ShiftCount()
+        self._show_count()
+
+    def _check_shift(self) -> None:
+        if self._summary is not None and shift_start(self._summary.shift_starts) != self._since:
+            self.count()
+
+    def _take(self, count: ShiftCount) -> None:
+        self._count = count
+        self._show_count()
+
+    def _show_count(self) -> None:
+        count = self._count
+        if self._since is None:
+            show_text(self, "")
+            return
+        parts = [self.tr("Since {time}").format(time=f"{self._since:%H:%M}")]
+        if count is not None:
+            parts.append(self.tr("{count} done").format(count=count.done))
+        if count is not None and count.mean_duration is not None and count.passed_share is not None:
+            parts += [
+                self.tr("{count} passed").format(count=count.passed),
+                self.tr("{count} failed").format(count=count.failed),
+                self.tr("yield {percent} %").format(percent=f"{100 * count.passed_share:.1f}"),
+                self.tr("{time} per unit").format(time=duration_text(count.mean_duration)),
+            ]
+        show_text(self, "  ·  ".join(parts))

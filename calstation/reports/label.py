@@ -1,0 +1,113 @@
+"""The label of a unit that passed: a ZPL template for the station's label printer, or a Typst template for a PDF."""
+
+import socket
+import string
+from datetime import datetime
+from pathlib import Path
+
+from calstation.config import library, load_product, load_station
+from calstation.devices.links import host_and_port
+from calstation.errors import ConfigurationError, DeviceFaultError, InputError
+from calstation.jobs import ProgressCallback
+from calstation.messages import local_time, os_reason
+from calstation.records import write_atomic
+from calstation.results import Result, load_result
+
+#: Longest time to connect to a printer and to send a label, host time, s.
+_TIMEOUT_S = 5.0
+
+#: ZPL characters that begin a command; a value must not contain them.
+_NO_COMMANDS = str.maketrans("^~", "  ")
+
+
+def label_template(result: Result) -> Path | None:
+    """Return the label template of a result's product; None if it has none, or if the unit may have no label.
+
+    Only a run of all stages that passed gives a label. Raises ConfigurationError if the product cannot be read.
+    """
+    source = result.configuration.get("product")
+    if result.verdict != "passed" or source is None or source.name not in library.names("products"):
+        return None
+    path, product = load_product(library.find("products", source.name))
+    return None if product.label is None else library.find_beside(path, product.label)
+
+
+def print_label(report: ProgressCallback, result_file: Path, station: Path | None) -> Path | None:
+    """Job: print the label of a run, or return the PDF file of a Typst template in ``labels`` beside the runs.
+
+    Raises InputError if the run has no label or the template cannot be filled in, ConfigurationError if the station has
+    no printer, and DeviceFaultError if the printer cannot be reached.
+    """
+    result = load_result(result_file)
+    template = label_template(result)
+    if template is None:
+        raise InputError("label.not_passed", serial=result.serial)
+    if template.suffix == ".zpl":
+        _send(_filled(template, result), station)
+        return None
+    pdf = result_file.absolute().parent.parent / "labels" / f"{result_file.stem}.pdf"
+    content = _compiled(template, result)
+    try:
+        pdf.parent.mkdir(exist_ok=True)
+        write_atomic(pdf, content)
+    except OSError as exc:
+        raise InputError("label.unwritable", file=pdf, reason=os_reason(exc)) from exc
+    return pdf
+
+
+def label_fields(result: Result) -> dict[str, str]:
+    """Return the texts for the fields of a template."""
+    date, _, time = local_time(result.started_utc or "").partition(" ")
+    return {
+        "serial": result.serial,
+        "product": result.product or "",
+        "station": result.station or "",
+        "operator": result.operator or "",
+        "verdict": "PASS",
+        "date": date,
+        "time": time,
+        "attempt": str(result.attempt),
+        "software": result.software.version if result.software is not None else "",
+    }
+
+
+def _filled(template: Path, result: Result) -> str:
+    fields = {name: text.translate(_NO_COMMANDS) for name, text in label_fields(result).items()}
+    try:
+        return string.Template(template.read_text(encoding="utf-8")).substitute(fields)
+    except KeyError as exc:
+        raise InputError("label.unknown_field", file=template, name=exc.args[0], known=list(fields)) from exc
+    except ValueError as exc:  # a lone dollar sign, or a file that is not UTF-8
+        raise InputError("label.not_a_template", file=template, detail=str(exc)) from exc
+
+
+def _send(text: str, station: Path | None) -> None:
+    path, config = load_station(station)
+    if config.label is None:
+        raise ConfigurationError("label.no_printer", station=path)
+    address = host_and_port(config.label.printer)
+    assert address is not None
+    try:
+        with socket.create_connection(address, timeout=_TIMEOUT_S) as connection:
+            connection.sendall(text.encode())
+    except OSError as exc:
+        raise DeviceFaultError(
+            "label.printer_unreachable", printer=config.label.printer, reason=os_reason(exc)
+        ) from exc
+
+
+def _compiled(template: Path, result: Result) -> bytes:
+    """Return the PDF of a template; the same result gives the same bytes."""
+    import typst
+
+    started = (
+        datetime.fromisoformat(result.started_utc) if result.started_utc else datetime.fromtimestamp(0).astimezone()
+    )
+    fields = label_fields(result)
+    try:
+        pdf = typst.compile(template, root=template.parent, sys_inputs=fields, timestamp=int(started.timestamp()))
+    except typst.TypstError as exc:
+        known = list(fields)
+        raise InputError("label.typst", file=template, detail=exc.message, known=known) from exc
+    assert isinstance(pdf, bytes)
+    return pdf

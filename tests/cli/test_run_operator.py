@@ -1,0 +1,27 @@
+"""A station where operators sign in needs a badge on the command line, too."""
+
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from tests.site_folder import SiteFolder
+
+
+def test_a_run_needs_the_badge_of_its_operator(tmp_path: Path, calstation: Callable[..., Any]) -> None:
+    site_folder = SiteFolder(tmp_path)
+    site_folder.write({"stages": ["six_position"]})
+    station = tomllib.loads(site_folder.station.read_text(encoding="utf-8"))
+    sign_in = {"badge_pattern": r"B\d{4}", "names": {"B1234": "Li Na"}}
+    site_folder.station.write_text(tomli_w.dumps({**station, "sign_in": sign_in}), encoding="utf-8")
+    where = ("run", "--station", site_folder.station, "--product", site_folder.product, "--out", tmp_path / "runs")
+    done = calstation(*where, "--json", "-")
+    assert done.code == 2
+    assert "signs in with a badge. Give the badge with --operator." in done.err
+    assert calstation(*where, "--operator", "Li Na").code == 2
+    assert not (tmp_path / "runs").exists()
+    done = calstation(*where, "--operator", "B1234", "--json", "-")
+    assert done.code == 0, done.err
+    assert done.json["operator"] == "Li Na"

@@ -1,0 +1,364 @@
+"""What a production line adds to the operator page, by real clicks: sounds, badges, shift counter, picture, labels."""
+
+import json
+import socket
+import sys
+import threading
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PySide6.QtCore import QPoint, QSettings, Qt, QUrl
+from PySide6.QtGui import QDesktopServices
+from PySide6.QtWidgets import QCheckBox, QLabel, QLineEdit, QPushButton, QWidget
+
+from calstation import sound
+from calstation.config import library
+from calstation.gui.operator import starting
+from calstation.gui.operator.loading import Loading
+from calstation.gui.operator.production import shift_counter
+from tests.gui.conftest import RESULT, SERIAL, Operator
+from tests.site_folder import STATION
+
+ONE_STAGE = {"stages": ["six_position"]}
+NAMES = {"B1234": "Li Na", "B5678": "Wang Wei"}
+ZPL = "^XA^CI28^FO16,16^FD$serial^FS^FO16,64^FD$product $station $operator $verdict^FS^XZ\n"
+
+
+def use_station(operator: Operator, product: dict[str, Any] | None = None, **station: Any) -> None:
+    """Let the window use the product and the station with these entries."""
+    operator.site_folder.write(product, station)
+    operator.window.app.set_station(operator.site_folder.station)
+
+
+def sign_in(operator: Operator, badge: str) -> None:
+    """Type a badge and Enter into the operator's field, as a scanner does."""
+    edit = operator.widget("operator_edit", QLineEdit)
+    edit.setFocus()
+    edit.selectAll()
+    operator.qtbot.keyClicks(edit, badge)
+    operator.qtbot.keyClick(edit, Qt.Key.Key_Return)
+
+
+def run_to_pass(operator: Operator) -> None:
+    """Calibrate a unit on the virtual bench."""
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    assert operator.verdict == "PASS", operator.says()
+    operator.until_ended()
+
+
+# ---- sounds
+
+
+@pytest.fixture
+def played(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the sounds that the page has asked for."""
+    names: list[str] = []
+    monkeypatch.setattr(starting, "play", names.append)
+    return names
+
+
+def test_a_scan_is_answered_by_a_sound_and_a_symbol_unless_muted(operator: Operator, played: list[str]) -> None:
+    operator.scan(SERIAL)
+    assert played == [], "the computer of the tests is muted"
+    operator.window.show_page("station_page")
+    box = operator.widget("sounds_check", QCheckBox)
+    assert not box.isChecked()
+    operator.qtbot.mouseClick(box, Qt.MouseButton.LeftButton, pos=QPoint(10, box.height() // 2))
+    assert box.isChecked()
+    operator.window.show_page("operator_page")
+    symbol = operator.widget("serial_symbol", QWidget)
+    operator.scan(SERIAL)
+    assert played == ["accepted"]
+    assert symbol.isVisible()
+    assert "Serial number: accepted" in operator.says()
+    operator.qtbot.keyClicks(operator.widget("serial_edit", QLineEdit), "x")
+    assert not symbol.isVisible(), "an edited number has not been checked"
+    operator.scan("WRONG 1")
+    assert played == ["accepted", "refused"]
+    assert symbol.isVisible()
+    assert "Serial number: not valid" in operator.says()
+    stored = QSettings(str(operator.site_folder.home / "window.ini"), QSettings.Format.IniFormat)
+    operator.window.app.settings.sync()
+    assert stored.value("sounds", type=bool) is True
+
+
+@pytest.mark.parametrize("name", ["accepted", "refused"])
+def test_the_sounds_can_be_played_and_need_no_device(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sound, "_OPEN_S", 0.05)
+    sound._play(name)
+    monkeypatch.setattr(sound, "_SERVICES", ("NULL",))
+    sound._play(name)
+    monkeypatch.setitem(sys.modules, "miniaudio", None)
+    sound._play(name)
+
+
+# ---- sign-in
+
+
+def test_without_sign_in_the_operator_is_optional(operator: Operator) -> None:
+    assert operator.widget("operator_edit", QLineEdit).text() == ""
+    assert operator.widget("start_button").isEnabled()
+    assert not operator.widget("sign_out_button").isVisible()
+
+
+def test_start_needs_a_badge_where_the_station_says_so(operator: Operator) -> None:
+    use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
+    edit, start = operator.widget("operator_edit", QLineEdit), operator.widget("start_button", QPushButton)
+    assert edit.text() == ""
+    assert not start.isEnabled()
+    assert start.toolTip() == "Scan your badge first."
+    assert operator.message == "Scan your badge first."
+    assert operator.window.focusWidget() is edit
+
+    sign_in(operator, "B0000")
+    assert "“B0000” is not a badge of this station." in operator.says()
+    assert not start.isEnabled()
+    sign_in(operator, "B1234")
+    assert "B0000" not in operator.says()
+    assert edit.text() == "Li Na"
+    assert edit.isReadOnly()
+    assert start.isEnabled()
+    assert operator.window.app.operator == "Li Na"
+    assert operator.window.focusWidget() is operator.widget("serial_edit")
+
+    operator.press("sign_out_button")
+    assert edit.text() == ""
+    assert operator.window.app.operator is None
+    assert not start.isEnabled()
+    assert operator.window.focusWidget() is edit
+    sign_in(operator, "B5678")
+    run_to_pass(operator)
+    (result,) = (json.loads(path.read_text(encoding="utf-8")) for path in operator.site_folder.runs.glob("SN-*.json"))
+    assert result["operator"] == "Wang Wei"
+
+
+def test_a_badge_scanned_into_the_serial_field_signs_in(operator: Operator, played: list[str]) -> None:
+    operator.window.app.settings.setValue("sounds", True)
+    use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
+    operator.scan("B77")
+    assert "does not fit this product" in operator.says()
+    operator.scan("B1234")
+    edit = operator.widget("operator_edit", QLineEdit)
+    assert edit.text() == "B1234"
+    assert "does not fit this product" not in operator.says()
+    assert operator.widget("serial_edit", QLineEdit).text() != "B1234"
+    operator.scan(SERIAL)
+    assert operator.window.focusWidget() is operator.widget("start_button")
+    operator.scan("B5678")
+    assert edit.text() == "B5678", "the next operator takes over"
+    assert played == ["refused", "accepted", "accepted", "accepted"]
+
+
+def test_a_scan_without_a_focused_field_goes_to_the_badge_first(operator: Operator) -> None:
+    use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
+    operator.widget("product_combo").setFocus()
+    operator.qtbot.keyClick(operator.widget("product_combo"), "B")
+    edit = operator.widget("operator_edit", QLineEdit)
+    assert operator.window.focusWidget() is edit
+    assert edit.text().upper() == "B"
+
+
+def test_an_idle_operator_is_signed_out(operator: Operator) -> None:
+    use_station(operator, sign_in={"badge_pattern": r"B\d{4}", "idle_minutes": 0.002})
+    sign_in(operator, "B1234")
+    operator.until(lambda: not operator.widget("start_button").isEnabled())
+    assert operator.widget("operator_edit", QLineEdit).text() == ""
+    assert operator.message == "Scan your badge first."
+
+
+def test_a_run_is_not_resumed_without_a_badge(operator: Operator) -> None:
+    use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
+    operator.window.operator_page._starting.run(operator.window.operator_page._starting._request(SERIAL, None, None))
+    assert "signs in with a badge" in operator.says()
+    assert not operator.window.app.engine_link.running
+
+
+# ---- shift counter
+
+
+def write_result(folder: Path, serial: str, outcome: str, started: datetime, **more: Any) -> None:
+    """Write the result of a run, as a run leaves it."""
+    folder.mkdir(exist_ok=True)
+    name = f"{serial}_{started:%Y%m%dT%H%M%S}"
+    result = {
+        **RESULT,
+        "unit": {"serial": serial},
+        "outcome": outcome,
+        "station": STATION["name"],
+        "log": {"file": f"{name}.h5"},
+        "started_utc": started.isoformat(timespec="seconds"),
+        "duration_s": 600.0,
+        **more,
+    }
+    (folder / f"{name}.json").write_text(json.dumps(result), encoding="utf-8")
+
+
+def test_the_shift_counter_counts_while_idle_and_after_a_verdict(operator: Operator) -> None:
+    label = operator.widget("shift_label", QLabel)
+    operator.until(lambda: label.text() == "Since 00:00  ·  0 done")
+    noon = datetime.now().astimezone().replace(hour=0, minute=0, second=1, microsecond=0).astimezone(UTC)
+    write_result(operator.site_folder.runs, "SN-000001", "passed", noon)
+    write_result(operator.site_folder.runs, "SN-000002", "failed", noon)
+    write_result(operator.site_folder.runs, "SN-000003", "passed", noon - timedelta(days=1))
+    use_station(operator, ONE_STAGE)
+    operator.until(lambda: "2 done  ·  1 passed  ·  1 failed  ·  yield 50.0 %  ·  10:00 per unit" in label.text())
+    run_to_pass(operator)
+    operator.until(lambda: "3 done  ·  2 passed  ·  1 failed  ·  yield 66.7 %" in label.text())
+    assert label.isVisible()
+    operator.widget("language_combo").setCurrentIndex(1)
+    assert "完成 3" in label.text()
+
+
+def test_another_shift_starts_the_count_again(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    label = operator.widget("shift_label", QLabel)
+    operator.until(lambda: label.text())
+    began = datetime(2026, 11, 23, 14, 0).astimezone()
+    monkeypatch.setattr(shift_counter, "shift_start", lambda starts: began)
+    operator.window.operator_page._shift._timer.timeout.emit()
+    operator.until(lambda: label.text().startswith("Since 14:00"))
+
+
+# ---- picture
+
+
+def test_a_product_shows_its_picture_before_a_run(operator: Operator) -> None:
+    loading = operator.window.findChild(Loading)
+    assert loading is not None
+    assert not loading.fixture.isVisible(), "the product has no picture"
+    assert loading.picture.isVisible()
+    operator.choose("nav_a")
+    assert loading.fixture.isVisible()
+    assert not loading.picture.isVisible()
+    white, drawn = 0xFFFFFFFF, loading.fixture.grab().toImage()
+    colours = {drawn.pixel(x, y) for x in range(0, drawn.width(), 3) for y in range(0, drawn.height(), 3)}
+    assert white in colours
+    assert len(colours) > 5
+    operator.choose("mems_hand")
+    assert not loading.fixture.isVisible()
+
+
+# ---- labels
+
+
+@pytest.fixture
+def printer() -> Iterator[tuple[str, list[bytes]]]:
+    """A label printer on this computer: its address, and what it received."""
+    received: list[bytes] = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            try:
+                while True:
+                    connection, _ = server.accept()
+                    with connection, connection.makefile("rb") as stream:
+                        received.append(stream.read())
+            except OSError:
+                return
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}", received
+        server.shutdown(socket.SHUT_RDWR)
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Files opened in other programs."""
+    files: list[Path] = []
+
+    def open_url(url: QUrl) -> bool:
+        files.append(Path(url.toLocalFile()))
+        return True
+
+    monkeypatch.setattr(QDesktopServices, "openUrl", open_url)
+    return files
+
+
+def test_a_label_is_printed_on_request_and_again_from_the_history(
+    operator: Operator, printer: tuple[str, list[bytes]]
+) -> None:
+    address, received = printer
+    (operator.site_folder.product.parent / "label.zpl").write_text(ZPL, encoding="utf-8")
+    use_station(operator, {**ONE_STAGE, "label": "label.zpl"}, label={"printer": address})
+    run_to_pass(operator)
+    assert received == []
+    operator.press("label_button")
+    operator.until(lambda: "The label was sent to the printer" in operator.says())
+    operator.until(lambda: received)
+    assert f"^FD{SERIAL}^FS".encode() in received[0]
+    assert b"^FDshort test bench " in received[0]
+    assert b" PASS^FS" in received[0]
+    assert operator.window.focusWidget() is operator.widget("serial_edit")
+
+    operator.window.show_page("history_page")
+    operator.until(lambda: operator.widget("history_label_button").isVisible())
+    operator.press("history_label_button")
+    operator.until(lambda: len(received) == 2)
+    assert received[1] == received[0]
+
+
+def test_an_unreachable_printer_is_reported(operator: Operator) -> None:
+    (operator.site_folder.product.parent / "label.zpl").write_text(ZPL, encoding="utf-8")
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    use_station(operator, {**ONE_STAGE, "label": "label.zpl"}, label={"printer": f"tcp://127.0.0.1:{port}"})
+    run_to_pass(operator)
+    operator.press("label_button")
+    operator.until(lambda: "cannot be reached (connection refused)" in operator.says())
+    assert "Switch it on" in operator.says()
+    operator.press("operator_notice_close")
+    assert "cannot be reached" not in operator.says()
+
+
+def test_a_typst_label_is_a_pdf_beside_the_runs(operator: Operator, opened: list[Path]) -> None:
+    use_station(operator, {**ONE_STAGE, "label": "label.typ"})  # the shipped template
+    run_to_pass(operator)
+    operator.press("label_button")
+    operator.until(lambda: opened)
+    (pdf,) = opened
+    assert pdf.parent == operator.site_folder.folder / "labels"
+    assert pdf.stem.startswith(SERIAL)
+    assert pdf.read_bytes().startswith(b"%PDF-")
+    assert str(pdf) in operator.says()
+
+
+@pytest.mark.parametrize(("bench", "stages", "verdict"), [({"out_of_limits": True}, None, "FAIL"), ({}, 1, "PARTIAL")])
+def test_no_label_for_a_failed_or_partial_run(
+    operator: Operator, bench: dict[str, Any], stages: int | None, verdict: str
+) -> None:
+    names = ["six_position", "rate"] if stages else ["six_position"]
+    operator.site_folder.write({"stages": names, "label": "label.typ"}, **bench)
+    operator.window.app.set_station(operator.site_folder.station)
+    if stages:
+        operator.window.app.choose(("six_position",), None)
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    assert verdict in operator.verdict
+    assert not operator.widget("label_button").isVisible()
+    operator.until_ended()
+    operator.window.show_page("history_page")
+    operator.until(lambda: operator.widget("history_result_button").isVisible())
+    assert not operator.widget("history_label_button").isVisible()
+
+
+def test_no_label_for_a_stopped_run(operator: Operator) -> None:
+    use_station(operator, {**ONE_STAGE, "label": "label.typ"})
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(operator.in_a_stage)
+    operator.press("stop_button")
+    operator.until_ended()
+    assert operator.verdict == "STOPPED"
+    assert not operator.widget("label_button").isVisible()
+
+
+def test_shipped_pictures_and_labels_exist() -> None:
+    files = {name: library.find("products", name).parent for name in library.names("products")}
+    assert (files["nav_a"] / "unit_on_table.svg").is_file()
+    assert (files["nav_a"] / "label.typ").is_file()
+    assert (files["tactical_b"] / "label.zpl").is_file()

@@ -1,0 +1,140 @@
+"""Labels are made from results of units that passed, and every failure names its remedy."""
+
+import json
+import socket
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+
+from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
+from calstation.messages.rendering import local_time, render
+from calstation.reports.label import label_fields, label_template, print_label
+from calstation.results.result import Result, load_result
+from tests.site_folder import BENCH, PRODUCT, STATION
+
+RESULT: dict[str, Any] = {
+    "schema": "calstation.result/1",
+    "unit": {"serial": "SN-000042"},
+    "stages": ["rate"],
+    "outcome": "passed",
+    "parameters": {},
+    "product": "Gyro ^XA~",
+    "station": "line 3",
+    "operator": "李娜",
+    "started_utc": "2026-11-23T06:30:00+00:00",
+    "log": {"file": "SN-000042_1.h5"},
+    "configuration": {"product": {"name": "short", "sha256": ""}},
+}
+
+
+@pytest.fixture
+def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A site folder with a product whose label is `label.zpl`, and a station without a printer."""
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    for folder in ("products", "stations", "runs"):
+        (tmp_path / folder).mkdir()
+    use_template(tmp_path, "label.zpl", "^XA^FD$serial $product $date^FS^XZ")
+    write_station(tmp_path)
+    return tmp_path
+
+
+def use_template(site: Path, name: str, text: str) -> None:
+    """Let the product have this label."""
+    (site / "products" / name).write_text(text, encoding="utf-8")
+    (site / "products" / "short.toml").write_text(tomli_w.dumps({**PRODUCT, "label": name}), encoding="utf-8")
+
+
+def write_station(site: Path, **entries: Any) -> Path:
+    """Write the station file with these entries."""
+    path = site / "stations" / "line.toml"
+    path.write_text(tomli_w.dumps({**STATION, "bench": BENCH, **entries}), encoding="utf-8")
+    return path
+
+
+def write_result(site: Path, **changes: Any) -> Path:
+    """Write a result file."""
+    path = site / "runs" / "SN-000042_1.json"
+    path.write_text(json.dumps({**RESULT, **changes}), encoding="utf-8")
+    return path
+
+
+def printed(site: Path, **changes: Any) -> Path | None:
+    return print_label(lambda *_: None, write_result(site, **changes), site / "stations" / "line.toml")
+
+
+def test_values_cannot_contain_commands_of_the_printer(site: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        write_station(site, label={"printer": f"tcp://127.0.0.1:{server.getsockname()[1]}"})
+        assert printed(site) is None
+        connection, _ = server.accept()
+        with connection, connection.makefile("rb") as stream:
+            day = local_time(RESULT["started_utc"])[:10]
+            assert stream.read().decode() == f"^XA^FDSN-000042 Gyro  XA  {day}^FS^XZ"
+
+
+def test_the_same_result_gives_the_same_pdf(site: Path) -> None:
+    use_template(site, "label.typ", "#set page(width: 50mm, height: 30mm)\n#sys.inputs.serial #sys.inputs.operator")
+    pdf = printed(site)
+    assert pdf == site / "labels" / "SN-000042_1.pdf"
+    first = pdf.read_bytes()
+    assert first.startswith(b"%PDF-")
+    printed(site)
+    assert pdf.read_bytes() == first
+    printed(site, operator="Li Na")
+    assert pdf.read_bytes() != first
+
+
+@pytest.mark.parametrize(
+    ("name", "template", "error", "text"),
+    [
+        ("label.zpl", "^FD$serail^FS", InputError, "“$serail”, which does not exist. Use one of: serial, product,"),
+        ("label.zpl", "^FD5 $ ^FS", InputError, "cannot be filled in (Invalid placeholder"),
+        (
+            "label.zpl",
+            "^FD$serial^FS",
+            ConfigurationError,
+            "The station has no label printer. Add [label] with printer",
+        ),
+        ("label.typ", "#sys.inputs.serail", InputError, "cannot be compiled (dictionary does not contain key"),
+    ],
+)
+def test_a_template_that_cannot_be_printed(
+    site: Path, name: str, template: str, error: type[CalstationError], text: str
+) -> None:
+    use_template(site, name, template)
+    with pytest.raises(error) as raised:
+        printed(site)
+    assert text in str(raised.value)
+    assert render(raised.value.code, raised.value.values, "zh_CN").remedy
+
+
+def test_a_printer_that_is_off_is_a_device_fault(site: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    write_station(site, label={"printer": f"tcp://127.0.0.1:{port}"})
+    with pytest.raises(DeviceFaultError, match=r"cannot be reached .connection refused.*Switch it on"):
+        printed(site)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"outcome": "failed"}, {"partial": True}, {"outcome": "stopped"}, {"outcome": "resolved"}, {"configuration": {}}],
+    ids=str,
+)
+def test_only_a_unit_that_passed_all_stages_has_a_label(site: Path, changes: dict[str, Any]) -> None:
+    assert label_template(load_result(write_result(site))) == site / "products" / "label.zpl"
+    assert label_template(load_result(write_result(site, **changes))) is None
+    with pytest.raises(InputError, match="SN-000042 has no label"):
+        printed(site, **changes)
+
+
+def test_every_shipped_template_uses_known_fields() -> None:
+    from string import Template
+
+    from calstation.config.library import shipped_folder
+
+    fields = label_fields(Result.from_json(RESULT))
+    text = (shipped_folder() / "products" / "label.zpl").read_text(encoding="utf-8")
+    assert "SN-000042" in Template(text).substitute(fields)

@@ -1,0 +1,57 @@
+"""Runs are counted from the start of the shift in local time."""
+
+import time
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from calstation.results.shift import ShiftCount, count_shift, shift_start
+from tests.results.test_history import write
+
+THREE = ("06:00", "14:00", "22:00")
+
+
+@pytest.fixture(autouse=True)
+def zone(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """The computer is in China."""
+    monkeypatch.setenv("TZ", "Asia/Shanghai")
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.parametrize(
+    ("now", "starts", "began"),
+    [
+        ("2026-11-23 06:00", THREE, "2026-11-23 06:00"),
+        ("2026-11-23 13:59", THREE, "2026-11-23 06:00"),
+        ("2026-11-23 23:30", THREE, "2026-11-23 22:00"),
+        ("2026-11-23 05:59", THREE, "2026-11-22 22:00"),
+        ("2026-11-23 05:59", ("00:00",), "2026-11-23 00:00"),
+        ("2026-11-23 05:59", ("07:30",), "2026-11-22 07:30"),
+    ],
+)
+def test_the_shift_begins_at_the_latest_start(now: str, starts: tuple[str, ...], began: str) -> None:
+    assert shift_start(starts, datetime.fromisoformat(now)) == datetime.fromisoformat(f"{began}+08:00")
+
+
+def test_only_whole_runs_that_passed_or_failed_count(tmp_path: Path) -> None:
+    write(tmp_path, "early", "SN-0", "passed", 1)
+    write(tmp_path, "a", "SN-1", "passed", 2)
+    write(tmp_path, "b", "SN-2", "failed", 2, duration_s=300.0)
+    write(tmp_path, "c", "SN-3", "stopped", 2, finished_stages=["rate"])
+    write(tmp_path, "d", "SN-3", "passed", 2, resumed_from="c", duration_s=200.0)
+    write(tmp_path, "e", "SN-4", "passed", 2, partial=True)
+    write(tmp_path, "f", "SN-4", "failed", 2, partial=True)
+    write(tmp_path, "g", "SN-5", "fault", 2, error="no answer")
+    write(tmp_path, "h", "SN-6", "passed", 2, station="bench 2")
+    since = datetime(2026, 11, 2, 16, 0).astimezone()  # 08:00 UTC, when these runs began
+    assert since.astimezone(UTC).hour == 8
+    found = count_shift(lambda *_: None, tmp_path, "bench 1", since)
+    assert found == ShiftCount(passed=2, failed=1, mean_duration=200.0)
+    assert (found.done, found.passed_share) == (3, 2 / 3)
+    assert count_shift(lambda *_: None, tmp_path, "bench 3", since) == ShiftCount()
+    assert ShiftCount().passed_share is None
