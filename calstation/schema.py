@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
 from calstation.errors import CalstationError, ConfigurationError
@@ -43,6 +43,20 @@ class EntryError(ValueError):
 
     def __str__(self) -> str:
         return render(self.code, self.values).line
+
+
+def check_pattern(pattern: str) -> str:
+    """Return a regular expression if it is one. Raises EntryError."""
+    try:
+        re.compile(pattern)
+    except re.error as exc:
+        position = (exc.pos or 0) + 1
+        raise EntryError("entry.not_a_pattern", pattern=pattern, position=position, detail=exc.msg) from None
+    return pattern
+
+
+#: A string that is a regular expression.
+Pattern = Annotated[str, AfterValidator(check_pattern)]
 
 
 @contextmanager

@@ -2,28 +2,19 @@
 
 import re
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from calstation.errors import ConfigurationError
-from calstation.schema import EntryError, StrictModel
+from calstation.schema import EntryError, Pattern, StrictModel
 
 
 class SignInSection(StrictModel):
     """`[sign_in]` of a station: every run needs the badge of its operator."""
 
-    badge_pattern: str  #: Regular expression for the whole badge.
+    badge_pattern: Pattern  #: Regular expression for the whole badge.
     #: Names by badge; if there are any, no other badge is accepted.
     names: dict[str, str] = Field(default_factory=dict)
     idle_minutes: float | None = Field(default=None, gt=0)  #: The window signs the operator out after this time.
-
-    @field_validator("badge_pattern")
-    @classmethod
-    def _pattern(cls, pattern: str) -> str:
-        try:
-            re.compile(pattern)
-        except re.error as exc:
-            raise EntryError("product.not_a_pattern", pattern=pattern, detail=str(exc)) from None
-        return pattern
 
     @model_validator(mode="after")
     def _badges(self) -> "SignInSection":

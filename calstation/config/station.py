@@ -17,7 +17,7 @@ from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSetting
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.physics import INDEX, PARAMETERS, further_parameter
 from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
-from calstation.schema import EntryError, Problem, StrictModel, load, near_miss
+from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
 from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
@@ -180,7 +180,7 @@ class ProductConfig(StrictModel):
     name: str
     imu: str  #: Name of the IMU profile.
     bench_grade: Literal["nav", "tactical", "mems"] = "nav"  #: Grade of a virtual unit.
-    serial_pattern: str  #: Regular expression for the whole serial number.
+    serial_pattern: Pattern  #: Regular expression for the whole serial number.
     serial_example: str = "SN-000123"  #: A serial number that matches, shown where another one is refused.
     #: Files beside the product file: drawing of the unit in its fixture, and template of the label of a passed unit.
     picture: str | None = Field(default=None, pattern=r"^[^/\\]+\.(svg|png|jpe?g)$")
@@ -198,16 +198,6 @@ class ProductConfig(StrictModel):
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
     #: Consecutive failures after which a unit is not calibrated again.
     attempts_allowed: int | None = Field(default=None, ge=1)
-
-    @field_validator("serial_pattern")
-    @classmethod
-    def _pattern(cls, pattern: str) -> str:
-        try:
-            re.compile(pattern)
-        except re.error as exc:
-            position = (exc.pos or 0) + 1
-            raise EntryError("product.not_a_pattern", pattern=pattern, position=position, detail=exc.msg) from None
-        return pattern
 
     @field_validator("stages")
     @classmethod

@@ -132,7 +132,7 @@ def text_table(name: str) -> dict[str, Any]:
         ("mn_ascii", "modbus", {"unit": 1, "timeout_s": 1.0}, "modbus profile.not_with"),
         ("mn_ascii", "text/commands/move", ["POS,{axes},{angle}"], "text.commands.move[0] profile.unknown_brace"),
         ("mn_ascii", "text/commands/stop", [], "text.commands.stop entry.empty"),
-        ("mn_ascii", "text/queries/state/answer", "(?P<value", "text.queries.state.answer profile.not_a_pattern"),
+        ("mn_ascii", "text/queries/state/answer", "(?P<value", "text.queries.state.answer entry.not_a_pattern"),
         ("mn_ascii", "text/queries/state/answer", "[0-9]+", "text.queries.state.answer profile.no_named_group"),
         (
             "mn_ascii",
@@ -159,7 +159,7 @@ def text_table(name: str) -> dict[str, Any]:
         ("mn_ascii", "text/flags/homed", {"query": "state"}, "text.flags.homed profile.flag_needs_one_source"),
         ("mn_ascii", "text/flags/homed", {"bit": 0}, "text.flags.homed profile.flag_needs_query"),
         ("aerosmith_atl", "text/flush", "stat", "text.flush profile.no_such_query"),
-        ("aerosmith_atl", "text/silent", "JOG(", "text.silent profile.not_a_pattern"),
+        ("aerosmith_atl", "text/silent", "JOG(", "text.silent entry.not_a_pattern"),
     ],
 )
 def test_a_wrong_text_table_is_reported_by_its_entry(

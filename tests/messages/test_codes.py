@@ -34,8 +34,14 @@ CODE_FROM_ELSEWHERE = {
     "calstation/messages/progress.py",
 }
 
-#: Faults of the program itself, which show the exception to those who maintain it.
-_INTERNAL = {"program.internal", "imu.reader_failed", "connection.bench_not_started", "connection.bench_refused"}
+#: Faults that show an exception to those who maintain the program, and the words of a template's compiler.
+_INTERNAL = {
+    "program.internal",
+    "imu.reader_failed",
+    "connection.bench_not_started",
+    "connection.bench_refused",
+    "label.typst",
+}
 
 #: Base classes of errors, and the family that completes the short id of other messages.
 _ERRORS = {"CalstationError", "EntryError"}

@@ -10,7 +10,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calstation.devices.profiles.serial_settings import SerialSettings
 from calstation.messages import Text
-from calstation.schema import EntryError, StrictModel, entry, near_miss
+from calstation.schema import EntryError, StrictModel, check_pattern, entry, near_miss
 
 #: Values that the lines of each command may contain in braces, besides `axis`, in degrees, °/s and °/s²; also as
 #: `outer_angle`, `inner_rate` and so on. The first value is required.
@@ -85,14 +85,6 @@ def _check_line(line: str, values: Sequence[str]) -> set[str]:
     return found
 
 
-def _check_pattern(pattern: str) -> re.Pattern[str]:
-    try:
-        return re.compile(pattern)
-    except re.error as exc:
-        position = (exc.pos or 0) + 1
-        raise EntryError("profile.not_a_pattern", value=pattern, position=position, detail=exc.msg) from None
-
-
 class Query(StrictModel):
     """A query: the line to send, once for each axis if it contains {axis}, and the pattern of its reply.
 
@@ -111,7 +103,7 @@ class Query(StrictModel):
     @field_validator("answer")
     @classmethod
     def _pattern(cls, answer: str) -> str:
-        if not _check_pattern(answer).groupindex:
+        if not re.compile(check_pattern(answer)).groupindex:
             raise EntryError("profile.no_named_group", value=answer)
         return answer
 
@@ -198,7 +190,7 @@ class TextSection(StrictModel):
     @field_validator("silent", "refused")
     @classmethod
     def _pattern(cls, pattern: str | None) -> str | None:
-        _check_pattern(pattern or "")
+        check_pattern(pattern or "")
         return pattern
 
     @model_validator(mode="after")
