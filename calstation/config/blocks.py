@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from io import StringIO
 from itertools import pairwise
 from typing import Any
 
@@ -94,7 +95,7 @@ def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]
 
 def _blocks(text: str) -> list[_Block]:
     """Split a valid TOML text into blocks; their lines together are the text."""
-    lines = text.splitlines(keepends=True)
+    lines = StringIO(text).readlines()
     headers = [i for i, line in enumerate(lines) if line.lstrip().startswith("[") and _is_toml(lines[:i])]
     starts = [_start(lines, i) for i in headers]
     paths = _paths(lines[i] for i in headers)

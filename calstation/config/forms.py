@@ -100,7 +100,9 @@ class FormCell:
             return {self.place: value} if self.end == 1 else {}
         if isinstance(present, list) and len(present) == 2 and value is not None:
             return {(*self.place, self.end): value}
-        ends = [*present, "", ""] if isinstance(present, list) else [-present, present] if present else ["", ""]
+        ends = [*present, "", ""] if isinstance(present, list) else ["", ""]
+        if isinstance(present, float | int):
+            ends = [-present, present]
         ends[self.end] = "" if value is None else value
         return {self.place: None if set(ends[:2]) == {""} else ends[:2]}
 
@@ -127,13 +129,10 @@ class FormCell:
             return [name.strip() for name in text.split(",")] if text else None
         if self.kind == "text":
             return text or None
-        for kind in (int, float):
-            try:
-                number = kind(text)
-            except ValueError:
-                continue
-            return from_unit(number, self.unit[1]) if self.unit[1] != 1.0 else number
-        return text or None
+        try:
+            return from_unit(float(text), self.unit[1]) if self.unit[1] != 1.0 else _number(text)
+        except ValueError:
+            return text or None
 
 
 @dataclass(frozen=True)
@@ -193,6 +192,14 @@ def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCe
             inside = [cell for cell in cells if cell.place[: len(problem.place)] == problem.place]
             return inside if len(inside) < len(cells) and inside else cells[:1]
     return []
+
+
+def _number(text: str) -> float:
+    """Return a number, whole if it is typed without a point. Raises ValueError."""
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
 
 
 def _cell(kind: str, place: KeyPath, unit: Unit = _PLAIN, **more: Any) -> FormCell:
@@ -289,8 +296,8 @@ _CONVENTION = ("matrix", "identity", "negated", "offset", "added")
 
 
 def _register_rows(get: Get) -> list[FormRow]:
-    entries = get(("registers",)) or []
-    places: list[KeyPath] = [("registers", i) for i in range(len(entries))]
+    entries = get(("registers",))
+    places: list[KeyPath] = [("registers", i) for i in range(len(entries if isinstance(entries, list) else []))]
     return [FormRow(str(i), tuple(_register_cells(get, place)), (place,)) for i, place in enumerate(places, 1)]
 
 
@@ -303,8 +310,10 @@ def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
             yield unit[0]
         elif key in ("lowest", "highest"):
             yield _cell("imus", (*place, "range"), unit, end=int(key == "highest"))
+        elif not formula and key in ("major", *_CONVENTION):
+            yield ""
         elif key in _CONVENTION:
-            yield _cell("imus", (*place, "convention", key)) if formula else ""
+            yield _cell("imus", (*place, "convention", key))
         else:
             cell = _cell("imus", (*place, key), unit if key == "tolerance" else _PLAIN)
             kind: Any = {"parameters": "names", "type": "text"}.get(key, cell.kind)
@@ -315,12 +324,12 @@ def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
 
 def _content_unit(names: Any) -> Unit:
     """Return the display unit of the content of a register, "SI" if its numbers have several."""
-    units = {_unit_of_content(name) for name in names if name} if isinstance(names, list) else set()
+    units = {_unit_of_content(str(name)) for name in names if name} if isinstance(names, list) else set()
     return units.pop() if len(units) == 1 else _MIXED
 
 
 def _unit_of_content(name: str) -> Unit:
-    sensor, _, slot = str(name).partition("_")
+    sensor, _, slot = name.partition("_")
     if slot.startswith("matrix"):
         return _PLAIN
     return _unit(f"{sensor}_bias" if slot.startswith("offset") else name)

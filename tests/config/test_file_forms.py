@@ -69,6 +69,31 @@ def test_a_value_is_shown_with_the_digits_of_the_file(value: float, unit: str, t
     assert in_unit(value, DISPLAY[unit][1]) == text
 
 
+LEAVES = st.one_of(
+    st.none(), st.booleans(), st.integers(-9, 9), st.floats(), st.sampled_from(["", "x", "gyro_bias", "f32", "row"])
+)
+KEYS = st.sampled_from(
+    ["gyro_bias", "within", "range", "sigma", "sigma_below_after", "parameters", "output", "gyro_lsb"]
+)
+ANYTHING = st.recursive(
+    LEAVES, lambda inner: st.one_of(st.lists(inner, max_size=3), st.dictionaries(KEYS, inner, max_size=3))
+)
+ROOTS = st.dictionaries(st.sampled_from([str(root[0]) for form in FORMS for root in form.roots]), ANYTHING)
+
+
+@given(ROOTS, st.sampled_from(FORMS), st.sampled_from(["", "1", "-2.5", "x", "9" * 400]))
+def test_whatever_a_file_contains_is_shown_and_can_be_replaced(data: Any, form: Any, typed: str) -> None:
+    def get(place: KeyPath) -> Any:
+        return value_at(data, place)
+
+    for row in form.rows(get):
+        assert len(row.cells) == len(form.columns(get))
+        for cell in row.cells:
+            if isinstance(cell, FormCell):
+                cell.shown(get)
+                cell.changes(get, typed)
+
+
 def interval(within: Any, end: int, typed: str) -> Mapping[KeyPath, Any]:
     data = {"limits": {"x": {} if within is None else {"within": within}}}
     cell = FormCell(("limits", "x", "within"), end=end, magnitude=True)

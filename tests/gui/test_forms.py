@@ -280,6 +280,8 @@ def test_priors_and_their_change_with_time_are_one_table(forms: FormDriver) -> N
 def test_registers_are_edited_moved_added_and_removed_with_their_comments(forms: FormDriver) -> None:
     forms.open("imus", "dsp_modbus", "Registers")
     assert forms.shown("4", "Unit") == "µg"
+    contents = str(forms.index("3", "Contents").data(Qt.ItemDataRole.ToolTipRole))
+    assert contents.endswith("accel_matrix_zz"), "the whole list, which is too long for the column"
     forms.select("1", "Matrix by", "rows")
     forms.enter("4", "Scale (SI)", "2e-7")
     forms.enter("6", "Tolerance", "0.5")
@@ -322,17 +324,17 @@ def test_an_invalid_register_is_marked_at_its_cell(forms: FormDriver) -> None:
     forms.enter("1", "Highest", "100")
     (sentence,) = forms.problems()
     assert "gyro_bias_x in register 0 may need" in sentence
-    assert sentence.startswith("1 (°/h): ")
+    assert sentence.startswith("Row 1 (°/h): ")
     assert "its range is −20626.5 to 100" in sentence
     forms.enter("1", "Highest", "20626.5")
     assert forms.problems() == []
     forms.enter("1", "Contents", "gyro_bias_x, gyro_bias_q")
-    assert forms.problems()[0].startswith("1, Contents: 'gyro_bias_q' is not a parameter or group.")
+    assert forms.problems()[0].startswith("Row 1, Contents: 'gyro_bias_q' is not a parameter or group.")
     forms.press("discard_station_button")
     forms.enter("2", "Address", "1.5")
-    assert forms.problems() == ["2, Address: Not a whole number; type one like 12."]
+    assert forms.problems() == ["Row 2, Address: Not a whole number; type one like 12."]
     forms.enter("2", "Address", "2")
-    assert forms.problems()[0].startswith("2, Address: Registers 2-10 overlap registers[0]")
+    assert forms.problems()[0].startswith("Row 2, Address: Registers 2-10 overlap registers[0]")
     assert not forms.find(QPushButton, "save_station_button").isEnabled()
 
 

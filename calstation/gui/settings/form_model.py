@@ -69,6 +69,7 @@ class FormModel(ParameterModel):
         index = self.index_of(cells[0])
         heading = self._heading(self._form_columns[index.column()]) if len(cells) == 1 else ""
         name, unit = self._title(self.rows[index.row()].name), cells[0].unit[0]
+        name = say("form.row", number=name) if self.form.names == "number" else name
         name = say("form.cell", row=name, column=heading) if heading else name
         name = say("form.in_unit", name=name, unit=unit) if unit else name
         what = problem_text(cells[0].in_display_unit(problem))
@@ -142,15 +143,25 @@ class FormModel(ParameterModel):
             return cell
         assert self.draft is not None
         shown = cell.shown(self.draft.value)
-        return self.choice_text(cell, shown) if cell.kind == "choice" else str(shown)
+        if cell.kind == "choice":
+            return self.choice_text(cell, shown) if shown in cell.choices else str(shown or "")
+        return str(shown)
 
     def _problem(self, name: str, number: int) -> Problem | None:
-        cell = next(each for each in self.rows if each.name == name).cells[number]
+        cell = self._row(name).cells[number]
         return self._problems.get(cell) if isinstance(cell, FormCell) else None
 
     def _hint(self, name: str, number: int) -> str:
         problem = self._problem(name, number)
-        return self.describe(problem) if problem else self.locked or self._about(self._form_columns[number])
+        if problem is not None:
+            return self.describe(problem)
+        cell = self._row(name).cells[number]
+        if isinstance(cell, FormCell) and cell.kind == "names":
+            return self._text(cell)  # may be too long for the column
+        return self.locked or self._about(self._form_columns[number])
+
+    def _row(self, name: str) -> FormRow:
+        return next(each for each in self.rows if each.name == name)
 
     def _title(self, name: str) -> str:
         if self.form.names == "parameter":

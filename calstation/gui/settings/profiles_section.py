@@ -241,17 +241,17 @@ class ProfilesSection(QWidget):
             with QSignalBlocker(self.editor):
                 self.editor.setPlainText(draft.text)
         self.editor.shade((problem.line, theme.colours().bad) for problem in draft.problems)
-        for form in self.forms:
-            if form.form.kind == draft.kind:
-                form.show_draft(draft)
+        view = self.views.currentWidget()
+        if isinstance(view, FormView):
+            view.show_draft(draft)
         self._problems.clear()
         self._problems.addItems([self._problem_line(problem) for problem in draft.problems])
         self._problems.setVisible(bool(draft.problems))
-        self._problems.setFixedHeight((min(len(draft.problems), 3) * 3 + 1) * theme.GRID)
+        self._problems.setFixedHeight((min(len(draft.problems), 3) * 5 + 1) * theme.GRID)
         shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
         self._about.setText(say("setting.file_shipped" if shipped else "setting.file_own"))
         self._about.setToolTip(str(draft.path))
-        self._versions_panel.setVisible(not isinstance(self.views.currentWidget(), FormView))
+        self._versions_panel.setVisible(not isinstance(view, FormView))
         self._show_versions(draft)
         self._show_difference()
 
