@@ -202,9 +202,46 @@ def problems_of(model: type[BaseModel], data: Any) -> list[Problem]:
 
 
 def _problems(error: ValidationError, data: Any, model: type[BaseModel]) -> list[Problem]:
-    details = error.errors(include_url=False, include_context=True)
+    details = _fitting_branches(error.errors(include_url=False, include_context=True), data)
     details.sort(key=lambda d: d["type"] != "extra_forbidden")
     return [_problem(d, data, model) for d in details]
+
+
+def _fitting_branches(details: list[ErrorDetails], data: Any) -> list[ErrorDetails]:
+    """Report a value of several possible types once, by the type that it fits best, at its place in `data`.
+
+    Pydantic reports the errors of each possible type, with the name of the type in the location.
+    """
+    places: list[KeyPath] = []
+    branches: list[tuple[KeyPath, str] | None] = []
+    for detail in details:
+        path: list[str | int] = []
+        branch, present = None, data
+        for part in detail["loc"]:
+            if isinstance(part, str) and isinstance(present, list | str | float | int):
+                branch = (tuple(path), part)
+                continue
+            path.append(part)
+            present = _element(present, part)
+        places.append(tuple(path))
+        branches.append(branch)
+    depths: dict[KeyPath, tuple[int, str]] = {}
+    for place, branch in zip(places, branches, strict=True):
+        if branch is not None and len(place) > depths.get(branch[0], (0, ""))[0]:
+            depths[branch[0]] = (len(place), branch[1])
+    return [
+        {**detail, "loc": place}
+        for detail, place, branch in zip(details, places, branches, strict=True)
+        if branch is None or depths[branch[0]][1] == branch[1]
+    ]
+
+
+def _element(data: Any, key: str | int) -> Any:
+    """Return an element of a dictionary or list, None if there is none."""
+    try:
+        return data[key]
+    except (KeyError, IndexError, TypeError):
+        return None
 
 
 def field_name(place: KeyPath) -> str:

@@ -6,14 +6,17 @@ from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from types import NoneType, UnionType
+from typing import Any, Union, get_args, get_origin
 
 import tomlkit
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from tomlkit.container import OutOfOrderTableProxy
-from tomlkit.items import AbstractTable, AoT, Table
+from tomlkit.items import AoT, InlineTable, Table
 
 from calstation.config import library
+from calstation.config.blocks import add_table, add_value, has_table, remove_table
 from calstation.config.station import (
     ProductConfig,
     StationConfig,
@@ -142,6 +145,30 @@ def _unknown_profile(kind: str, name: str, *place: str) -> Iterator[Problem]:
         yield Problem(place, "no_profile", Text.of("configuration.no_profile", kind=kind, name=name, known=known))
 
 
+def field_of(kind: str, place: KeyPath) -> FieldInfo | None:
+    """Return the field of the model of a file for an entry, None for an entry without one."""
+    annotation: Any = MODELS[kind]
+    field = None
+    for key in place:
+        annotation, _ = required_type(annotation)
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            field = annotation.model_fields[str(key)]
+            annotation = field.annotation
+        elif get_origin(annotation) in (list, dict):
+            field, annotation = None, get_args(annotation)[-1]
+        else:
+            return None
+    return field
+
+
+def required_type(annotation: Any) -> tuple[Any, bool]:
+    """Return the type of an optional value, its first one if it has several, and whether it is optional."""
+    if get_origin(annotation) not in (Union, UnionType):
+        return annotation, False
+    options = get_args(annotation)
+    return next(option for option in options if option is not NoneType), NoneType in options
+
+
 def line_of(text: str, keys: KeyPath) -> int:
     """Return the line (from 1) of the value at `keys` in a valid TOML text, or of the innermost table for it."""
     document = tomlkit.parse(text)
@@ -171,34 +198,61 @@ def edit_toml(text: str, changes: Mapping[KeyPath, Any]) -> str:
 
     `changes` contains new values by entry; None removes the value, and its table if it becomes empty.
     """
-    document = tomlkit.parse(text)
-    added = []
     for place, value in changes.items():
-        if value is None:
-            _remove(document, place)
-            continue
-        table: Any = document
-        for key in place[:-1]:
-            if key not in table:
-                table[key] = tomlkit.table()
-                added.append(table[key])
-            table = table[key]
-        table[place[-1]] = value
-    for table in added:
-        table.add(tomlkit.nl())
+        text = _without(text, place) if value is None else _with(text, place, value)
+    return text
+
+
+def _with(text: str, place: KeyPath, value: Any) -> str:
+    """Set a value; a new table with one or two keys has a header, unless it is inside a list or an inline table."""
+    document = tomlkit.parse(text)
+    table: Any = document
+    inline = False
+    for depth, key in enumerate(place[:-1]):
+        inline = inline or depth > 1 or isinstance(key, int) or isinstance(table, InlineTable)
+        if isinstance(key, str) and key not in table:
+            if inline:
+                return _with(text, place[: depth + 1], _nested(place[depth + 1 :], value))
+            return add_table(text, place[:-1], {str(place[-1]): value})
+        table = table[key]
+    key = place[-1]
+    if isinstance(key, str) and key not in table:
+        if isinstance(value, dict) and len(place) < 3 and not inline:
+            return add_table(text, place, value)
+        if isinstance(value, dict):
+            members, value = value, tomlkit.inline_table()
+            value.update(members)
+        if has_table(text, place[:-1]):
+            return add_value(text, place[:-1], key, value)
+    table[key] = value
     return tomlkit.dumps(document)
 
 
-def _remove(table: Any, place: KeyPath) -> None:
-    key, rest = place[0], place[1:]
-    if key not in table:
-        return
-    if not rest:
-        del table[key]
-        return
-    _remove(table[key], rest)
-    if isinstance(table[key], AbstractTable) and not table[key]:
-        del table[key]
+def _nested(keys: KeyPath, value: Any) -> Any:
+    """Return a value inside dictionaries with these keys, the outermost first."""
+    for key in reversed(keys):
+        value = {key: value}
+    return value
+
+
+def _without(text: str, place: KeyPath) -> str:
+    """Remove a value, and its table if it becomes empty; a text without the value remains unchanged."""
+    document = tomlkit.parse(text)
+    owner: Any = document
+    for key in place[:-1]:
+        if isinstance(key, str) and key not in owner:
+            return text
+        owner = owner[key]
+    if place[-1] not in owner:
+        return text
+    if has_table(text, place):
+        text = remove_table(text, place)
+    else:
+        del owner[place[-1]]
+        text = tomlkit.dumps(document)
+    if len(place) > 1 and isinstance(place[-2], str) and not owner:
+        return _without(text, place[:-1])
+    return text
 
 
 def is_name(name: str) -> bool:

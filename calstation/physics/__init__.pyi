@@ -65,4 +65,8 @@ from .units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from .units import aligned as aligned
 from .units import display as display
 from .units import display_by_unit as display_by_unit
+from .units import from_unit as from_unit
+from .units import in_unit as in_unit
 from .units import number as number
+from .units import unit_of as unit_of
+from .units import unit_of_parameter as unit_of_parameter

@@ -1,6 +1,7 @@
 """Units for display: degrees, ppm, µg, °/h and arcseconds."""
 
 from collections.abc import Sequence
+from decimal import Decimal
 
 import numpy as np
 
@@ -43,8 +44,10 @@ DISPLAY: dict[str, tuple[str, float]] = {
 _BY_UNIT: dict[str, tuple[str, float]] = {
     "rad": ("″", ARCSECOND),
     "rad/s": ("°/h", DEGREE_PER_HOUR),
+    "rad/√s": ("°/√h", DEGREE / 60.0),
     "rad/s²": ("°/h/h", DEGREE_PER_HOUR / 3600.0),
     "m/s²": ("µg", MICRO_G),
+    "m/s/√s": ("µg/√Hz", MICRO_G),
     "m/s³": ("µg/h", MICRO_G / 3600.0),
     "1/s": ("ppm/h", 1e-6 / 3600.0),
     "rad·s/m": ("°/h/g", DEGREE_PER_HOUR / STANDARD_GRAVITY),
@@ -59,19 +62,39 @@ _BY_UNIT: dict[str, tuple[str, float]] = {
 }
 
 
+def unit_of(unit: str) -> tuple[str, float]:
+    """Return the display unit of an SI unit, and its size in SI; an unknown unit is displayed as it is."""
+    return _BY_UNIT.get(unit, (unit, 1.0))
+
+
+def unit_of_parameter(name: str) -> tuple[str, float]:
+    """Return the display unit of a parameter or group, and its size in SI. Raises KeyError for an unknown name."""
+    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
+    return DISPLAY[name if parameter is None else parameter.group]
+
+
 def display_by_unit(unit: str, value: float) -> tuple[float, str]:
     """Convert an SI value that is not a parameter to the display unit of its SI unit; return both."""
-    shown, size = _BY_UNIT.get(unit, (unit, 1.0))
+    shown, size = unit_of(unit)
     return value / size, shown
 
 
 def display(name: str, value: float) -> tuple[float, str]:
     """Convert an SI value to the parameter's display unit; return both. Raises KeyError for an unknown name."""
-    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
-    if parameter is None:
-        raise KeyError(name)
-    unit, size = DISPLAY[parameter.group]
+    unit, size = unit_of_parameter(name)
     return value / size, unit
+
+
+def in_unit(value: float, size: float) -> str:
+    """Format an SI value in a unit of a size in SI, with as many digits as the value has itself, but 6 to 12."""
+    digits = len(Decimal(repr(float(value))).normalize().as_tuple().digits)
+    text = f"{value / size:.{min(12, max(6, digits))}g}"
+    return f"{Decimal(text):f}" if "e+" in text else text
+
+
+def from_unit(value: float, size: float) -> float:
+    """Convert a value in a unit of a size in SI to SI; `in_unit` gives up to 12 digits back as they were."""
+    return float(f"{value * size:.15g}")
 
 
 def number(value: float, sigma: float) -> str:

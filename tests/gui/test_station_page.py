@@ -18,7 +18,6 @@ from PySide6.QtWidgets import (
     QLineEdit,
     QListWidget,
     QPushButton,
-    QVBoxLayout,
     QWidget,
 )
 from pytestqt.qtbot import QtBot
@@ -46,68 +45,11 @@ from calstation.gui.widgets import NoticeBar, theme
 from calstation.jobs.queue import JobQueue
 from calstation.messages.catalogue import family
 from calstation.sequencer.events import Fault
+from tests.gui.station_driver import PIN, PageDriver, station_page
 from tests.site_folder import STATION as STATION_DATA
 
 STATION, TABLE_LINK, IMU_LINK, SITE, TABLE, PROFILES, PERSONAL = range(7)
-PIN = "2468"
 LATCHED = DeviceFaultError("table.latched_interlock", fault="interlock", station_options="")
-
-
-class PageDriver:
-    """Operates the page as a user does, in the window or alone."""
-
-    def __init__(self, root: QWidget, page: StationPage, qtbot: QtBot) -> None:
-        self.root, self.page, self.app, self._bot = root, page, page.app, qtbot
-
-    def find(self, kind: type, name: str) -> Any:
-        """The widget of a name; of several that show one value, the visible one."""
-        found = self.root.findChildren(kind, name)
-        assert found, name
-        return next((widget for widget in found if widget.isVisible()), found[0])
-
-    def show_section(self, section: int) -> None:
-        """Choose a section."""
-        self.page.nav.setCurrentRow(section)
-
-    def type(self, name: str, text: str) -> None:
-        """Type into an input, in place of what is there."""
-        edit = self.find(QLineEdit, name)
-        edit.setFocus()
-        edit.selectAll()
-        self._bot.keyClick(edit, Qt.Key.Key_Delete)
-        self._bot.keyClicks(edit, text)
-
-    def choose(self, name: str, words: str) -> None:
-        """Choose in a box, as a click on an entry does."""
-        box = self.find(QComboBox, name)
-        index = box.findText(words, Qt.MatchFlag.MatchStartsWith)
-        assert index >= 0, [box.itemText(i) for i in range(box.count())]
-        box.setCurrentIndex(index)
-        box.activated.emit(index)
-
-    def press(self, name: str) -> None:
-        """Press a button."""
-        button = self.find(QPushButton, name)
-        assert button.isEnabled(), button.toolTip()
-        self._bot.mouseClick(button, Qt.MouseButton.LeftButton)
-
-    def copy_station(self, name: str) -> None:
-        """Make a station with hardware."""
-        self.press("new_station_button")
-        self.type("new_name_edit", name)
-        self.press("make_file_button")
-
-    def message(self, field: str) -> str:
-        """The message beneath an input."""
-        label = self.find(QLabel, f"{field}_message")
-        return str(label.text())
-
-    def findings(self, device: str) -> list[str]:
-        """Wait for a connection test; the sentences of what it found."""
-        panel = (self.page.table_link if device == "table" else self.page.imu_link).test
-        self._bot.waitUntil(lambda: panel.report is not None, timeout=60_000)
-        labels = panel._lines.findChildren(QLabel)
-        return [label.text() for label in labels if label.text()]
 
 
 @pytest.fixture(scope="module")
@@ -123,28 +65,8 @@ def operator(
     site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[PageDriver]:
     """The page alone below its header, in the role of an operator."""
-    application = QApplication.instance()
-    assert isinstance(application, QApplication)
-    if not application.styleSheet():
-        application.setStyle("Fusion")
-    language.use("en")
-    theme.apply("light")
-    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda *_: job_queue)
-    site_folder.write(surveyed=False)
-    app = AppContext(site_folder.station)
-    page = StationPage(app)
-    root = QWidget()
-    column = QVBoxLayout(root)
-    assert page.header is not None
-    column.addWidget(page.header)
-    column.addWidget(page, 1)
-    qtbot.addWidget(root)
-    root.resize(1366, 700)
-    root.show()
-    qtbot.waitExposed(root)
-    yield PageDriver(root, page, qtbot)
-    app.engine_link.close()
-    language.use("en")
+    with station_page(site_folder, job_queue, qtbot, monkeypatch) as driver:
+        yield driver
 
 
 @pytest.fixture
@@ -671,6 +593,7 @@ def test_versions_can_be_compared_and_restored(page_driver: PageDriver, site_fol
         page_driver.press("save_station_button")
     own = site_folder.home / "products" / "nav_a.toml"
     assert saved(own)["schedule"]["rate"]["turns"] == 4
+    page_driver.show_view("Compare")
     listed = page_driver.find(QListWidget, "versions_list")
     assert [listed.item(i).text().split()[0] for i in range(listed.count())] == ["3", "2", "1"]
     assert "current" in listed.item(0).text()

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QWheelEvent
@@ -143,7 +142,7 @@ class ChoiceBox(_Box):
         self.setCurrentIndex(index)
 
 
-class _EditableBox(_Box):
+class EditableBox(_Box):
     """A combo box whose value is typed or selected."""
 
     def __init__(self) -> None:
@@ -165,7 +164,7 @@ class _EditableBox(_Box):
             self.setEditText(_shown(value))
 
 
-class NumberBox(_EditableBox):
+class NumberBox(EditableBox):
     """A number that is typed, or selected from common ones."""
 
     def __init__(self, common: Sequence[int]) -> None:
@@ -178,7 +177,7 @@ class NumberBox(_EditableBox):
         return _number(self.currentText())
 
 
-class PortBox(_EditableBox):
+class PortBox(EditableBox):
     """A serial port, typed or selected; a USB adapter is identified by its serial number, not by its USB socket."""
 
     def __init__(self) -> None:
@@ -269,7 +268,7 @@ class Field(QWidget):
         default: Any = None,
     ) -> None:
         super().__init__()
-        key, info = str(place[-1]), _schema(draft.kind, place)
+        key, info = str(place[-1]), editing.field_of(draft.kind, place)
         self.editor = editor or _make_editor(info, key)
         #: Key paths whose problems are shown here.
         self.places: tuple[KeyPath, ...] = (place,)
@@ -369,8 +368,9 @@ def panel(*items: Item, spacing: int = theme.GRID) -> QWidget:
 
 def problem_text(problem: Problem) -> str:
     """Return the text of a problem for display below its field."""
-    code = f"field.{problem.kind}"
-    return say(code, **problem.values) if known(code) else show(problem.what)
+    codes = (f"field.{problem.what.code.replace('.', '_')}", f"field.{problem.kind}")
+    code = next(filter(known, codes), None)
+    return say(code, **problem.values) if code else show(problem.what)
 
 
 def problem_text_with_name(problem: Problem) -> str:
@@ -383,19 +383,6 @@ def problem_text_with_name(problem: Problem) -> str:
 def choices_of(name: str, *values: Any) -> Callable[[], list[tuple[Any, str]]]:
     """Return a function that lists values with their names from the catalogue family ``setting``, numbers as digits."""
     return lambda: [(v, f"{v:g}" if isinstance(v, float | int) else term("setting", f"{name}_{v}")) for v in values]
-
-
-def _schema(kind: str, place: KeyPath) -> FieldInfo | None:
-    """Return the schema field at a key path, None below a table without a schema."""
-    model: type[BaseModel] | None = editing.MODELS[kind]
-    info = None
-    for key in place:
-        if model is None:
-            return None
-        info = model.model_fields[str(key)]
-        types = (info.annotation, *get_args(info.annotation))
-        model = next((t for t in types if isinstance(t, type) and issubclass(t, BaseModel)), None)
-    return info
 
 
 def _make_editor(info: FieldInfo | None, name: str) -> Editor:

@@ -1,4 +1,4 @@
-"""Text editor for product, IMU, table and station files, with marked errors and comparison with older versions."""
+"""Forms and text of product, IMU, table and station files, with marked errors and comparison with older versions."""
 
 import difflib
 from collections.abc import Iterable
@@ -8,14 +8,16 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtGui import QColor, QFontDatabase, QShowEvent, QTextCharFormat, QTextCursor, QTextFormat
 from PySide6.QtWidgets import QComboBox, QFrame, QLineEdit, QListWidget, QPlainTextEdit, QTabWidget, QTextEdit, QWidget
 
-from calstation.config import Version, editing, library, versions
+from calstation.config import FORMS, Version, editing, library, versions
 from calstation.errors import ConfigurationError
 from calstation.gui.settings.drafts import Draft, Drafts
 from calstation.gui.settings.fields import ChoiceBox
+from calstation.gui.settings.form_view import FormView
 from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, error_text, on_language_change, say, show, term
 from calstation.gui.widgets import button, column, enable, label, row, show_text, theme
 from calstation.messages import local_time
+from calstation.schema import Problem
 
 
 class TextView(QPlainTextEdit):
@@ -125,9 +127,6 @@ class NewFileBar(QFrame):
         self.made.emit(self._kind, path)
 
 
-_TEXT, _COMPARE = range(2)
-
-
 class ProfilesSection(QWidget):
     """Edits one file at a time, with its versions listed beside it."""
 
@@ -147,19 +146,20 @@ class ProfilesSection(QWidget):
         self._problems.setWordWrap(True)
         for signal in (self._problems.itemClicked, self._problems.itemActivated):
             signal.connect(lambda _: self._go_to_problem())
-        text = QWidget()
-        column((self.editor, 1), self._problems, on=text)
+        self.forms = [FormView(form) for form in FORMS]
         self.views = QTabWidget()
         self.views.setObjectName("profile_views")
         self.views.setDocumentMode(True)
         self.views.tabBar().setProperty("kind", "views")
         self.views.tabBar().setDrawBase(False)
-        for view in (text, self.diff):
+        for view in (*self.forms, self.editor, self.diff):
             self.views.addTab(view, "")
+        self.views.currentChanged.connect(lambda _: self.refresh())
+        self._versions_panel = self._make_versions()
         column(
             row(self.kind_box, self.file_box, self._new_button, (self._about, 1)),
             self._new,
-            (row((self.views, 1), self._make_versions(), spacing=3 * theme.GRID), 1),
+            (row((column((self.views, 1), self._problems), 1), self._versions_panel, spacing=3 * theme.GRID), 1),
             on=self,
         )
         drafts.changed.connect(self.refresh)
@@ -214,6 +214,8 @@ class ProfilesSection(QWidget):
         self.editor.setReadOnly(bool(reason))
         self.editor.setToolTip(reason)
         enable(self._new_button, reason)
+        for form in self.forms:
+            form.lock(reason)
         if reason:
             self._new.hide()
         self._enable()
@@ -227,7 +229,7 @@ class ProfilesSection(QWidget):
 
     def refresh(self) -> None:
         """Show the current draft."""
-        for index, title in enumerate((self.tr("Text"), self.tr("Compare"))):
+        for index, title in enumerate((*(form.title for form in self.forms), self.tr("Text"), self.tr("Compare"))):
             self.views.setTabText(index, title)
         draft = self._draft
         if draft is None:
@@ -239,16 +241,25 @@ class ProfilesSection(QWidget):
             with QSignalBlocker(self.editor):
                 self.editor.setPlainText(draft.text)
         self.editor.shade((problem.line, theme.colours().bad) for problem in draft.problems)
-        line = self.tr("Line {0}: {1}")
+        view = self.views.currentWidget()
+        if isinstance(view, FormView):
+            view.show_draft(draft)
         self._problems.clear()
-        self._problems.addItems([line.format(problem.line, show(problem.as_text)) for problem in draft.problems])
+        self._problems.addItems([self._problem_line(problem) for problem in draft.problems])
         self._problems.setVisible(bool(draft.problems))
-        self._problems.setFixedHeight((min(len(draft.problems), 3) * 3 + 1) * theme.GRID)
+        self._problems.setFixedHeight((min(len(draft.problems), 3) * 5 + 1) * theme.GRID)
         shipped = any(entry.path == draft.path and entry.shipped for entry in editing.list_files(draft.kind))
         self._about.setText(say("setting.file_shipped" if shipped else "setting.file_own"))
         self._about.setToolTip(str(draft.path))
+        self._versions_panel.setVisible(not isinstance(view, FormView))
         self._show_versions(draft)
         self._show_difference()
+
+    def _problem_line(self, problem: Problem) -> str:
+        """Return the sentence of a problem with its place: in the form shown, or else in the text."""
+        view = self.views.currentWidget()
+        found = view.model.describe(problem) if isinstance(view, FormView) else ""
+        return found or self.tr("Line {0}: {1}").format(problem.line, show(problem.as_text))
 
     def showEvent(self, event: QShowEvent) -> None:
         """List the files and versions again, because they may have changed outside the section."""
@@ -284,8 +295,19 @@ class ProfilesSection(QWidget):
         draft = self._drafts.of(kind, library.find(kind, name))
         if draft is not self._draft:
             self._draft, self._compared = draft, None
+            self._offer_views(kind)
         self._versions = versions.list_versions(kind, name)
         self.refresh()
+
+    def _offer_views(self, kind: str) -> None:
+        """Offer the forms of a kind of file beside text and comparison; another form gives way to the first of them."""
+        with QSignalBlocker(self.views):
+            offered = [form for form in self.forms if form.form.kind == kind]
+            shown = self.views.currentWidget()
+            for form in self.forms:
+                self.views.setTabVisible(self.views.indexOf(form), form in offered)
+            if isinstance(shown, FormView) and shown not in offered:
+                self.views.setCurrentWidget(offered[0] if offered else self.editor)
 
     def _typed(self) -> None:
         if self._draft is not None and self.editor.toPlainText() != self._draft.text:
@@ -293,19 +315,23 @@ class ProfilesSection(QWidget):
 
     def _go_to_problem(self) -> None:
         draft, number = self._draft, self._problems.currentRow()
-        if draft is not None and 0 <= number < len(draft.problems):
-            self.editor.go_to(draft.problems[number].line)
+        if draft is None or not 0 <= number < len(draft.problems):
+            return
+        view, problem = self.views.currentWidget(), draft.problems[number]
+        if not (isinstance(view, FormView) and view.go_to(problem)):
+            self.views.setCurrentWidget(self.editor)
+            self.editor.go_to(problem.line)
 
     def _compare(self) -> None:
         self._compared = self._chosen
         self._show_difference()
-        self.views.setCurrentIndex(_COMPARE)
+        self.views.setCurrentWidget(self.diff)
 
     def _restore(self) -> None:
         """Copy the selected version into the editor and show how it differs from the saved text."""
         if self._draft is None or self._chosen is None:
             return
-        self.views.setCurrentIndex(_COMPARE)
+        self.views.setCurrentWidget(self.diff)
         if (text := self._text_of(self._chosen)) is not None:
             self._compared = None
             self._draft.rewrite(text)
@@ -365,4 +391,5 @@ class ProfilesSection(QWidget):
 
     def _made(self, kind: str, path: Path) -> None:
         self.open(kind, path.stem)
-        self.views.setCurrentIndex(_TEXT)
+        offered = [form for form in self.forms if form.form.kind == kind]
+        self.views.setCurrentWidget(offered[0] if offered else self.editor)

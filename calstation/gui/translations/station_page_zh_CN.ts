@@ -9,6 +9,42 @@
     </message>
 </context>
 <context>
+    <name>FormView</name>
+    <message>
+        <source>Add</source>
+        <extracomment>Largest width of a column, and additional width of the input of a cell with choices, px.</extracomment>
+        <translation>添加</translation>
+    </message>
+    <message>
+        <source>Remove</source>
+        <translation>删除</translation>
+    </message>
+    <message>
+        <source>Move up</source>
+        <translation>上移</translation>
+    </message>
+    <message>
+        <source>Move down</source>
+        <translation>下移</translation>
+    </message>
+    <message>
+        <source>Choose a row first.</source>
+        <translation>请先选择一行。</translation>
+    </message>
+    <message>
+        <source>All are listed.</source>
+        <translation>已全部列出。</translation>
+    </message>
+    <message>
+        <source>It is the first.</source>
+        <translation>已是第一行。</translation>
+    </message>
+    <message>
+        <source>It is the last.</source>
+        <translation>已是最后一行。</translation>
+    </message>
+</context>
+<context>
     <name>LinkSection</name>
     <message>
         <source>Link to the table</source>

@@ -1,0 +1,171 @@
+"""The tables of a TOML text as blocks of lines, so that a table is added, removed or moved with the comments on it."""
+
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from io import StringIO
+from itertools import pairwise
+from typing import Any
+
+import tomlkit
+
+from calstation.schema import KeyPath
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    """The comments directly above a table's header, the header, and the lines up to the next block.
+
+    A block without a table, `path` None, is what precedes the first header, or a comment on several tables.
+    """
+
+    path: KeyPath | None  #: Keys in the header, with the number of the entry after the key of a list of tables.
+    lines: tuple[str, ...]
+
+    def inside(self, path: KeyPath) -> bool:
+        """Whether the block belongs to the table at a path, or to one of its subtables."""
+        return self.path is not None and self.path[: len(path)] == path
+
+    @property
+    def content(self) -> tuple[str, ...]:
+        """The lines without the empty ones at the end."""
+        return self.lines[: max((i for i, line in enumerate(self.lines, 1) if line.strip()), default=0)]
+
+    @property
+    def is_comment(self) -> bool:
+        """Whether the block contains only comments, or nothing."""
+        return all(line.startswith("#") for line in self.lines)
+
+
+def has_table(text: str, path: KeyPath) -> bool:
+    """Whether a text has a header for the table, or for the entry of a list of tables, at a path."""
+    return any(block.path == path for block in _blocks(text))
+
+
+def remove_table(text: str, path: KeyPath) -> str:
+    """Remove a table that has a header, its subtables, and the comments directly above it."""
+    blocks = _blocks(text)
+    return _text([block for block in blocks if not block.inside(path)], blocks)
+
+
+def add_table(text: str, path: KeyPath, values: Mapping[str, Any]) -> str:
+    """Add a table with a header after the last one with the same first key, or at the end."""
+    nested: Mapping[str, Any] = values
+    for key in reversed(path):
+        nested = {str(key): nested}
+    blocks = _blocks(text)
+    last = max((i for i, block in enumerate(blocks, 1) if block.inside(path[:1])), default=len(blocks))
+    return _text([*blocks[:last], _new(nested), *blocks[last:]], blocks)
+
+
+def add_value(text: str, path: KeyPath, key: str, value: Any) -> str:
+    """Add a value at the end of a table that has a header."""
+    blocks = _blocks(text)
+    number = next(i for i, block in enumerate(blocks) if block.path == path)
+    block = blocks[number]
+    lines = (*_ended(block.content), tomlkit.dumps({key: value}), *block.lines[len(block.content) :])
+    return "".join(
+        line for each in (*blocks[:number], replace(block, lines=lines), *blocks[number + 1 :]) for line in each.lines
+    )
+
+
+def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]]) -> str:
+    """Arrange the entries of a list of tables: each is the number of a present entry, or the values of a new one.
+
+    A present entry keeps its lines and the comments directly above it. A list in brackets becomes tables with headers.
+    """
+    blocks = _blocks(text)
+    entries = [block for block in blocks if block.inside((key,))]
+    if not entries:
+        present = tomllib.loads(text).get(key, [])
+        document = tomlkit.parse(text)
+        document.pop(key, None)
+        order = [present[entry] if isinstance(entry, int) else entry for entry in order]
+        blocks = _blocks(tomlkit.dumps(document))
+    first = blocks.index(entries[0]) if entries else len(blocks)
+    arranged: list[_Block] = []
+    for entry in order:
+        if isinstance(entry, int):
+            arranged += [block for block in entries if block.inside((key, entry))]
+        else:
+            arranged.append(_new({key: [entry]}))
+    others = [block for block in blocks[first:] if block not in entries]
+    return _text([*blocks[:first], *arranged, *others], blocks)
+
+
+def _blocks(text: str) -> list[_Block]:
+    """Split a valid TOML text into blocks; their lines together are the text."""
+    lines = StringIO(text).readlines()
+    headers = [i for i, line in enumerate(lines) if line.lstrip().startswith("[") and _is_toml(lines[:i])]
+    starts = [_start(lines, i) for i in headers]
+    paths = _paths(lines[i] for i in headers)
+    blocks = [_Block(None, tuple(lines[: starts[0] if starts else len(lines)]))]
+    for n, (path, start, header) in enumerate(zip(paths, starts, headers, strict=True)):
+        end = starts[n + 1] if n + 1 < len(starts) else len(lines)
+        alike = [k for k, other in enumerate(paths) if other[0] == path[0]]
+        if n == alike[0] and len(alike) > 1 and all(starts[k] == headers[k] for k in alike[1:]):
+            blocks.append(_Block(None, tuple(lines[start:header])))  # the only comment is on all of them
+            start = header
+        blocks.append(_Block(path, tuple(lines[start:end])))
+    return blocks
+
+
+def _start(lines: Sequence[str], header: int) -> int:
+    """Return the number of the first of the comment lines directly above a header."""
+    while header > 0 and lines[header - 1].lstrip().startswith("#"):
+        header -= 1
+    return header
+
+
+def _paths(headers: Iterable[str]) -> list[KeyPath]:
+    """Return the paths of headers in the order of a file."""
+    paths: list[KeyPath] = []
+    counts: dict[tuple[str, ...], int] = {}
+    for header in headers:
+        keys: tuple[str, ...] = ()
+        inner = tomllib.loads(header)
+        path: list[str | int] = []
+        while inner:
+            ((key, inner),) = inner.items()
+            keys = (*keys, key)
+            path.append(key)
+            if isinstance(inner, list):
+                counts = {other: n for other, n in counts.items() if other == keys or other[: len(keys)] != keys}
+                counts[keys] = counts.get(keys, -1) + 1
+                inner = {}
+            if keys in counts:
+                path.append(counts[keys])
+        paths.append(tuple(path))
+    return paths
+
+
+def _is_toml(lines: Sequence[str]) -> bool:
+    """Whether lines are valid alone, so that the next one is not inside a list or a text of several lines."""
+    try:
+        tomllib.loads("".join(lines))
+    except tomllib.TOMLDecodeError:
+        return False
+    return True
+
+
+def _new(data: Mapping[str, Any]) -> _Block:
+    return _Block(None, tuple(tomlkit.dumps(data).splitlines(keepends=True)))
+
+
+def _ended(lines: Sequence[str]) -> tuple[str, ...]:
+    """End the last line with a line break."""
+    return tuple(line if line.endswith("\n") else f"{line}\n" for line in lines)
+
+
+def _text(blocks: Sequence[_Block], before: Sequence[_Block]) -> str:
+    """Return the text of blocks, with an empty line between those that were not neighbours before."""
+    neighbours = set(pairwise(before))
+    lines: list[str] = []
+    for block, following in zip(blocks, (*blocks[1:], None), strict=True):
+        if following is None:
+            lines += block.lines if block is before[-1] else block.content
+        elif (block, following) in neighbours or block.is_comment:
+            lines += block.lines
+        else:
+            lines += (*_ended(block.content), *(block.lines[len(block.content) :] or ("\n",)))
+    return "".join(lines)

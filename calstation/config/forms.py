@@ -1,0 +1,379 @@
+"""Forms for parts of a file: tables of values in display units, which are read from and written to its entries."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, get_args, get_origin
+
+from pydantic import BaseModel
+
+from calstation.config.editing import field_of, required_type
+from calstation.devices.codecs import SENSORS
+from calstation.devices.profiles import ImuProfile
+from calstation.physics import (
+    EFFECT_PARAMETERS,
+    EFFECTS,
+    GROUPS,
+    NAMES,
+    PAIR_PARAMETERS,
+    from_unit,
+    in_unit,
+    unit_of,
+    unit_of_parameter,
+)
+from calstation.schema import KeyPath, Problem
+
+#: Returns the value at a key path of a file, None if there is none.
+Get = Callable[[KeyPath], Any]
+
+#: Display unit and its size in SI.
+Unit = tuple[str, float]
+
+_PLAIN: Unit = ("", 1.0)
+_MIXED: Unit = ("SI", 1.0)
+
+#: Kinds of problems that leave no entries which a form could show.
+_UNREADABLE = ("toml", "file", "model_type", "dict_type", "list_type")
+
+#: Types of number that are offered in a register map; others can be typed.
+_TYPES = ("f32", "f64", "i16", "i32", "u16", "u32", "q2.30", "q16.16")
+
+
+@dataclass(frozen=True)
+class FormCell:
+    """A value of a file in a table.
+
+    place : key path of the value, or of the interval of which it is one end
+    kind : input: a number; a text; names separated by commas; or one of `choices`, None for an entry left out
+    end : 0 for the lowest value of an interval, 1 for the highest
+    magnitude : whether the interval may also be one number, which stands for ± that number
+    default : value that holds if the file has none
+    """
+
+    place: KeyPath
+    unit: Unit = _PLAIN
+    kind: Literal["number", "text", "names", "choice"] = "number"
+    end: int | None = None
+    magnitude: bool = False
+    choices: tuple[Any, ...] = ()
+    default: Any = None
+
+    def value(self, get: Get) -> Any:
+        """Return the value in the file, None if there is none."""
+        value = get(self.place)
+        if self.end is None:
+            return value
+        if isinstance(value, list):
+            return value[self.end] if self.end < len(value) else None
+        return -value if self.end == 0 and isinstance(value, float | int) else value
+
+    def stated(self, get: Get) -> bool:
+        """Whether the file states the value itself; not the default, nor the lowest value of ± the highest."""
+        value = get(self.place)
+        return value is not None and (self.end != 0 or isinstance(value, list))
+
+    def shown(self, get: Get) -> Any:
+        """Return the value to show: the choice, or the text of the value, or of the default, in the display unit."""
+        value = self.value(get)
+        value = self.default if value is None else value
+        if self.kind == "choice":
+            return value
+        if value is None:
+            return ""
+        if isinstance(value, list):
+            return ", ".join(map(str, value))
+        if isinstance(value, float) or (isinstance(value, int) and self.unit[1] != 1.0):
+            return in_unit(value, self.unit[1])
+        return str(value)
+
+    def changes(self, get: Get, entered: Any) -> dict[KeyPath, Any]:
+        """Return the changes of the file for a text or choice entered; none if it has the value that is shown.
+
+        A text that is not a number is stored as it is, so that the check of the file reports it.
+        """
+        value = self._parsed(entered)
+        if value == self._parsed(self.shown(get)):
+            return {}
+        if self.end is None:
+            return {self.place: value}
+        present = get(self.place)
+        if self.magnitude and not isinstance(present, list) and (self.end == 1 or value is None):
+            return {self.place: value} if self.end == 1 else {}
+        if isinstance(present, list) and len(present) == 2 and value is not None:
+            return {(*self.place, self.end): value}
+        ends = [*present, "", ""] if isinstance(present, list) else ["", ""]
+        if isinstance(present, float | int):
+            ends = [-present, present]
+        ends[self.end] = "" if value is None else value
+        return {self.place: None if set(ends[:2]) == {""} else ends[:2]}
+
+    def in_display_unit(self, problem: Problem) -> Problem:
+        """Return a problem of the value with its numbers in the display unit."""
+        values = {
+            key: value / self.unit[1] if isinstance(value, float) else value
+            for key, value in problem.what.values.items()
+        }
+        return replace(problem, what=replace(problem.what, values=values))
+
+    def concerns(self, problem: Problem) -> bool:
+        """Whether a problem is one of this value."""
+        length = len(self.place)
+        inside = problem.place[:length] == self.place
+        return inside and (self.end is None or problem.place[length : length + 1] in ((), (self.end,)))
+
+    def _parsed(self, entered: Any) -> Any:
+        """Return the value of the file for a text or choice, None for an empty text."""
+        if self.kind == "choice":
+            return entered
+        text = str(entered).strip()
+        if self.kind == "names":
+            return [name.strip() for name in text.split(",")] if text else None
+        if self.kind == "text":
+            return text or None
+        try:
+            return from_unit(float(text), self.unit[1]) if self.unit[1] != 1.0 else _number(text)
+        except ValueError:
+            return text or None
+
+
+@dataclass(frozen=True)
+class FormRow:
+    """A row of a form: its name, which is a parameter, group or key of the file, its unit, and its cells.
+
+    A text instead of a cell cannot be changed. `places` are the entries that are removed with the row.
+    """
+
+    name: str
+    cells: tuple[FormCell | str, ...]
+    places: tuple[KeyPath, ...] = ()
+
+
+@dataclass(frozen=True)
+class FormColumn:
+    """A column of a form; `key` selects its heading, which may contain the name of a stage."""
+
+    key: str
+    stage: str = ""
+
+
+@dataclass(frozen=True)
+class Form:
+    """A form for a part of the files of a kind.
+
+    roots : entries that contain the values
+    names : kind of the names of its rows
+    offered : names of the rows that can be added; the first root is the entry of each
+    listed : whether the rows are the entries of a list in order
+    """
+
+    name: str
+    kind: str
+    roots: tuple[KeyPath, ...]
+    columns: Callable[[Get], list[FormColumn]]
+    rows: Callable[[Get], list[FormRow]]
+    names: Literal["parameter", "key", "number"]
+    offered: tuple[str, ...] = ()
+    listed: bool = False
+
+    def unreadable(self, problems: Sequence[Problem]) -> Problem | None:
+        """Return a problem that leaves nothing to show in the form, None if there is none."""
+        found = (p for p in problems if p.kind in _UNREADABLE)
+        return next(
+            (p for p in found if any(p.place[: len(root)] == root[: len(p.place)] for root in self.roots)), None
+        )
+
+
+def cells_with_problem(rows: Sequence[FormRow], problem: Problem) -> list[FormCell]:
+    """Return the cells in which to mark a problem: those of its value, or else the first one of its row."""
+    for row in rows:
+        cells = [cell for cell in row.cells if isinstance(cell, FormCell)]
+        if found := [cell for cell in cells if cell.concerns(problem)]:
+            return found
+        if any(problem.place[: len(place)] == place for place in row.places):
+            inside = [cell for cell in cells if cell.place[: len(problem.place)] == problem.place]
+            return inside if len(inside) < len(cells) and inside else cells[:1]
+    return []
+
+
+def _number(text: str) -> float:
+    """Return a number, whole if it is typed without a point. Raises ValueError."""
+    try:
+        return int(text)
+    except ValueError:
+        return float(text)
+
+
+def _cell(kind: str, place: KeyPath, unit: Unit = _PLAIN, **more: Any) -> FormCell:
+    """Make the cell for an entry, with choices and default from the model of the file."""
+    field = field_of(kind, place)
+    cell = FormCell(place, unit, **more)
+    if field is None:
+        return cell
+    choices = _choices(field.annotation)
+    default = None if field.is_required() else field.get_default(call_default_factory=True)
+    if choices:
+        return replace(cell, kind="choice", choices=choices, default=default)
+    return replace(cell, default=default)
+
+
+def _choices(annotation: Any) -> tuple[Any, ...]:
+    """Return the values of a type that has a few, first None if it is optional; () for another type."""
+    kind, optional = required_type(annotation)
+    choices = (True, False) if kind is bool else get_args(kind) if get_origin(kind) is Literal else ()
+    return (None, *choices) if choices and optional else choices
+
+
+def _keys(table: Any) -> list[str]:
+    return list(table) if isinstance(table, Mapping) else []
+
+
+def _unit(name: str) -> Unit:
+    """Return the display unit of a parameter or group; none for an unknown name, which is reported."""
+    try:
+        return unit_of_parameter(name)
+    except KeyError:
+        return _PLAIN
+
+
+def _limit_stages(get: Get) -> list[str]:
+    """Return the stages for whose partial runs some limit gives a sigma of its own."""
+    limits = get(("limits",))
+    return list(dict.fromkeys(s for name in _keys(limits) for s in _keys(get(("limits", name, "sigma_below_after")))))
+
+
+def _limit_columns(get: Get) -> list[FormColumn]:
+    after = [FormColumn("sigma_below_after", stage) for stage in _limit_stages(get)]
+    return [*map(FormColumn, ("unit", "lowest", "highest", "sigma_below")), *after, FormColumn("target")]
+
+
+def _limit_rows(get: Get) -> list[FormRow]:
+    rows = []
+    for name in dict.fromkeys((*_keys(get(("limits",))), *_keys(get(("targets",))))):
+        unit, place = _unit(name), ("limits", name)
+        ends = (_cell("products", (*place, "within"), unit, end=end, magnitude=True) for end in (0, 1))
+        after = ((*place, "sigma_below_after", stage) for stage in _limit_stages(get))
+        sigmas = ((*place, "sigma_below"), *after, ("targets", name))
+        cells: tuple[FormCell | str, ...] = (unit[0], *ends, *(_cell("products", sigma, unit) for sigma in sigmas))
+        rows.append(FormRow(name, cells, (place, ("targets", name))))
+    return rows
+
+
+def _noise_rows(get: Get) -> list[FormRow]:
+    rate = get(("stream", "output")) == "rate"
+    gyro, accel = ("rad/s", "m/s²") if rate else ("rad", "m/s")
+    units = {
+        ("noise", "gyro_arw"): "rad/√s",
+        ("noise", "accel_vrw"): "m/s/√s",
+        ("noise", "gyro_bias_instability"): "rad/s",
+        ("noise", "accel_bias_instability"): "m/s²",
+        ("stream", "sample_rate_hz"): "Hz",
+        ("stream", "output"): "",
+        ("stream", "gyro_lsb"): gyro,
+        ("stream", "accel_lsb"): accel,
+        ("stream", "gyro_quantisation"): gyro,
+        ("stream", "accel_quantisation"): accel,
+        ("stream", "order"): "",
+    }
+    cells = [_cell("imus", place, unit_of(unit)) for place, unit in units.items()]
+    return [FormRow(str(cell.place[-1]), (cell, cell.unit[0])) for cell in cells]
+
+
+def _prior_rows(get: Get) -> list[FormRow]:
+    rows = []
+    for name in dict.fromkeys((*_keys(get(("prior",))), *_keys(get(("stability",))))):
+        unit = _unit(name)
+        places = (("prior", name, "sigma"), ("stability", name, "power_up"), ("stability", name, "year"))
+        cells: tuple[FormCell | str, ...] = (unit[0], *(_cell("imus", place, unit) for place in places))
+        rows.append(FormRow(name, cells, (("prior", name), ("stability", name))))
+    return rows
+
+
+#: Entries of a register in the order of the columns, those in brackets being its interval and its convention.
+_REGISTER = (
+    *("address", "page", "parameters", "type", "scale", "unit", "lowest", "highest", "tolerance", "major"),
+    *("byte_order", "word_order", "span", "matrix", "identity", "negated", "offset", "added"),
+)
+_CONVENTION = ("matrix", "identity", "negated", "offset", "added")
+
+
+def _register_rows(get: Get) -> list[FormRow]:
+    entries = get(("registers",))
+    places: list[KeyPath] = [("registers", i) for i in range(len(entries if isinstance(entries, list) else []))]
+    return [FormRow(str(i), tuple(_register_cells(get, place)), (place,)) for i, place in enumerate(places, 1)]
+
+
+def _register_cells(get: Get, place: KeyPath) -> Iterator[FormCell | str]:
+    content = get((*place, "parameters"))
+    unit = _content_unit(content)
+    formula = "matrix" in str(content) or "offset" in str(content) or get((*place, "convention")) is not None
+    for key in _REGISTER:
+        if key == "unit":
+            yield unit[0]
+        elif key in ("lowest", "highest"):
+            yield _cell("imus", (*place, "range"), unit, end=int(key == "highest"))
+        elif not formula and key in ("major", *_CONVENTION):
+            yield ""
+        elif key in _CONVENTION:
+            yield _cell("imus", (*place, "convention", key))
+        else:
+            cell = _cell("imus", (*place, key), unit if key == "tolerance" else _PLAIN)
+            kind: Any = {"parameters": "names", "type": "text"}.get(key, cell.kind)
+            offers = {"parameters": _CONTENTS, "type": _TYPES}.get(key, cell.choices)
+            span = None if key == "span" else cell.default  # the default depends on the protocol
+            yield replace(cell, kind=kind, choices=offers, default=span)
+
+
+def _content_unit(names: Any) -> Unit:
+    """Return the display unit of the content of a register, "SI" if its numbers have several."""
+    units = {_unit_of_content(str(name)) for name in names if name} if isinstance(names, list) else set()
+    return units.pop() if len(units) == 1 else _MIXED
+
+
+def _unit_of_content(name: str) -> Unit:
+    sensor, _, slot = name.partition("_")
+    if slot.startswith("matrix"):
+        return _PLAIN
+    return _unit(f"{sensor}_bias" if slot.startswith("offset") else name)
+
+
+def new_register(profile: BaseModel | None) -> dict[str, Any]:
+    """Return an entry of the register map behind the last one, for a number that stays 0 until it gets a name."""
+    if not isinstance(profile, ImuProfile) or not profile.registers:
+        return {"address": 0, "parameters": [""], "range": [-1.0, 1.0]}
+    last = profile.registers[-1]
+    page = {"page": last.page} if last.page else {}
+    return {**page, "address": last.end, "parameters": [""], "range": list(last.range)}
+
+
+#: Names of groups and of the unit's own matrices, which are offered as the content of registers.
+_CONTENTS = (*GROUPS, *(f"{sensor}_{kind}" for sensor in SENSORS for kind in ("matrix", "offset")), *EFFECTS)
+
+_FURTHER_GROUPS = tuple(dict.fromkeys(p.group for p in (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)))
+
+
+def _columns(*keys: str) -> Callable[[Get], list[FormColumn]]:
+    return lambda _: [FormColumn(key) for key in keys]
+
+
+#: All forms, in the order in which they are offered.
+FORMS = (
+    Form(
+        "limits",
+        "products",
+        (("limits",), ("targets",)),
+        _limit_columns,
+        _limit_rows,
+        "parameter",
+        (*GROUPS, *NAMES, *_FURTHER_GROUPS),
+    ),
+    Form("noise", "imus", (("noise",), ("stream",)), _columns("value", "unit"), _noise_rows, "key"),
+    Form(
+        "priors",
+        "imus",
+        (("prior",), ("stability",)),
+        _columns("unit", "sigma", "power_up", "year"),
+        _prior_rows,
+        "parameter",
+        (*GROUPS, *NAMES),
+    ),
+    Form("registers", "imus", (("registers",),), _columns(*_REGISTER), _register_rows, "number", listed=True),
+)

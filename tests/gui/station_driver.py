@@ -1,0 +1,110 @@
+"""Drives the Station page as a user does, in the window or alone."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit, QPushButton, QVBoxLayout, QWidget
+from pytestqt.qtbot import QtBot
+
+from calstation.gui.settings.page import StationPage
+from calstation.gui.shell.context import AppContext
+from calstation.gui.text import language
+from calstation.gui.widgets import theme
+from calstation.jobs.queue import JobQueue
+
+PIN = "2468"
+
+
+class PageDriver:
+    """Operates the page as a user does, in the window or alone."""
+
+    def __init__(self, root: QWidget, page: StationPage, qtbot: QtBot) -> None:
+        self.root, self.page, self.app, self._bot = root, page, page.app, qtbot
+
+    def find(self, kind: type, name: str) -> Any:
+        """The widget of a name; of several that show one value, the visible one."""
+        found = self.root.findChildren(kind, name)
+        assert found, name
+        return next((widget for widget in found if widget.isVisible()), found[0])
+
+    def show_section(self, section: int) -> None:
+        """Choose a section."""
+        self.page.nav.setCurrentRow(section)
+
+    def show_view(self, title: str) -> None:
+        """Click the tab of a form, of the text or of the comparison of the file that is shown."""
+        bar = self.page.profiles.views.tabBar()
+        index = next(i for i in range(bar.count()) if bar.tabText(i) == title and bar.isTabVisible(i))
+        self._bot.mouseClick(bar, Qt.MouseButton.LeftButton, pos=bar.tabRect(index).center())
+
+    def type(self, name: str, text: str) -> None:
+        """Type into an input, in place of what is there."""
+        edit = self.find(QLineEdit, name)
+        edit.setFocus()
+        edit.selectAll()
+        self._bot.keyClick(edit, Qt.Key.Key_Delete)
+        self._bot.keyClicks(edit, text)
+
+    def choose(self, name: str, words: str) -> None:
+        """Choose in a box, as a click on an entry does."""
+        box = self.find(QComboBox, name)
+        index = box.findText(words, Qt.MatchFlag.MatchStartsWith)
+        assert index >= 0, [box.itemText(i) for i in range(box.count())]
+        box.setCurrentIndex(index)
+        box.activated.emit(index)
+
+    def press(self, name: str) -> None:
+        """Press a button."""
+        button = self.find(QPushButton, name)
+        assert button.isEnabled(), button.toolTip()
+        self._bot.mouseClick(button, Qt.MouseButton.LeftButton)
+
+    def copy_station(self, name: str) -> None:
+        """Make a station with hardware."""
+        self.press("new_station_button")
+        self.type("new_name_edit", name)
+        self.press("make_file_button")
+
+    def message(self, field: str) -> str:
+        """The message beneath an input."""
+        label = self.find(QLabel, f"{field}_message")
+        return str(label.text())
+
+    def findings(self, device: str) -> list[str]:
+        """Wait for a connection test; the sentences of what it found."""
+        panel = (self.page.table_link if device == "table" else self.page.imu_link).test
+        self._bot.waitUntil(lambda: panel.report is not None, timeout=60_000)
+        labels = panel._lines.findChildren(QLabel)
+        return [label.text() for label in labels if label.text()]
+
+
+@contextmanager
+def station_page(
+    site_folder: Any, job_queue: JobQueue, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[PageDriver]:
+    """The page alone below its header, in the role of an operator."""
+    application = QApplication.instance()
+    assert isinstance(application, QApplication)
+    if not application.styleSheet():
+        application.setStyle("Fusion")
+    language.use("en")
+    theme.apply("light")
+    monkeypatch.setattr("calstation.gui.shell.context.JobQueue", lambda *_: job_queue)
+    site_folder.write(surveyed=False)
+    app = AppContext(site_folder.station)
+    page = StationPage(app)
+    root = QWidget()
+    column = QVBoxLayout(root)
+    assert page.header is not None
+    column.addWidget(page.header)
+    column.addWidget(page, 1)
+    qtbot.addWidget(root)
+    root.resize(1366, 700)
+    root.show()
+    qtbot.waitExposed(root)
+    yield PageDriver(root, page, qtbot)
+    app.engine_link.close()
+    language.use("en")
