@@ -13,7 +13,7 @@ from calstation.gui.history.run_table import Filters, RunTable
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, on_language_change
 from calstation.gui.widgets import Choice, EmptyState, JobWatch, NoticeBar, button, column, split, stack, theme
-from calstation.records import RunRecord
+from calstation.records import RunFilter, RunRecord
 from calstation.results import History, Result, load_result, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Verdict
@@ -61,7 +61,7 @@ class HistoryPage(Page):
         filters = self._filters
         runs = []
         if self.app.runs_folder.is_dir():
-            found = self._history().runs(filters.search, filters.outcome, _MAX_RUNS)
+            found = self._history().runs(RunFilter(filters.search, filters.outcome or ""), _MAX_RUNS)
             runs = [run for run in found if run.started_utc >= filters.since]
         self._stack.setCurrentWidget(self._split if runs else self._nothing)
         self.table.show_runs(runs)
