@@ -320,7 +320,7 @@ def test_details_fit_on_a_small_screen(page: HistoryPage, runs: dict[str, Path],
     shown(page, qtbot)
     select_row(page, 2, qtbot)
     bar = page.details.content_area.horizontalScrollBar()
-    assert bar.maximum() == 0
+    qtbot.waitUntil(lambda: bar.maximum() == 0, timeout=WAIT)
     page.resize(900, 500)
     qtbot.waitUntil(lambda: bar.maximum() > 0 and bar.isVisible(), timeout=WAIT)
 

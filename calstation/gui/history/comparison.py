@@ -30,8 +30,10 @@ from calstation.results import Result
 _SYMBOLS = (("o", "●"), ("s", "■"), ("t1", "▲"), ("d", "◆"), ("t", "▼"), ("star", "★"), ("+", "✚"), ("x", "✖"))
 #: Maximum number of runs that can be compared.
 MAX_COMPARED = len(_SYMBOLS)
-#: Height of a row of the plot that is used for the symbols.
+#: Fraction of a row of the plot that is used for the symbols.
 _ROW_SHARE = 0.7
+#: Height of the horizontal axis with its label, px.
+_AXIS = 7 * theme.GRID
 
 #: Low and high limit of each parameter, SI.
 Limits = dict[str, tuple[float, float]]
@@ -105,6 +107,7 @@ class ComparisonPlot(ThemedPlot):
         self._results = results
         self._limits = {name: limits for result in reversed(results) for name, limits in limits_of(result).items()}
         self._names = [name for name in ordered(names) if name in self._limits]
+        self.setMinimumHeight(theme.BODY * len(self._names) + _AXIS)  # names of parameters do not overlap
         self.getViewBox().reset()
         self.draw()
 

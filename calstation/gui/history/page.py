@@ -17,6 +17,7 @@ from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, on_language_change
 from calstation.gui.widgets import (
     Choice,
+    ElidedLabel,
     EmptyState,
     FileExport,
     JobRow,
@@ -26,7 +27,6 @@ from calstation.gui.widgets import (
     button,
     column,
     enable,
-    label,
     row,
     split,
     stack,
@@ -104,13 +104,15 @@ class HistoryPage(Page):
 
     def _build_actions(self) -> QWidget:
         """Return the number of runs and the actions on all or several of them, or the progress of their job."""
-        self._count_label = label(kind="muted", name="history_count_label")
+        self._count_label = ElidedLabel("muted")
+        self._count_label.setObjectName("history_count_label")
+        self._count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"))
         self._compare_button = button("history_compare_button", lambda: self.tr("Compare"), self._compare)
         self._export_button = button("history_export_button", None, self._export)
         actions = QWidget()
         buttons = (self._clear_button, self._compare_button, self._export_button)
-        row(None, self._count_label, *buttons, on=actions)
+        row((self._count_label, 1), *buttons, on=actions)
         loading = JobRow(self._loader, "comparison_cancel_button")
         return JobStack(actions, loading, JobRow(self.exports.watch, "history_export_cancel_button"))
 

@@ -257,7 +257,7 @@
     <name>RunComparison</name>
     <message>
         <source>Back to the list</source>
-        <extracomment>Symbol of each run in the plot, and the same symbol in the heading of the table. Maximum number of runs that can be compared. Height of a row of the plot that is used for the symbols. Low and high limit of each parameter, SI.</extracomment>
+        <extracomment>Symbol of each run in the plot, and the same symbol in the heading of the table. Maximum number of runs that can be compared. Fraction of a row of the plot that is used for the symbols. Height of the horizontal axis with its label, px. Low and high limit of each parameter, SI.</extracomment>
         <translation>返回列表</translation>
     </message>
     <message>
