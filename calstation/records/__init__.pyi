@@ -63,6 +63,14 @@ from .raw_read import damage_summary as damage_summary
 from .raw_read import raw_rows as raw_rows
 from .raw_read import read_contents as read_contents
 from .raw_read import solved_stages as solved_stages
+from .resolves import OnlineDifference as OnlineDifference
+from .resolves import ResolveRecord as ResolveRecord
+from .resolves import append_resolve as append_resolve
+from .resolves import read_resolves as read_resolves
+from .resolves import resolves_path as resolves_path
 from .run_index import IndexedRun as IndexedRun
+from .run_index import RunChoices as RunChoices
+from .run_index import RunFilter as RunFilter
 from .run_index import RunIndex as RunIndex
 from .run_index import RunRecord as RunRecord
+from .run_index import verdict_of as verdict_of

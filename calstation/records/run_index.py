@@ -11,8 +11,10 @@ from typing import Any, TypeVar
 from pydantic import TypeAdapter
 from sqlalchemy import (
     Column,
+    ColumnElement,
     Connection,
     Engine,
+    Index,
     MetaData,
     Select,
     String,
@@ -22,7 +24,6 @@ from sqlalchemy import (
     event,
     func,
     insert,
-    or_,
     select,
     text,
 )
@@ -30,7 +31,7 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 7
+_VERSION = 8
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -39,6 +40,11 @@ FILE = "history.sqlite"
 _BUSY_S = 5.0
 
 T = TypeVar("T")
+
+
+def verdict_of(outcome: str, *, partial: bool) -> str:
+    """Return the verdict of a run: its outcome, or ``partial`` for a partial run that passed."""
+    return "partial" if partial and outcome == "passed" else outcome
 
 
 @dataclass(frozen=True)
@@ -64,7 +70,7 @@ class RunRecord:
     @property
     def verdict(self) -> str:
         """The outcome, or ``partial`` for a partial run that passed."""
-        return "partial" if self.partial and self.outcome == "passed" else self.outcome
+        return verdict_of(self.outcome, partial=self.partial)
 
 
 @dataclass(frozen=True)
@@ -77,18 +83,46 @@ class IndexedRun:
     values: Mapping[str, float]  #: Solved values by parameter, SI.
 
 
+@dataclass(frozen=True)
+class RunFilter:
+    """Conditions for runs, all of which must hold; "" is no condition."""
+
+    search: str = ""  #: Part of a serial number, file name, product, station or operator.
+    verdict: str = ""
+    product: str = ""
+    station: str = ""
+    operator: str = ""
+    since: str = ""  #: Earliest start, ISO 8601 in UTC without an offset.
+    before: str = ""  #: End of the starts, which is not included, in the same format.
+    names: tuple[str, ...] = ()  #: File names of the logs without suffix; () is no condition.
+
+
+@dataclass(frozen=True)
+class RunChoices:
+    """The values that the runs of a folder have, sorted, and their earliest start, "" if there is no run."""
+
+    products: tuple[str, ...] = ()
+    stations: tuple[str, ...] = ()
+    operators: tuple[str, ...] = ()
+    first_utc: str = ""
+
+
 _RUN = TypeAdapter(IndexedRun)
-#: Searchable columns; `content` is the whole `IndexedRun` as JSON.
+#: Fields of a run that are columns; `text` is what a search finds, `content` the whole `IndexedRun` as JSON.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from")
+#: Columns of the conditions, in an index of their own: a query does not read the contents of other runs.
+_FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "text")
 _metadata = MetaData()
 _runs = Table(
     "runs",
     _metadata,
     Column("name", String, primary_key=True),
     Column("stamp", String, nullable=False),
-    *(Column(name, String, index=name in ("serial", "started_utc")) for name in _SEARCHED),
+    *(Column(name, String, index=name == "serial") for name in _SEARCHED),
+    Column("text", String, nullable=False),
     Column("content", String, nullable=False),
 )
+Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
 
 
 class RunIndex:
@@ -120,15 +154,25 @@ class RunIndex:
 
         self._try(change)
 
-    def find(self, search: str, verdict: str | None, limit: int) -> list[RunRecord]:
-        """Find runs, latest first, by verdict and by text in serial, name, product, station, operator or date."""
-        query = select(_runs).order_by(_runs.c.started_utc.desc(), _runs.c.name.desc()).limit(limit)
-        if search.strip():
-            columns = ("serial", "started_utc", "product", "station", "operator", "name")
-            query = query.where(or_(*(_runs.c[name].icontains(search.strip(), autoescape=True) for name in columns)))
-        if verdict is not None:
-            query = query.where(_runs.c.verdict == verdict)
-        return [run.record for run in self._found(query)]
+    def find(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
+        """Find at most `limit` runs that meet all conditions, the latest first."""
+        order = (_runs.c.started_utc.desc(), _runs.c.name.desc())
+        names = select(_runs.c.name).where(*_conditions(wanted)).order_by(*order).limit(limit)
+        return self._found(select(_runs).where(_runs.c.name.in_(names)).order_by(*order))
+
+    def count(self, wanted: RunFilter) -> int:
+        """Return the number of runs that meet all conditions."""
+        query = select(func.count()).select_from(_runs).where(*_conditions(wanted))
+        return self._try(lambda connection: int(connection.execute(query).scalar_one()))
+
+    def choices(self) -> RunChoices:
+        """Return the values that can be chosen as conditions."""
+        query = select(_runs.c.product, _runs.c.station, _runs.c.operator).distinct()
+        rows = self._try(lambda connection: connection.execute(query).all())
+        begun = select(func.min(_runs.c.started_utc)).where(_runs.c.started_utc != "")
+        first = self._try(lambda connection: connection.execute(begun).scalar())
+        products, stations, operators = (tuple(sorted({row[k] for row in rows if row[k]})) for k in range(3))
+        return RunChoices(products, stations, operators, first or "")
 
     def of(self, serial: str, verdicts: tuple[str, ...] | None = None, before: str | None = None) -> list[IndexedRun]:
         """Return the runs of a unit, latest first, filtered by verdicts and by start before a time (ISO 8601)."""
@@ -145,7 +189,7 @@ class RunIndex:
         query = select(_runs).where(_runs.c.started_utc >= since, _runs.c.verdict.in_(("passed", "failed")))
         return [run.record for run in self._found(query.order_by(_runs.c.started_utc.desc()))]
 
-    def count(self, serial: str) -> int:
+    def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""
         query = select(func.count()).select_from(_runs).where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
@@ -211,6 +255,23 @@ def _create(connection: Connection) -> None:
     _metadata.create_all(connection)
 
 
+def _conditions(wanted: RunFilter) -> list[ColumnElement[bool]]:
+    columns = ("verdict", "product", "station", "operator")
+    conditions = [_runs.c[name] == getattr(wanted, name) for name in columns if getattr(wanted, name)]
+    if wanted.since:
+        conditions.append(_runs.c.started_utc >= wanted.since)
+    if wanted.before:
+        conditions.append(_runs.c.started_utc < wanted.before)
+    if wanted.names:
+        conditions.append(_runs.c.name.in_(wanted.names))
+    if wanted.search.strip():
+        conditions.append(_runs.c.text.contains(wanted.search.strip().casefold(), autoescape=True))
+    return conditions
+
+
 def _row(run: IndexedRun) -> dict[str, Any]:
-    columns = {name: getattr(run.record, name) for name in _SEARCHED}
+    record = run.record
+    columns = {name: getattr(record, name) for name in _SEARCHED}
+    texts = (record.serial, run.name, record.product, record.station, record.operator)
+    columns["text"] = "\n".join(filter(None, texts)).casefold()
     return {"name": run.name, "stamp": run.stamp, **columns, "content": json.dumps(asdict(run), default=str)}

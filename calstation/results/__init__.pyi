@@ -13,6 +13,7 @@ from .handover import HandOver as HandOver
 from .handover import deliver_pending as deliver_pending
 from .handover import register_pending as register_pending
 from .history import History as History
+from .history import load_results as load_results
 from .history import refresh_history as refresh_history
 from .inspection import Inspection as Inspection
 from .inspection import inspect_recording as inspect_recording
@@ -26,7 +27,7 @@ from .model_tests import ModelTests as ModelTests
 from .offline import drop_partial as drop_partial
 from .offline import export_log as export_log
 from .offline import export_result as export_result
-from .offline import in_sigma as in_sigma
+from .offline import export_runs as export_runs
 from .offline import offline_solve as offline_solve
 from .pairs import PairCheckResult as PairCheckResult
 from .pairs import PairConsumer as PairConsumer
@@ -51,7 +52,9 @@ from .resolving import warm_up as warm_up
 from .result import Parameter as Parameter
 from .result import Registers as Registers
 from .result import Result as Result
+from .result import in_sigma as in_sigma
 from .result import load_result as load_result
+from .result import online_difference as online_difference
 from .result import write_json as write_json
 from .shift import ShiftCount as ShiftCount
 from .shift import count_shift as count_shift

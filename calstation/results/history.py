@@ -1,9 +1,9 @@
-"""History of the runs in a folder by serial number, outcome and date, read from an index of the runs' files."""
+"""History of the runs in a folder, which can be filtered, read from an index of the runs' files."""
 
 import json
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 from typing import TypeVar
@@ -14,10 +14,15 @@ from calstation.records import (
     SUFFIX,
     IndexedRun,
     RawLogContents,
+    ResolveRecord,
+    RunChoices,
+    RunFilter,
     RunIndex,
     RunRecord,
     being_written,
     read_contents,
+    read_resolves,
+    resolves_path,
     solved_stages,
 )
 from calstation.results.result import SCHEMA, Result, load_result
@@ -34,6 +39,9 @@ _MAX_ATTEMPTS = 1_000_000
 
 T = TypeVar("T")
 
+#: A filter without conditions.
+NO_FILTER = RunFilter()
+
 
 class History:
     """The runs of a folder. Queries read the index and take milliseconds; `refresh` updates it from the files."""
@@ -41,6 +49,7 @@ class History:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._index = RunIndex(folder)
+        self._resolves: tuple[tuple[int, int] | None, list[ResolveRecord]] = (None, [])  #: With the file's stamp.
 
     def refresh(self, report: Callable[[float], None] | None = None) -> int:
         """Update the index from the folder; return the number of changed runs."""
@@ -61,13 +70,21 @@ class History:
                 report((start + len(names)) / len(changed))
         return count
 
-    def runs(self, search: str = "", verdict: str | None = None, limit: int = 200) -> list[RunRecord]:
-        """Return at most `limit` runs, the latest first.
+    def runs(self, wanted: RunFilter = NO_FILTER, limit: int | None = 200) -> list[RunRecord]:
+        """Return at most `limit` runs that meet all conditions, the latest first."""
+        return [run.record for run in self.indexed(wanted, limit)]
 
-        `search` is part of a serial number, date (``2026-11-21``), product, station, operator or file name; `verdict`
-        is passed, partial, failed, stopped, fault or incomplete, or None for all.
-        """
-        return self._ask(lambda: self._index.find(search, verdict, limit))
+    def indexed(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
+        """Return at most `limit` runs that meet all conditions with their values, the latest first."""
+        return self._ask(lambda: self._index.find(wanted, limit))
+
+    def count(self, wanted: RunFilter) -> int:
+        """Return the number of runs that meet all conditions."""
+        return self._ask(lambda: self._index.count(wanted))
+
+    def choices(self) -> RunChoices:
+        """Return the products, stations and operators of the runs, and their earliest start."""
+        return self._ask(self._index.choices)
 
     def of(self, serial: str) -> list[RunRecord]:
         """Return all runs of a unit, the latest first."""
@@ -94,9 +111,18 @@ class History:
         except (ValueError, IndexError) as exc:
             raise InputError("result.not_a_result", file=record.log, schema=SCHEMA) from exc
 
+    def resolves(self, log: Path) -> list[ResolveRecord]:
+        """Return the offline solutions of a log of the folder, the oldest first. Raises InputError."""
+        path = resolves_path(self._folder)
+        status = path.stat() if path.exists() else None
+        stamp = None if status is None else (status.st_mtime_ns, status.st_size)
+        if stamp != self._resolves[0]:
+            self._resolves = (stamp, read_resolves(self._folder))
+        return [record for record in self._resolves[1] if record.log == log.name]
+
     def attempts(self, serial: str) -> int:
         """Return the number of runs of the unit; a resumed run counts once."""
-        return self._ask(lambda: self._index.count(serial))
+        return self._ask(lambda: self._index.attempts(serial))
 
     def failures(self, serial: str) -> int:
         """Return the number of failures of the unit since it last passed; partial runs that passed do not count."""
@@ -126,6 +152,16 @@ class History:
 def refresh_history(report: ProgressCallback, folder: Path) -> int:
     """Job: update a folder's index; return the number of changed runs."""
     return History(folder).refresh(report)
+
+
+def load_results(report: ProgressCallback, folder: Path, runs: Sequence[RunRecord]) -> list[Result]:
+    """Job: read the results of runs in a folder's index. Raises InputError if one cannot be read."""
+    history = History(folder)
+    results = []
+    for run in runs:
+        results.append(history.result(run))
+        report(len(results) / len(runs))
+    return results
 
 
 def _files(folder: Path) -> dict[str, str]:

@@ -1,21 +1,38 @@
-"""Jobs of the offline page: solving a range of a log with progress, and exporting logs and results."""
+"""Jobs: solving a range of a log with progress, and exporting logs, results and runs."""
 
 import csv
 import io
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
-from calstation.physics import EffectName
-from calstation.records import export_csv, partial_path, write_atomic
+from calstation.physics import INDEX, NAMES, EffectName
+from calstation.records import IndexedRun, RunFilter, RunRecord, export_csv, partial_path, write_atomic
+from calstation.results.history import History
 from calstation.results.plots import StageSpan
 from calstation.results.resolving import Resolved, resolve
-from calstation.results.result import Parameter, Result, write_json
+from calstation.results.result import Result, in_sigma, write_json
 
 #: Measured cost of solving a sample relative to reading it; filters take several passes.
 _BATCH, _FILTER = {"rate": 2.5, "six_position": 1.0}, 10.0
+
+#: First columns of exported runs; the values and sigmas of the parameters follow.
+_RUN_COLUMNS = (
+    "serial",
+    "started_utc",
+    "duration_s",
+    "product",
+    "station",
+    "operator",
+    "attempt",
+    "verdict",
+    "stages",
+    "failed_checks",
+)
 
 
 def offline_solve(
@@ -59,7 +76,7 @@ def export_log(report: ProgressCallback, source: Path, target: Path, first_seq: 
 
 
 def drop_partial(report: ProgressCallback, target: Path) -> None:
-    """Job: remove the partial file of a cancelled `export_log`."""
+    """Job: remove the partial file of a cancelled `export_log` or `export_runs`."""
     partial_path(target).unlink(missing_ok=True)
     report(1.0)
 
@@ -80,15 +97,68 @@ def export_result(report: ProgressCallback, result: Result, stored: Result | Non
     return target
 
 
-def in_sigma(offline: Parameter, online: Parameter) -> float:
-    """Return the difference of two estimates of a parameter, offline minus online, divided by the larger sigma.
+def export_runs(report: ProgressCallback, folder: Path, wanted: RunFilter, target: Path) -> Path:
+    """Job: export the runs of a folder that meet all conditions, the latest first; a failure leaves no file.
 
-    If one estimate uses part of the other's data, the sigma of the difference is never larger than the larger sigma
-    (J. A. Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1).
+    A ``.csv`` file has a row per run with its values and sigmas, SI; any other has a list of their result JSONs, in
+    which a run without a result is missing. Raises InputError if a result cannot be read, ConfigurationError if the
+    file cannot be written.
     """
-    difference = offline.value - online.value
-    sigma = max(offline.sigma, online.sigma)
-    return difference / sigma if sigma > 0.0 else 0.0 if difference == 0.0 else float("inf")
+    history = History(folder)
+    runs = history.indexed(wanted)
+    rows = _run_rows(history, runs) if target.suffix == ".csv" else _run_results(history, runs)
+    partial = partial_path(target)
+    try:
+        with partial.open("w", encoding="utf-8", newline="") as stream:
+            for done, text in enumerate(rows):
+                stream.write(text)
+                report(min(done / (len(runs) + 1), 0.99))
+        partial.replace(target)
+    except OSError as exc:
+        raise ConfigurationError("result.unwritable", file=target, reason=os_reason(exc)) from exc
+    finally:
+        with suppress(OSError):
+            partial.unlink()
+    return target
+
+
+def _result_of(history: History, run: RunRecord) -> Result | None:
+    """Return the result of a run; None for one that did not end and was not closed."""
+    return None if run.outcome == "incomplete" and run.result is None else history.result(run)
+
+
+def _run_results(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
+    """Return the text of a list of result JSONs in pieces, one for each result."""
+    begin = "["
+    for run in runs:
+        result = _result_of(history, run.record)
+        if result is not None:
+            yield begin + "\n" + json.dumps(result.to_json(), allow_nan=False, ensure_ascii=False)
+            begin = ","
+    yield "[]\n" if begin == "[" else "\n]\n"
+
+
+def _run_rows(history: History, runs: Sequence[IndexedRun]) -> Iterator[str]:
+    """Return the header row, then the row of each run."""
+    found = dict.fromkeys(name for run in runs for name in run.values)
+    names = [*(name for name in NAMES if name in found), *(name for name in found if name not in INDEX)]
+    yield _csv_row([*_RUN_COLUMNS, *(column for name in names for column in (name, f"{name}_sigma"))])
+    for run in runs:
+        record = run.record
+        result = _result_of(history, record)
+        failed = [check.name for check in result.failed_checks] if result is not None and result.judged else []
+        cells = [record.serial, record.started_utc, repr(record.duration), record.product, record.station]
+        cells += [record.operator, str(record.attempt), record.verdict, " ".join(record.stages), "; ".join(failed)]
+        rows = {} if result is None else result.parameters
+        for name in names:
+            cells += [repr(rows[name].value), repr(rows[name].sigma)] if name in rows else ["", ""]
+        yield _csv_row(cells)
+
+
+def _csv_row(cells: Sequence[str | None]) -> str:
+    stream = io.StringIO()
+    csv.writer(stream, lineterminator="\n").writerow(cells)
+    return stream.getvalue()
 
 
 def _parameters_csv(result: Result, stored: Result | None) -> str:

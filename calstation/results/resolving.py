@@ -2,30 +2,35 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config import gravity_contradiction, unconfirmed_latitude, unconfirmed_site
+from calstation import __version__
+from calstation.config import computer_user, gravity_contradiction, unconfirmed_latitude, unconfirmed_site
 from calstation.errors import ConfigurationError, InputError, InsufficientDataError
 from calstation.estimation.common import PositionResidual
 from calstation.estimation.navigation import warm_up as compile_kernels
 from calstation.jobs import ProgressCallback
-from calstation.messages import Text, sentence
+from calstation.messages import Text, os_reason, sentence
 from calstation.physics import EffectName
 from calstation.records import (
     SUFFIX,
     Log,
     LogMeta,
     ModelSection,
+    ResolveRecord,
+    append_resolve,
     damage_summary,
     offline_online,
     open_log,
+    resolves_path,
     solved_stages,
 )
 from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
 from calstation.results.judgement import Ending, build_result, judge, solved_parameters
-from calstation.results.result import SCHEMA, DamagedRange, Result, load_result
+from calstation.results.result import SCHEMA, DamagedRange, Result, load_result, online_difference
 from calstation.results.solver_chain import SolveProgress, one_blas_thread, solve
 
 
@@ -60,7 +65,9 @@ def resolve(
     Without `stages`, stages of the log that lack data are skipped; the result can then fail but not pass. Damaged rows
     are treated as gaps and reported by the message ``log_damaged``. `progress` is called periodically. With
     `residuals`, the log is read a second time for the residuals per rest and move. `states` are estimated beside those
-    of the log's model; the result then says so and is not compared with the stored one.
+    of the log's model; the result then says so and is not checked against the stored one.
+
+    The solution is recorded beside the log; if that fails, the message ``resolve_unrecorded`` says so.
 
     Raises InputError or ConfigurationError if the log cannot be used or solved.
     """
@@ -76,8 +83,8 @@ def resolve(
     solutions, missing = tuple(chain.solutions), chain.missing_data
     judgement = judge(meta, chain.prior, solutions)
     section = meta.product.checks if meta.product is not None else None
-    stored = None if section is None or added else stored_result(log)
-    if section is not None and stored is not None:
+    stored = stored_result(log)
+    if section is not None and stored is not None and not added:
         both = (solved_parameters(solutions), stored.parameters)
         offline, online = ({name: row.model_dump() for name, row in rows.items()} for rows in both)
         judgement = judgement.with_more(offline_online(section, offline, online))
@@ -108,7 +115,29 @@ def resolve(
     if residuals:
         with one_blas_thread():
             by_stage = {d.stage: d.residuals for d in stage_diagnostics(log, chain, first_seq, last_seq)}
+    try:
+        append_resolve(path.absolute().parent, _record_of(path, result, stored))
+    except OSError as exc:
+        file = resolves_path(path.parent)
+        messages.append(("resolve_unrecorded", {"file": str(file), "reason": os_reason(exc)}))
     return Resolved(result, tuple(messages), tuple(missing.values()), by_stage)
+
+
+def _record_of(path: Path, result: Result, stored: Result | None) -> ResolveRecord:
+    return ResolveRecord(
+        utc=datetime.now(UTC).isoformat(timespec="seconds"),
+        by=computer_user(),
+        log=path.name,
+        log_sha256=result.log.sha256,
+        first_seq=result.log.first_seq,
+        last_seq=result.log.last_seq,
+        stages=tuple(result.stages),
+        states_added=tuple(result.states_added),
+        software=__version__,
+        configuration_sha256=result.configuration_sha256,
+        passed=result.passed,
+        difference=None if stored is None else online_difference(result, stored),
+    )
 
 
 def _with_states(meta: LogMeta, states: tuple[EffectName, ...]) -> tuple[LogMeta, list[str]]:

@@ -13,7 +13,7 @@ from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
 from calstation.messages import known, os_reason, values_from_json
 from calstation.physics import EffectName
-from calstation.records import Check, FileSection, write_atomic
+from calstation.records import Check, FileSection, OnlineDifference, verdict_of, write_atomic
 
 SCHEMA = "calstation.result/1"
 
@@ -213,7 +213,12 @@ class Result(_Section):
     @property
     def verdict(self) -> str:
         """The outcome, or ``partial`` for a partial run that passed."""
-        return "partial" if self.partial and self.outcome == "passed" else self.outcome
+        return verdict_of(self.outcome, partial=self.partial)
+
+    @property
+    def judged(self) -> bool:
+        """Whether the run reached its end, so that its values are compared with the limits."""
+        return self.outcome not in ("stopped", "fault", "incomplete")
 
     @property
     def solved_stages(self) -> list[str]:
@@ -256,6 +261,27 @@ class Result(_Section):
     def verified(self) -> bool:
         """Whether registers were written and the unit's output agrees with them."""
         return self.registers is not None and self.registers.verified
+
+
+def in_sigma(later: Parameter, earlier: Parameter, *, independent: bool = False) -> float:
+    """Return the difference of two estimates of a parameter, later minus earlier, in sigmas of the difference.
+
+    If one estimate uses part of the other's data, the sigma of the difference is never larger than the larger sigma
+    (J. A. Hausman, *Specification Tests in Econometrics*, Econometrica 46(6), 1978, lemma 2.1), which is then used;
+    with `independent` data, the sigmas are added in quadrature.
+    """
+    difference = later.value - earlier.value
+    sigma = math.hypot(later.sigma, earlier.sigma) if independent else max(later.sigma, earlier.sigma)
+    return difference / sigma if sigma > 0.0 else 0.0 if difference == 0.0 else float("inf")
+
+
+def online_difference(offline: Result, online: Result) -> OnlineDifference:
+    """Return the largest difference between the parameters solved offline and those of the run."""
+    both = [{name: (p.value, p.sigma) for name, p in each.parameters.items()} for each in (offline, online)]
+    common = [name for name in offline.parameters if name in online.parameters]
+    sigmas = {name: abs(in_sigma(offline.parameters[name], online.parameters[name])) for name in common}
+    largest = max(common, key=lambda name: sigmas[name], default="")
+    return OnlineDifference(bool(common) and both[0] == both[1], largest, plain(sigmas.get(largest)))
 
 
 def load_result(path: Path) -> Result:

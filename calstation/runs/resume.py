@@ -19,6 +19,7 @@ from calstation.records import (
     Log,
     LogMeta,
     RawLogWriter,
+    RunFilter,
     RunRecord,
     being_written,
     open_log,
@@ -60,7 +61,8 @@ def resumable(folder: Path) -> list[Resumable]:
     history.refresh()
     found: list[Resumable] = []
     seen: set[str] = set()
-    records = [r for outcome in ("stopped", "fault", "incomplete") for r in history.runs(verdict=outcome) if r.stages]
+    filters = [RunFilter(verdict=outcome) for outcome in ("stopped", "fault", "incomplete")]
+    records = [run for wanted in filters for run in history.runs(wanted) if run.stages]
     for record in sorted(records, key=lambda r: r.started_utc, reverse=True):
         if record.serial in seen:
             continue

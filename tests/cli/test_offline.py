@@ -29,6 +29,19 @@ def test_json_on_standard_output_is_nothing_but_json(calstation: Callable[..., D
     assert abs(done.json["parameters"]["accel_scale_x"]["value"]) < 1e-3
 
 
+def test_a_solution_is_recorded_or_a_message_says_why_not(calstation: Callable[..., Done], tmp_path: Path) -> None:
+    log = write_log(tmp_path, six_position_rows())
+    assert calstation("resolve", log, "--from", 10).code == 0
+    (record,) = map(json.loads, (tmp_path / "resolves.jsonl").read_text("utf-8").splitlines())
+    assert (record["log"], record["first_seq"], record["stages"]) == (log.name, 10, ["six_position"])
+    (tmp_path / "resolves.jsonl").unlink()
+    (tmp_path / "resolves.jsonl").mkdir()
+    done = calstation("resolve", log)
+    assert done.code == 0
+    assert "The solution is not recorded" in done.err
+    assert "accel_scale_x" in done.out
+
+
 def test_json_to_a_file(calstation: Callable[..., Done], tmp_path: Path) -> None:
     target = tmp_path / "result.json"
     assert calstation("resolve", write_log(tmp_path, six_position_rows()), "--json", target).code == 0

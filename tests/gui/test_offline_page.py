@@ -227,6 +227,17 @@ def test_the_same_log_gives_the_same_result_bit_for_bit(page: OfflinePage, run_l
     assert set(cells(page, "unit")) == set(map(parameter_text, stored))
 
 
+def test_a_solution_that_cannot_be_recorded_is_shown_all_the_same(
+    page: OfflinePage, run_log: Path, tmp_path: Path, qtbot: QtBot
+) -> None:
+    log = Path(shutil.copy(run_log, tmp_path))
+    (tmp_path / "resolves.jsonl").mkdir()
+    opened(page, log, qtbot)
+    solve(page, qtbot)
+    assert page.comparison.difference_badge.text() == "Identical bit for bit"
+    assert "The solution is not recorded" in page.comparison.note_label.text()
+
+
 def test_a_range_entered_in_the_boxes_is_solved(page: OfflinePage, run_log: Path, qtbot: QtBot) -> None:
     opened(page, run_log, qtbot)
     assert page.log is not None

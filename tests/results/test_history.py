@@ -11,7 +11,7 @@ import pytest
 
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
-from calstation.records.run_index import FILE
+from calstation.records.run_index import FILE, RunFilter
 from calstation.results import history as history_module
 from calstation.results.history import History, refresh_history
 from calstation.runs.incomplete import recover_startup
@@ -59,12 +59,11 @@ def three(tmp_path: Path) -> Path:
 def test_runs_are_found_latest_first(three: Path) -> None:
     history = refreshed(three)
     assert [run.log.stem for run in history.runs()] == ["c", "b", "a"]
-    assert [run.log.stem for run in history.runs("sn-1")] == ["b", "a"]
-    assert [run.log.stem for run in history.runs("2026-11-02")] == ["b"]
-    assert [run.log.stem for run in history.runs(verdict="stopped")] == ["c"]
-    assert [run.log.stem for run in history.runs("SN-1", "passed", limit=1)] == ["b"]
-    assert history.runs("100%_") == []
-    (run,) = history.runs("SN-2")
+    assert [run.log.stem for run in history.runs(RunFilter("sn-1"))] == ["b", "a"]
+    assert [run.log.stem for run in history.runs(RunFilter(verdict="stopped"))] == ["c"]
+    assert [run.log.stem for run in history.runs(RunFilter("SN-1", "passed"), limit=1)] == ["b"]
+    assert history.runs(RunFilter("100%_")) == []
+    (run,) = history.runs(RunFilter("SN-2"))
     assert (run.serial, run.outcome, run.stages, run.error) == ("SN-2", "stopped", ("rate",), "no answer")
     assert (run.log, run.result) == (three / "c.h5", three / "c.json")
 
@@ -88,9 +87,9 @@ def test_a_partial_run_that_passed_is_no_pass(three: Path) -> None:
     assert passed.log.stem == "b"
     assert history.passed_before("SN-2") is None
     assert history.failures("SN-1") == 2
-    assert [run.log.stem for run in history.runs(verdict="passed")] == ["b"]
-    assert [run.log.stem for run in history.runs(verdict="partial")] == ["p", "n5"]
-    assert [run.verdict for run in history.runs("SN-2")] == ["partial", "stopped"]
+    assert [run.log.stem for run in history.runs(RunFilter(verdict="passed"))] == ["b"]
+    assert [run.log.stem for run in history.runs(RunFilter(verdict="partial"))] == ["p", "n5"]
+    assert [run.verdict for run in history.runs(RunFilter("SN-2"))] == ["partial", "stopped"]
     assert [run.log.stem for run in history.passed("SN-1")] == ["n5", "b"], "a calibration may come from either"
 
 
@@ -195,7 +194,7 @@ def test_a_closed_log_without_a_result_is_an_incomplete_run(tmp_path: Path) -> N
     assert history.runs() == []
     shutil.copyfile(log, tmp_path / "y.h5")
     history.refresh()
-    (run,) = history.runs(verdict="incomplete")
+    (run,) = history.runs(RunFilter(verdict="incomplete"))
     assert (run.serial, run.log, run.result) == ("SN-7", tmp_path / "y.h5", None)
     writer.close("stopped")
     history.refresh()

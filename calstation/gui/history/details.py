@@ -9,6 +9,8 @@ from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QColor, QPen
 from PySide6.QtWidgets import QComboBox, QFormLayout, QFrame, QSizePolicy, QWidget
 
+from calstation.gui.history.comparison import limits_of
+from calstation.gui.history.resolves_table import ResolvesTable
 from calstation.gui.history.run_table import stages_text
 from calstation.gui.operator import FiguresTable, LabelButton, advice
 from calstation.gui.text import (
@@ -77,6 +79,7 @@ class Trend(QWidget):
         self._plot = ThemedPlot(zoom=True)
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._plot.getAxis("left").setWidth(8 * theme.GRID)
+        self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # date and time, one below the other
         bind(self._plot.setAccessibleName, lambda: self.tr("The parameter over the unit's runs"))
         column(row((caption, 1), self._combo), (self._plot, 1), on=self, spacing=theme.GRID // 2)
         theme.themes.changed.connect(self.draw)
@@ -127,7 +130,7 @@ class Trend(QWidget):
         edge = 0.5 + _DATE_MARGIN * len(runs)
         plot.setXRange(-edge, max(len(runs), 2) - 1 + edge, padding=0)
         step = max(1, -(-len(runs) // _MAX_DATES))
-        dates = [(i, local_time(runs[i].record.started_utc)[2:10]) for i in range(0, len(runs), step)]
+        dates = [(i, local_time(runs[i].record.started_utc).replace(" ", "\n")) for i in range(0, len(runs), step)]
         plot.getAxis("bottom").setTicks([dates])
         plot.setLabel("left", display(name, 0.0)[1])
 
@@ -149,6 +152,7 @@ class RunDetails(QFrame):
         self._figures, self._facts = FiguresTable(), QFormLayout()
         self._facts.setHorizontalSpacing(2 * theme.GRID)
         self._facts.setVerticalSpacing(theme.GRID // 2)
+        self.resolves = ResolvesTable()
         self.trend = Trend()
         self.trend.setMinimumHeight(22 * theme.GRID)
         self.result_button = button("history_result_button", lambda: self.tr("Result"))
@@ -171,9 +175,7 @@ class RunDetails(QFrame):
         """Show a run with its result, the solved runs of the same unit, oldest first, and the possible actions."""
         self._run, self._result, self._actions = run, result, actions
         self._label_button.offer(result, run.result)
-        checks = result.checks if result is not None else []
-        limits = {c.subject: c.limit for c in checks if c.kind == "within" and isinstance(c.limit, tuple)}
-        self.trend.show_runs(unit_runs, run.log.stem, limits)
+        self.trend.show_runs(unit_runs, run.log.stem, {} if result is None else limits_of(result))
         self._show()
 
     def allow(self, actions: Actions) -> None:
@@ -184,11 +186,12 @@ class RunDetails(QFrame):
 
     def _lay_out(self) -> None:
         content = QWidget()
-        items = (self.reason_label, self.failed_label, self._figures, self._facts, None)
+        items = (self.reason_label, self.failed_label, self._figures, self._facts, self.resolves, None)
         column(*items, on=content, spacing=2 * theme.GRID, margins=(0, 0, theme.GRID, 0))
+        self.content_area = scroll_area(content)
         column(
             row((self._serial, 1), self.badge),
-            (scroll_area(content, wide=False), 5),
+            (self.content_area, 5),
             (self.trend, 3),
             row((self.resume_button, 1), (self.close_button, 1)),
             row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button, self._label_button))),
@@ -204,7 +207,7 @@ class RunDetails(QFrame):
         self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.verdict))
         self.reason_label.setText(self._reason(run))
         lines = []
-        if result is not None:
+        if result is not None and result.judged:
             failed = result.failed_checks
             lines = [f"✕  {advice.failed_check_text(check, result)}" for check in failed[:_MAX_FAILED]]
             if len(failed) > _MAX_FAILED:

@@ -1,21 +1,40 @@
-"""The History page: finished and incomplete runs, filtered by serial number, outcome and time."""
+"""The History page: finished and incomplete runs, which can be filtered, compared and exported."""
 
 from functools import partial
 from pathlib import Path
 
 from PySide6.QtCore import Qt, QUrl, SignalInstance
 from PySide6.QtGui import QDesktopServices, QGuiApplication, QKeySequence, QShortcut, QShowEvent
+from PySide6.QtWidgets import QWidget
 
 from calstation.config import computer_user
 from calstation.errors import InputError
+from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import Actions, RunDetails
-from calstation.gui.history.run_table import Filters, RunTable
+from calstation.gui.history.filters import Filters
+from calstation.gui.history.run_table import RunTable
 from calstation.gui.operator import LabelButton
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, on_language_change
-from calstation.gui.widgets import Choice, EmptyState, JobWatch, NoticeBar, button, column, split, stack, theme
-from calstation.records import RunRecord
-from calstation.results import History, Result, load_result, refresh_history
+from calstation.gui.widgets import (
+    Choice,
+    ElidedLabel,
+    EmptyState,
+    FileExport,
+    JobRow,
+    JobStack,
+    JobWatch,
+    NoticeBar,
+    button,
+    column,
+    enable,
+    row,
+    split,
+    stack,
+    theme,
+)
+from calstation.records import RunFilter, RunRecord
+from calstation.results import History, Result, export_runs, load_result, load_results, refresh_history
 from calstation.runs import Resumable, close_incomplete_job, find_resumable
 from calstation.sequencer import Event, Verdict
 
@@ -32,23 +51,33 @@ class HistoryPage(Page):
         self._refresher, self._offers, self._closer = JobWatch(self), JobWatch(self), JobWatch(self)
         self._resumable: frozenset[Path] = frozenset()
         self._index: tuple[Path, History] | None = None
-        self._filters, self.table = Filters(), RunTable()
+        self._compared: tuple[RunRecord, ...] = ()
+        self._count = 0
+        self.table = RunTable()
         bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
         self.notice = NoticeBar("history_notice")
         self.details = RunDetails(LabelButton(app, "history_label_button", self.notice, self.table.setFocus))
-        self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"), self._filters.clear)
-        self._nothing = EmptyState(self._clear_button)
-        self._split = split((self.table, 14), (self.details, 9), handle=2 * theme.GRID)
+        self.exports = FileExport(app.job_queue, self, self.notice, self.table.setFocus)
+        self._loader = JobWatch(self)
+        self._filters = Filters(self._build_actions())
+        self._clear_button.clicked.connect(self._filters.clear)
+        self._nothing = EmptyState()
+        self._split = split((self.table, 25), (self.details, 21), handle=2 * theme.GRID)
         self._stack = stack(self._nothing, self._split)
+        runs = QWidget()
+        column(self._filters, (self._stack, 1), on=runs)
+        self._comparison = RunComparison(self._show_list)
+        self._views = stack(runs, self._comparison)
         wide = 2 * theme.GRID
-        column(self._filters, self.notice, (self._stack, 1), on=self, margins=(wide, theme.GRID, wide, wide))
+        column(self.notice, (self._views, 1), on=self, margins=(wide, theme.GRID, wide, wide))
         self._connect()
-        on_language_change(self, self._show_nothing)
+        on_language_change(self, self._show_texts)
 
     @property
     def busy(self) -> bool:
         """Whether a background job of the page is running."""
-        return self._refresher.busy or self._offers.busy or self._closer.busy
+        watches = (self._refresher, self._offers, self._closer, self._loader, self.exports.watch)
+        return any(watch.busy for watch in watches)
 
     def refresh(self) -> None:
         """Update the index from the folder, then list the runs."""
@@ -60,19 +89,34 @@ class HistoryPage(Page):
 
     def show_runs(self) -> None:
         """List the indexed runs that match the filters."""
-        filters = self._filters
-        runs = []
+        runs: list[RunRecord] = []
+        self._count = 0
         if self.app.runs_folder.is_dir():
-            found = self._history().runs(filters.search, filters.outcome, _MAX_RUNS)
-            runs = [run for run in found if run.started_utc >= filters.since]
+            wanted = self._filters.wanted
+            runs = self._history().runs(wanted, _MAX_RUNS)
+            self._count = self._history().count(wanted) if len(runs) == _MAX_RUNS else len(runs)
         self._stack.setCurrentWidget(self._split if runs else self._nothing)
         self.table.show_runs(runs)
-        self._show_nothing()
+        self._show_texts()
 
     def showEvent(self, event: QShowEvent) -> None:
         """List the indexed runs immediately, and update the list when the folder has been read."""
         super().showEvent(event)
         self._list_visible()
+
+    def _build_actions(self) -> QWidget:
+        """Return the number of runs and the actions on all or several of them, or the progress of their job."""
+        self._count_label = ElidedLabel("muted")
+        self._count_label.setObjectName("history_count_label")
+        self._count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self._clear_button = button("history_clear_button", lambda: self.tr("Show all runs"))
+        self._compare_button = button("history_compare_button", lambda: self.tr("Compare"), self._compare)
+        self._export_button = button("history_export_button", None, self._export)
+        actions = QWidget()
+        buttons = (self._clear_button, self._compare_button, self._export_button)
+        row((self._count_label, 1), *buttons, on=actions)
+        loading = JobRow(self._loader, "comparison_cancel_button")
+        return JobStack(actions, loading, JobRow(self.exports.watch, "history_export_cancel_button"))
 
     def _connect(self) -> None:
         details, app = self.details, self.app
@@ -84,10 +128,14 @@ class HistoryPage(Page):
         details.folder_button.clicked.connect(self._open_folder)
         details.resume_button.clicked.connect(lambda: self._emit_log(app.resume_run))
         details.close_button.clicked.connect(self._close_run)
-        self._refresher.done.connect(lambda _: self.show_runs())
+        self.table.chosen_changed.connect(self._show_texts)
+        self._loader.done.connect(self._show_comparison)
+        self.exports.watch.busy_changed.connect(self.notice.dismiss)
+        self._refresher.done.connect(self._show_refreshed)
         unread, focus = lambda: self.tr("The runs could not be read"), self.table.setFocus
         self.notice.report_failures(self._refresher, unread, focus)
         self.notice.report_failures(self._offers, unread, focus)
+        self.notice.report_failures(self._loader, lambda: self.tr("The runs cannot be compared"), focus)
         self.notice.report_failures(self._closer, lambda: self.tr("The run was not closed"), focus)
         self._offers.done.connect(self._show_resumable)
         for ended in (self._closer.done, self._closer.failed):
@@ -106,8 +154,14 @@ class HistoryPage(Page):
 
     def _list_visible(self) -> None:
         if self.isVisible():
-            self.show_runs()
+            self._show_refreshed()
             self.refresh()
+
+    def _show_refreshed(self, _: object = None) -> None:
+        """List the runs of the index and the values that they have."""
+        if self.app.runs_folder.is_dir():
+            self._filters.show_choices(self._history().choices())
+        self.show_runs()
 
     def _history(self) -> History:
         """Return the index of the current folder; it stays open because opening takes longer than a query."""
@@ -120,6 +174,10 @@ class HistoryPage(Page):
         self.details.setVisible(run is not None)
         if run is not None:
             self.details.show_run(run, _result(run), self._history().solved(run.serial), self._actions())
+            try:
+                self.details.resolves.show_records(self._history().resolves(run.log), None)
+            except InputError as error:
+                self.details.resolves.show_records((), error)
 
     def _actions(self) -> Actions:
         run = self.table.run
@@ -164,12 +222,59 @@ class HistoryPage(Page):
             self._closer.watch(job)
             self._update()
 
-    def _show_nothing(self) -> None:
-        self._filters.show_count(len(self.table.runs), _MAX_RUNS)
-        active = self._filters.active
-        self._clear_button.setVisible(active)
-        if active:
-            self._nothing.say(self.tr("No run matches"), self.tr("Search for less, or show every outcome and time."))
+    # ---- actions on several runs
+
+    def _compare(self) -> None:
+        """Read the results of the selected runs, and compare them in the order of time."""
+        self._compared = self.table.chosen[::-1]
+        self._loader.watch(self.app.job_queue.submit(load_results, self.app.runs_folder, self._compared))
+
+    def _show_comparison(self, results: list[Result]) -> None:
+        self.notice.dismiss()
+        self._comparison.show_runs(self._compared, results)
+        self._views.setCurrentWidget(self._comparison)
+        self._comparison.focus()
+
+    def _show_list(self) -> None:
+        self._views.setCurrentIndex(0)
+        self.table.setFocus()
+
+    def _export(self) -> None:
+        """Export the selected runs if there are several, otherwise all that match the filters."""
+        folder, wanted = self.app.runs_folder, self._filters.wanted
+        if len(self.table.chosen) > 1:
+            wanted = RunFilter(names=tuple(run.log.stem for run in self.table.chosen))
+        self.exports.ask(
+            self.tr("Export runs"),
+            folder.absolute().parent / "runs.csv",
+            ["CSV (*.csv)", "JSON (*.json)"],
+            lambda target: (export_runs, folder, wanted, target),
+        )
+
+    def _why_not_compare(self) -> str:
+        chosen = self.table.chosen
+        if not 2 <= len(chosen) <= MAX_COMPARED:
+            return self.tr("Select 2 to {0} runs with Ctrl or Shift").format(MAX_COMPARED)
+        if any(run.outcome == "incomplete" for run in chosen):
+            return self.tr("An incomplete run has no values to compare")
+        return ""
+
+    def _show_texts(self) -> None:
+        """Show the number of runs, the possible actions on them, and the text of an empty list."""
+        listed, chosen = len(self.table.runs), len(self.table.chosen)
+        text = self.tr("{0} runs, {1} shown").format(self._count, listed)
+        if self._count == listed:
+            text = self.tr("1 run") if listed == 1 else self.tr("{0} runs").format(listed)
+        self._count_label.setText(text)
+        filtered = self._filters.wanted != RunFilter()
+        self._clear_button.setVisible(filtered)
+        enable(self._compare_button, self._why_not_compare(), self.tr("Show the values of these runs side by side"))
+        self._export_button.setText(self.tr("Export selection…") if chosen > 1 else self.tr("Export list…"))
+        count = chosen if chosen > 1 else self._count
+        tip = self.tr("Runs that are exported: {0}").format(count)
+        enable(self._export_button, "" if count else self.tr("There is no run to export"), tip)
+        if filtered:
+            self._nothing.say(self.tr("No run matches"), self.tr("Search for less, or show all runs."))
         else:
             self._nothing.say(
                 self.tr("Every run will be listed here"),

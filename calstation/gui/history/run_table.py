@@ -1,28 +1,16 @@
-"""Filters for the listed runs, and the table of runs: outcome, unit, time, operator, duration and stages."""
+"""The table of runs: outcome, unit, time, operator, duration and stages."""
 
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
 
-from PySide6.QtCore import QCoreApplication, QModelIndex, Qt, QTimer, Signal
+from PySide6.QtCore import QCoreApplication, QItemSelection, QItemSelectionModel, QModelIndex, Qt, Signal
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import (
-    QAbstractItemView,
-    QComboBox,
-    QHeaderView,
-    QLineEdit,
-    QTableWidget,
-    QTableWidgetItem,
-    QWidget,
-)
+from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableWidget, QTableWidgetItem
 
-from calstation.gui.text import KINDS, bind, duration_text, on_language_change, product_text, term
-from calstation.gui.widgets import label, row, state_colour, state_icon, theme
+from calstation.gui.text import KINDS, duration_text, on_language_change, product_text, term
+from calstation.gui.widgets import state_colour, state_icon, theme
 from calstation.messages import local_time
 from calstation.records import RunRecord
 
-#: Choices of outcome, and of the number of past days; None for all.
-_OUTCOMES = (None, "passed", "partial", "failed", "stopped", "fault", "incomplete")
-_DAYS = (None, 1, 7, 30, 365)
 #: Columns hidden first if there is too little space: attempt, operator, product; the details also show them.
 _HIDDEN_FIRST = (4, 5, 3)
 _OUTCOME, _STARTED, _STAGES = 0, 2, 7
@@ -30,81 +18,11 @@ _OUTCOME, _STARTED, _STAGES = 0, 2, 7
 _NUMBERS = (4, 6)
 
 
-class Filters(QWidget):
-    """Inputs that filter the runs; emits `changed` when a filter changes."""
-
-    changed = Signal()
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.search_edit, self._outcome, self._time = QLineEdit(), QComboBox(), QComboBox()
-        self.search_edit.setObjectName("history_search_edit")
-        self.search_edit.setClearButtonEnabled(True)
-        bind(self.search_edit.setPlaceholderText, lambda: self.tr("Serial number, date, product, operator"))
-        caption = label(lambda: self.tr("Search"), buddy=self.search_edit)
-        for combo, name, entries in ((self._outcome, "outcome", _OUTCOMES), (self._time, "time", _DAYS)):
-            combo.setObjectName(f"history_{name}_combo")
-            for entry in entries:
-                combo.addItem("", entry)
-            combo.currentIndexChanged.connect(lambda _: self.changed.emit())
-        bind(self._outcome.setAccessibleName, lambda: self.tr("Outcome"))
-        bind(self._time.setAccessibleName, lambda: self.tr("Time"))
-        self._count = label(kind="muted")
-        row(caption, (self.search_edit, 1), self._outcome, self._time, self._count, on=self)
-        self._timer = QTimer(self, singleShot=True, interval=150)
-        self._timer.timeout.connect(self.changed)
-        self.search_edit.textChanged.connect(lambda _: self._timer.start())
-        on_language_change(self, self._name_entries)
-
-    @property
-    def search(self) -> str:
-        """The search text."""
-        return self.search_edit.text().strip()
-
-    @property
-    def outcome(self) -> str | None:
-        """The selected outcome, None for all."""
-        return _OUTCOMES[self._outcome.currentIndex()]
-
-    @property
-    def since(self) -> str:
-        """The earliest start time to list, ISO 8601 in UTC, "" for any."""
-        days = _DAYS[self._time.currentIndex()]
-        if days is None:
-            return ""
-        midnight = datetime.now().astimezone().replace(hour=0, minute=0, second=0, microsecond=0)
-        return (midnight - timedelta(days=days - 1)).astimezone(UTC).isoformat()
-
-    @property
-    def active(self) -> bool:
-        """Whether any filter is set."""
-        return bool(self.search or self.outcome or self.since)
-
-    def clear(self) -> None:
-        """Reset all filters."""
-        self.search_edit.clear()
-        self._outcome.setCurrentIndex(0)
-        self._time.setCurrentIndex(0)
-
-    def show_count(self, count: int, most: int) -> None:
-        """Show the number of runs listed; if it reaches `most`, there may be more."""
-        text = self.tr("the latest {0} runs") if count >= most else self.tr("runs: {0}")
-        self._count.setText(text.format(count))
-
-    def _name_entries(self) -> None:
-        for index, outcome in enumerate(_OUTCOMES):
-            self._outcome.setItemText(index, term("badge", outcome) if outcome else self.tr("Every outcome"))
-        for index, days in enumerate(_DAYS):
-            text = self.tr("Last {0} days").format(days)
-            if days is None or days == 1:
-                text = self.tr("Any time") if days is None else self.tr("Today")
-            self._time.setItemText(index, text)
-
-
 class RunTable(QTableWidget):
-    """Lists runs, the latest first; emits `selected(run)`, with None if there is no run."""
+    """Lists runs, the latest first; emits `selected(run)`, with None if there is no run, and `chosen_changed`."""
 
     selected = Signal(object)
+    chosen_changed = Signal()
 
     def __init__(self) -> None:
         super().__init__(0, _STAGES + 1)
@@ -113,7 +31,7 @@ class RunTable(QTableWidget):
         self.setFont(theme.font())
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
         self.setSelectionBehavior(QAbstractItemView.SelectionBehavior.SelectRows)
-        self.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        self.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
         self.setAlternatingRowColors(True)
         self.setShowGrid(False)
         self.setTabKeyNavigation(False)
@@ -126,25 +44,35 @@ class RunTable(QTableWidget):
         header.setStretchLastSection(True)
         header.setResizeContentsPrecision(0)  # columns are as wide as the visible rows need
         self.selectionModel().currentRowChanged.connect(self._row_changed)
+        self.selectionModel().selectionChanged.connect(lambda *_: self.chosen_changed.emit())
         theme.themes.changed.connect(self._fill_rows)
         on_language_change(self, self._refresh)
 
     @property
     def run(self) -> RunRecord | None:
-        """The selected run, None if there is none."""
+        """The run selected last, None if there is none."""
         number = self.currentRow()
         return self.runs[number] if 0 <= number < len(self.runs) else None
 
+    @property
+    def chosen(self) -> tuple[RunRecord, ...]:
+        """All selected runs, the latest first."""
+        return tuple(self.runs[number] for number in sorted({index.row() for index in self.selectedIndexes()}))
+
     def show_runs(self, runs: Sequence[RunRecord]) -> None:
-        """Show these runs; the selected run stays selected if it is among them, otherwise select the latest."""
+        """Show these runs; selected runs among them stay selected, otherwise the latest is selected."""
         log = self.run.log if self.run is not None else None
+        chosen = {run.log for run in self.chosen}
         self.setRowCount(0)
         self.runs = tuple(runs)
         self.setRowCount(len(runs))
         self._fill_rows()
         self._share_width()
         if runs:
-            self.selectRow(next((i for i, run in enumerate(runs) if run.log == log), 0))
+            self._select(
+                next((i for i, run in enumerate(runs) if run.log == log), 0),
+                [i for i, run in enumerate(runs) if run.log in chosen],
+            )
         else:
             self.selected.emit(None)
 
@@ -207,6 +135,14 @@ class RunTable(QTableWidget):
             left += self.columnWidth(column)
             self.setColumnHidden(column, True)
         self.setColumnWidth(_STAGES, max(left, 10 * theme.GRID))
+
+    def _select(self, current: int, rows: Sequence[int]) -> None:
+        """Make a row the current one, and select it or these rows; the keys that are held do not matter."""
+        model, selected, flag = self.model(), QItemSelection(), QItemSelectionModel.SelectionFlag
+        for number in rows or (current,):
+            selected.select(model.index(number, 0), model.index(number, _STAGES))
+        self.selectionModel().setCurrentIndex(model.index(current, _OUTCOME), flag.NoUpdate)
+        self.selectionModel().select(selected, flag.ClearAndSelect)
 
     def _row_changed(self, current: QModelIndex) -> None:
         if current.isValid():

@@ -6,24 +6,17 @@ from PySide6.QtWidgets import QWidget
 from calstation.gui.text import KINDS, bind, event_sentence, on_language_change, parameter_text, show, term
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
-    Column,
-    ParameterModel,
-    ParameterTable,
+    Compared,
+    ComparisonTable,
     StateBadge,
-    align_columns,
     column,
     grid,
     label,
-    ordered,
     show_text,
     theme,
 )
-from calstation.physics import display, number
-from calstation.results import Parameter, Resolved, Result, in_sigma
+from calstation.results import Parameter, Resolved, Result, online_difference
 from calstation.results.plots import LogIndex
-
-_NONE = "–"
-_NUMBERS = ("online", "online_sigma", "offline", "offline_sigma", "difference")
 
 
 class Comparison(QWidget):
@@ -35,7 +28,6 @@ class Comparison(QWidget):
         self._solved: Resolved | None = None
         self._outdated = False
         self._online: Result | None = None
-        self._cells: dict[str, dict[str, str]] = {}
         self._in_sigma: dict[str, float] = {}
         self._failed: frozenset[tuple[str, bool]] = frozenset()
         self._unobservable: frozenset[str] = frozenset()
@@ -52,18 +44,8 @@ class Comparison(QWidget):
         for line, (head, badge) in enumerate(zip(heads, badges, strict=True)):
             rows.addWidget(head, line, 0)
             rows.addWidget(badge, line, 1, Qt.AlignmentFlag.AlignLeft)
-        self.model = ParameterModel(
-            (
-                Column(lambda: self.tr("unit"), lambda n: self._cell(n, "unit"), number=False),
-                Column(lambda: self.tr("run"), lambda n: self._cell(n, "online")),
-                Column(lambda: "±σ", lambda n: self._cell(n, "online_sigma")),
-                Column(self._offline_heading, lambda n: self._cell(n, "offline"), state=self._value_state),
-                Column(lambda: "±σ", lambda n: self._cell(n, "offline_sigma"), state=self._sigma_state),
-                Column(lambda: self.tr("diff."), lambda n: self._cell(n, "difference")),
-                Column(lambda: self.tr("in σ"), lambda n: self._cell(n, "in_sigma"), state=self._difference_state),
-            )
-        )
-        self.table = ParameterTable(self.model)
+        self.table = ComparisonTable(independent=False, differences=True)
+        self.model = self.table.parameters
         self.table.setObjectName("comparison_table")
         bind(self.table.setAccessibleName, lambda: self.tr("The run's parameters and those solved offline"))
         hint = label(lambda: self.tr("Parameters and their sigmas are shown here once a range is solved."), "muted")
@@ -90,42 +72,32 @@ class Comparison(QWidget):
             self._outdated = outdated
             self._refresh()
 
-    @property
-    def identical(self) -> bool:
-        """Whether every offline value and sigma is bit-for-bit identical to that of the run."""
-        online, offline = ({n: (p.value, p.sigma) for n, p in each.items()} for each in self._parameters())
-        return bool(online) and online == offline
-
     def _parameters(self) -> tuple[dict[str, Parameter], dict[str, Parameter]]:
         online = {} if self._online is None else self._online.parameters
         return online, {} if self._solved is None else self._solved.result.parameters
 
     def _fill(self) -> None:
-        online, offline = self._parameters()
-        names = ordered(online | offline)
-        self._cells = {name: _cells(name, online.get(name), offline.get(name)) for name in names}
-        align_columns(self._cells, _NUMBERS)
-        self._in_sigma = {n: in_sigma(offline[n], online[n]) for n in names if n in online and n in offline}
         result = None if self._solved is None else self._solved.result
         failed = [] if result is None else result.failed_checks
         self._failed = frozenset((check.subject, check.kind == "sigma_below") for check in failed)
         self._unobservable = frozenset([] if result is None else result.undetermined)
-        self.model.set_names(names)
-        self.table.setVisible(bool(names))
-        self._nothing.setVisible(not names)
+        online, offline = self._parameters()
+        self.table.show_sets(
+            (
+                Compared(lambda: self.tr("run"), online),
+                Compared(self._offline_heading, offline, self._value_state, self._sigma_state),
+            )
+        )
+        (self._in_sigma,) = self.table.in_sigma
+        self.table.setVisible(bool(self.table.names))
+        self._nothing.setVisible(not self.table.names)
         self._refresh()
-
-    def _cell(self, name: str, key: str) -> str:
-        return self._cells[name].get(key, _NONE)
 
     def _value_state(self, name: str) -> str | None:
         return "bad" if (name, False) in self._failed else None
 
     def _sigma_state(self, name: str) -> str | None:
         return "bad" if (name, True) in self._failed else "caution" if name in self._unobservable else None
-
-    def _difference_state(self, name: str) -> str | None:
-        return "caution" if abs(self._in_sigma.get(name, 0.0)) > NOTABLE_SIGMAS else None
 
     def _refresh(self) -> None:
         self.model.refresh()
@@ -139,8 +111,8 @@ class Comparison(QWidget):
         show_text(self.note_label, "\n".join(notes))
         for widget in (self._difference_head, self.difference_badge):
             widget.setVisible(bool(self._in_sigma) and not self._outdated)
-        if self._in_sigma:
-            self.difference_badge.show_state(*self._difference())
+        if self._in_sigma and self._solved is not None and self._online is not None:
+            self.difference_badge.show_state(*self._difference(self._solved.result, self._online))
 
     def _online_verdict(self) -> tuple[str, str]:
         if self._online is not None:
@@ -167,12 +139,12 @@ class Comparison(QWidget):
         failed = self.tr("Outside the limits: {0} of {1} checks")
         return "bad", failed.format(len(result.failed_checks), len(result.checks))
 
-    def _difference(self) -> tuple[str, str]:
-        if self.identical:
+    def _difference(self, offline: Result, online: Result) -> tuple[str, str]:
+        found = online_difference(offline, online)
+        if found.identical:
             return "good", self.tr("Identical bit for bit")
-        name = max(self._in_sigma, key=lambda n: abs(self._in_sigma[n]))
         largest = self.tr("Largest difference {0} σ, {1}").format(
-            f"{abs(self._in_sigma[name]):.2f}", parameter_text(name)
+            f"{abs(self._in_sigma[found.parameter]):.2f}", parameter_text(found.parameter)
         )
         beyond = sum(abs(difference) > NOTABLE_SIGMAS for difference in self._in_sigma.values())
         return ("caution", self.tr("{0}; beyond 3 σ: {1}").format(largest, beyond)) if beyond else ("none", largest)
@@ -191,19 +163,3 @@ class Comparison(QWidget):
             notes.append(lost.format(len(self._unobservable), len(result.parameters)))
         notes += [show(reason) for reason in solved.missing_data]
         return notes + [event_sentence(key, values) for key, values in solved.messages]
-
-
-def _cells(name: str, online: Parameter | None, offline: Parameter | None) -> dict[str, str]:
-    """Return the cells of a parameter, each with as many digits as its sigma justifies."""
-    cells = {"unit": display(name, 0.0)[1]}
-    for key, parameter in (("online", online), ("offline", offline)):
-        if parameter is not None:
-            value, sigma = display(name, parameter.value)[0], display(name, parameter.sigma)[0]
-            cells |= {key: number(value, sigma), f"{key}_sigma": number(sigma, sigma)}
-    if online is not None and offline is not None:
-        sigma = display(name, max(online.sigma, offline.sigma))[0]
-        difference = display(name, offline.value - online.value)[0]
-        same = offline.value == online.value
-        cells["difference"] = "0" if same else number(difference, sigma)
-        cells["in_sigma"] = "0" if same else f"{in_sigma(offline, online):+.2f}"
-    return cells

@@ -67,7 +67,7 @@ def figures(result: Result) -> list[Figure]:
     A run that did not end is not judged. Of the passing parameters, each group has one, the nearest to its limit;
     near-misses come first if there are too many.
     """
-    judged = result.outcome not in ("stopped", "incomplete")
+    judged = result.judged
     failing: list[tuple[float, Figure]] = []
     found: dict[str, tuple[float, Figure]] = {}
     checks = {(check.kind, check.subject): check for check in result.checks}

@@ -339,7 +339,7 @@ class RunStatus(QObject):
 
     def _mark_failed(self, result: Result) -> None:
         """Mark the stages that produced failing values, unless later stages would have improved them."""
-        if result.outcome in ("stopped", "incomplete"):
+        if not result.judged:
             return
         for stage in self.stages:
             if stage.state == "good" and stage.name in result.failed_stages:

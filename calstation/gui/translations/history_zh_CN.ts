@@ -2,23 +2,21 @@
 <!DOCTYPE TS>
 <TS version="2.1" language="zh_CN">
 <context>
+    <name>ComparisonPlot</name>
+    <message>
+        <source>Values relative to their limits</source>
+        <translation>参数值相对于限差</translation>
+    </message>
+    <message>
+        <source>value relative to its limits</source>
+        <translation>参数值与限差之比</translation>
+    </message>
+</context>
+<context>
     <name>Filters</name>
-    <message>
-        <source>the latest {0} runs</source>
-        <translation>最近 {0} 次</translation>
-    </message>
-    <message>
-        <source>runs: {0}</source>
-        <translation>共 {0} 次</translation>
-    </message>
     <message>
         <source>Search</source>
         <translation>查找</translation>
-    </message>
-    <message>
-        <source>Serial number, date, product, operator</source>
-        <extracomment>Choices of outcome, and of the number of past days; None for all. Columns hidden first if there is too little space: attempt, operator, product; the details also show them. Right-aligned columns of numbers: attempt, duration.</extracomment>
-        <translation>序列号、日期、产品、操作员</translation>
     </message>
     <message>
         <source>Every outcome</source>
@@ -37,12 +35,57 @@
         <translation>最近 {0} 天</translation>
     </message>
     <message>
+        <source>Part of a serial number, name or file</source>
+        <extracomment>Verdicts that can be chosen, and numbers of past days; &quot;&quot; and None for all, 0 for the dates beside it.</extracomment>
+        <translation>序列号、名称或文件名的一部分</translation>
+    </message>
+    <message>
         <source>Outcome</source>
         <translation>结果</translation>
     </message>
     <message>
+        <source>Product</source>
+        <translation>产品</translation>
+    </message>
+    <message>
+        <source>Station</source>
+        <translation>工位</translation>
+    </message>
+    <message>
+        <source>Operator</source>
+        <translation>操作员</translation>
+    </message>
+    <message>
         <source>Time</source>
         <translation>时间</translation>
+    </message>
+    <message>
+        <source>From date</source>
+        <translation>起始日期</translation>
+    </message>
+    <message>
+        <source>To date</source>
+        <translation>截止日期</translation>
+    </message>
+    <message>
+        <source>to</source>
+        <translation>至</translation>
+    </message>
+    <message>
+        <source>Dates</source>
+        <translation>指定日期</translation>
+    </message>
+    <message>
+        <source>Every product</source>
+        <translation>全部产品</translation>
+    </message>
+    <message>
+        <source>Every station</source>
+        <translation>全部工位</translation>
+    </message>
+    <message>
+        <source>Every operator</source>
+        <translation>全部操作员</translation>
     </message>
 </context>
 <context>
@@ -73,16 +116,68 @@
         <translation>无法读取标定记录</translation>
     </message>
     <message>
+        <source>Compare</source>
+        <translation>比较</translation>
+    </message>
+    <message>
+        <source>The runs cannot be compared</source>
+        <translation>无法比较这些标定</translation>
+    </message>
+    <message>
         <source>The run was not closed</source>
         <translation>这次标定未能结束</translation>
+    </message>
+    <message>
+        <source>Export runs</source>
+        <translation>导出标定记录</translation>
+    </message>
+    <message>
+        <source>Select 2 to {0} runs with Ctrl or Shift</source>
+        <translation>请用 Ctrl 或 Shift 选择 2 至 {0} 次标定</translation>
+    </message>
+    <message>
+        <source>An incomplete run has no values to compare</source>
+        <translation>未完成的标定没有可比较的数值</translation>
+    </message>
+    <message>
+        <source>{0} runs, {1} shown</source>
+        <translation>共 {0} 次，显示 {1} 次</translation>
+    </message>
+    <message>
+        <source>1 run</source>
+        <translation>共 1 次</translation>
+    </message>
+    <message>
+        <source>{0} runs</source>
+        <translation>共 {0} 次</translation>
+    </message>
+    <message>
+        <source>Show the values of these runs side by side</source>
+        <translation>并列显示这些标定的参数值</translation>
+    </message>
+    <message>
+        <source>Export selection…</source>
+        <translation>导出所选…</translation>
+    </message>
+    <message>
+        <source>Export list…</source>
+        <translation>导出列表…</translation>
+    </message>
+    <message>
+        <source>Runs that are exported: {0}</source>
+        <translation>将导出 {0} 次标定</translation>
+    </message>
+    <message>
+        <source>There is no run to export</source>
+        <translation>没有可导出的标定</translation>
     </message>
     <message>
         <source>No run matches</source>
         <translation>没有符合条件的记录</translation>
     </message>
     <message>
-        <source>Search for less, or show every outcome and time.</source>
-        <translation>请减少查找条件，或显示全部结果和任何时间。</translation>
+        <source>Search for less, or show all runs.</source>
+        <translation>请减少筛选条件，或显示全部。</translation>
     </message>
     <message>
         <source>Every run will be listed here</source>
@@ -92,6 +187,102 @@
         <source>Passed, failed, stopped, faulty and incomplete ones, with their results and logs. Start a run on the first page.</source>
         <translation>合格、不合格、停止、故障和未完成的标定，连同结果和数据记录。
 请在第一页开始标定。</translation>
+    </message>
+</context>
+<context>
+    <name>ResolvesTable</name>
+    <message>
+        <source>Solved again offline</source>
+        <extracomment>Height of a row, px, and number of rows visible without scrolling.</extracomment>
+        <translation>离线重新解算</translation>
+    </message>
+    <message>
+        <source>Offline solutions of the log</source>
+        <translation>本记录的离线解算</translation>
+    </message>
+    <message>
+        <source>Time</source>
+        <translation>时间</translation>
+    </message>
+    <message>
+        <source>User</source>
+        <translation>用户</translation>
+    </message>
+    <message>
+        <source>Largest difference to the run</source>
+        <translation>与在线结果的最大差值</translation>
+    </message>
+    <message>
+        <source>Stages</source>
+        <translation>阶段</translation>
+    </message>
+    <message>
+        <source>Samples</source>
+        <translation>采样点</translation>
+    </message>
+    <message>
+        <source>Software</source>
+        <translation>软件版本</translation>
+    </message>
+    <message>
+        <source>, </source>
+        <translation>、</translation>
+    </message>
+    <message>
+        <source>no result of the run</source>
+        <translation>无在线结果</translation>
+    </message>
+    <message>
+        <source>identical bit for bit</source>
+        <translation>逐位完全一致</translation>
+    </message>
+    <message>
+        <source>no parameter in common</source>
+        <translation>无共同参数</translation>
+    </message>
+    <message>
+        <source>{0} σ, {1}</source>
+        <translation>{0} σ，{1}</translation>
+    </message>
+    <message>
+        <source>States added: {0}</source>
+        <translation>增加的状态：{0}</translation>
+    </message>
+    <message>
+        <source>Configuration: {0}</source>
+        <translation>配置：{0}</translation>
+    </message>
+</context>
+<context>
+    <name>RunComparison</name>
+    <message>
+        <source>Back to the list</source>
+        <extracomment>Symbol of each run in the plot, and the same symbol in the heading of the table. Maximum number of runs that can be compared. Fraction of a row of the plot that is used for the symbols. Height of the horizontal axis with its label, px. Low and high limit of each parameter, SI.</extracomment>
+        <translation>返回列表</translation>
+    </message>
+    <message>
+        <source>Parameters of the selected runs</source>
+        <translation>所选标定的参数</translation>
+    </message>
+    <message>
+        <source>{0} runs of {1}</source>
+        <translation>{1} 的 {0} 次标定</translation>
+    </message>
+    <message>
+        <source>, </source>
+        <translation>、</translation>
+    </message>
+    <message>
+        <source>{0} runs of {1} units</source>
+        <translation>{1} 个产品的 {0} 次标定</translation>
+    </message>
+    <message>
+        <source>Differences are those to the first run, in sigmas of the difference; beyond 3 σ is marked.</source>
+        <translation>差值均相对于第一次标定，以差值的标准差 σ 为单位；超过 3 σ 的已标记。</translation>
+    </message>
+    <message>
+        <source>No run has limits, so no value is drawn.</source>
+        <translation>这些标定都没有限差，因此未绘图。</translation>
     </message>
 </context>
 <context>
@@ -217,6 +408,7 @@
     <name>RunTable</name>
     <message>
         <source>Outcome</source>
+        <extracomment>Columns hidden first if there is too little space: attempt, operator, product; the details also show them. Right-aligned columns of numbers: attempt, duration.</extracomment>
         <translation>结果</translation>
     </message>
     <message>

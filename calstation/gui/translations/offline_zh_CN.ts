@@ -4,24 +4,12 @@
 <context>
     <name>Comparison</name>
     <message>
-        <source>unit</source>
-        <translation>单位</translation>
-    </message>
-    <message>
         <source>run</source>
         <translation>在线</translation>
     </message>
     <message>
         <source>offline</source>
         <translation>离线</translation>
-    </message>
-    <message>
-        <source>diff.</source>
-        <translation>差值</translation>
-    </message>
-    <message>
-        <source>in σ</source>
-        <translation>差值/σ</translation>
     </message>
     <message>
         <source>Run</source>
@@ -123,20 +111,12 @@
         <translation>导出记录</translation>
     </message>
     <message>
-        <source>The export failed</source>
-        <translation>导出失败</translation>
-    </message>
-    <message>
         <source>Export the range</source>
         <translation>导出范围</translation>
     </message>
     <message>
         <source>Parameters as CSV (*.csv)</source>
         <translation>参数表 CSV (*.csv)</translation>
-    </message>
-    <message>
-        <source>Written</source>
-        <translation>已写入</translation>
     </message>
     <message>
         <source>Export the result</source>

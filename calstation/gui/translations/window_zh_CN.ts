@@ -37,6 +37,22 @@
     </message>
 </context>
 <context>
+    <name>ComparisonTable</name>
+    <message>
+        <source>unit</source>
+        <extracomment>Returns the symbol of a parameter&apos;s cell, or None. Difference to the first set in sigmas by parameter, for each further set.</extracomment>
+        <translation>单位</translation>
+    </message>
+    <message>
+        <source>diff.</source>
+        <translation>差值</translation>
+    </message>
+    <message>
+        <source>in σ</source>
+        <translation>差值/σ</translation>
+    </message>
+</context>
+<context>
     <name>EndStageButton</name>
     <message>
         <source>End stage</source>
@@ -45,6 +61,17 @@
     <message>
         <source>After this move: solve, then go on</source>
         <translation>本次转动后结束：解算，然后继续</translation>
+    </message>
+</context>
+<context>
+    <name>FileExport</name>
+    <message>
+        <source>The export failed</source>
+        <translation>导出失败</translation>
+    </message>
+    <message>
+        <source>Written</source>
+        <translation>已写入</translation>
     </message>
 </context>
 <context>
@@ -84,7 +111,7 @@
     </message>
     <message>
         <source>Operator</source>
-        <extracomment>Height of the strip with STOP at the top of every page, px. Each page and its title. The package of a page is imported when the page is created.</extracomment>
+        <extracomment>Height of the strip with STOP at the top of every page, px. Usual size of the window, its smallest, and the most that the frame of any system adds, logical px. Each page and its title. The package of a page is imported when the page is created.</extracomment>
         <translation>操作员</translation>
     </message>
     <message>

@@ -8,6 +8,9 @@ from .badge import state_colour as state_colour
 from .badge import state_icon as state_icon
 from .badge import theme_icon as theme_icon
 from .checks_table import ChecksTable as ChecksTable
+from .comparison_table import Compared as Compared
+from .comparison_table import ComparisonTable as ComparisonTable
+from .exports import FileExport as FileExport
 from .files import ask_file as ask_file
 from .jobs import JobRow as JobRow
 from .jobs import JobStack as JobStack

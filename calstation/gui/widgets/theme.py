@@ -169,7 +169,7 @@ def palette(c: Colours) -> QPalette:
 def style_sheet(c: Colours) -> str:
     """Return the style sheet that sets heights, borders and fills, which a palette cannot set."""
     return f"""
-    QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox {{ min-height: {BUTTON - 2 * GRID}px; }}
+    QComboBox, QLineEdit, QSpinBox, QDoubleSpinBox, QDateEdit {{ min-height: {BUTTON - 2 * GRID}px; }}
     QLineEdit {{
         border: 1px solid {c.line}; border-radius: 4px; background: {c.field}; padding: 0 {GRID // 2}px;
     }}

@@ -1,0 +1,141 @@
+"""Compares selected runs: their values side by side by parameter, and a plot of them relative to the limits."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QPen
+from PySide6.QtWidgets import QWidget
+
+from calstation.gui.text import bind, on_language_change, parameter_text
+from calstation.gui.widgets import (
+    Compared,
+    ComparisonTable,
+    ThemedPlot,
+    button,
+    column,
+    label,
+    ordered,
+    row,
+    show_text,
+    split,
+    theme,
+)
+from calstation.messages import local_time
+from calstation.records import RunRecord
+from calstation.results import Result
+
+#: Symbol of each run in the plot, and the same symbol in the heading of the table.
+_SYMBOLS = (("o", "●"), ("s", "■"), ("t1", "▲"), ("d", "◆"), ("t", "▼"), ("star", "★"), ("+", "✚"), ("x", "✖"))
+#: Maximum number of runs that can be compared.
+MAX_COMPARED = len(_SYMBOLS)
+#: Fraction of a row of the plot that is used for the symbols.
+_ROW_SHARE = 0.7
+#: Height of the horizontal axis with its label, px.
+_AXIS = 7 * theme.GRID
+
+#: Low and high limit of each parameter, SI.
+Limits = dict[str, tuple[float, float]]
+
+
+class RunComparison(QWidget):
+    """Shows runs, the first of which is the reference; `back` is called to return to the list."""
+
+    def __init__(self, back: Callable[[], None]) -> None:
+        super().__init__()
+        self._runs: Sequence[RunRecord] = ()
+        self._back_button = button("comparison_back_button", lambda: self.tr("Back to the list"), back)
+        self._title = label(kind="section")
+        self._note = label(kind="muted", wrap=True, name="comparison_note_label")
+        self.table = ComparisonTable(independent=True)
+        self.table.setObjectName("run_comparison_table")
+        self.table.horizontalHeader().setMinimumHeight(6 * theme.GRID)  # serial number and time in two lines
+        bind(self.table.setAccessibleName, lambda: self.tr("Parameters of the selected runs"))
+        self.plot = ComparisonPlot()
+        body = split((self.table, 13), (self.plot, 9), handle=2 * theme.GRID)
+        column(row(self._back_button, self._title, None, spacing=2 * theme.GRID), self._note, (body, 1), on=self)
+        on_language_change(self, self._refresh)
+
+    def show_runs(self, runs: Sequence[RunRecord], results: Sequence[Result]) -> None:
+        """Show runs and their results; differences are those to the first."""
+        self._runs = runs
+        self.table.show_sets([Compared(self._heading(k), result.parameters) for k, result in enumerate(results)])
+        self.plot.show_results(self.table.names, results)
+        self._refresh()
+
+    def focus(self) -> None:
+        """Move the focus to the button that leads back."""
+        self._back_button.setFocus()
+
+    def _heading(self, k: int) -> Callable[[], str]:
+        run = self._runs[k]
+        return lambda: f"{_SYMBOLS[k][1]} {run.serial}\n{local_time(run.started_utc)}"
+
+    def _refresh(self) -> None:
+        serials = list(dict.fromkeys(run.serial for run in self._runs))
+        runs = self.tr("{0} runs of {1}").format(len(self._runs), self.tr(", ").join(serials[:2]))
+        if len(serials) > 2:
+            runs = self.tr("{0} runs of {1} units").format(len(self._runs), len(serials))
+        self._title.setText(runs)
+        lines = [self.tr("Differences are those to the first run, in sigmas of the difference; beyond 3 σ is marked.")]
+        if self._runs and not self.plot.has_limits:
+            lines.append(self.tr("No run has limits, so no value is drawn."))
+        show_text(self._note, " ".join(lines))
+        self.table.parameters.refresh()
+
+
+class ComparisonPlot(ThemedPlot):
+    """Plots values and sigmas of several results relative to their limits, one row per parameter."""
+
+    def __init__(self) -> None:
+        super().__init__(zoom=True)
+        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+        self._names: list[str] = []
+        self._limits: Limits = {}
+        self._results: Sequence[Result] = ()
+        bind(self.setAccessibleName, lambda: self.tr("Values relative to their limits"))
+        theme.on_appearance_change(self, self.draw)
+
+    @property
+    def has_limits(self) -> bool:
+        """Whether any parameter has limits."""
+        return bool(self._limits)
+
+    def show_results(self, names: Sequence[str], results: Sequence[Result]) -> None:
+        """Plot these parameters of results, as far as one of the results has limits for them."""
+        self._results = results
+        self._limits = {name: limits for result in reversed(results) for name, limits in limits_of(result).items()}
+        self._names = [name for name in ordered(names) if name in self._limits]
+        self.setMinimumHeight(theme.BODY * len(self._names) + _AXIS)  # names of parameters do not overlap
+        self.getViewBox().reset()
+        self.draw()
+
+    def draw(self) -> None:
+        """Plot the results."""
+        self.clear()
+        c = theme.colours()
+        for bound, style in ((-1.0, Qt.PenStyle.DashLine), (0.0, Qt.PenStyle.SolidLine), (1.0, Qt.PenStyle.DashLine)):
+            self.addLine(x=bound, pen=QPen(QColor(c.caution if bound else c.line), 0, style))
+        count = len(self._results)
+        for k, result in enumerate(self._results):
+            colour = QColor(c.text if k == 0 else c.accent)
+            offset = _ROW_SHARE * ((k + 0.5) / count - 0.5)
+            names = [(number, name) for number, name in enumerate(self._names) if name in result.parameters]
+            y = np.array([number + offset for number, _ in names])
+            rows = [(result.parameters[name], *self._limits[name]) for _, name in names]
+            x = np.array([(2.0 * p.value - low - high) / (high - low) for p, low, high in rows])
+            sigma = np.array([2.0 * p.sigma / (high - low) for p, low, high in rows])
+            self.addItem(pg.ErrorBarItem(x=x, y=y, left=sigma, right=sigma, beam=0.0, pen=pg.mkPen(colour)))
+            symbol, pen, brush = _SYMBOLS[k][0], pg.mkPen(colour), pg.mkBrush(colour)
+            self.addItem(pg.ScatterPlotItem(x=x, y=y, symbol=symbol, size=9, pen=pen, brush=brush, antialias=True))
+        self.getAxis("left").setTicks([[(number, parameter_text(name)) for number, name in enumerate(self._names)]])
+        self.getPlotItem().invertY(True)
+        self.setYRange(-0.6, max(len(self._names), 1) - 0.4, padding=0)
+        self.setLabel("bottom", self.tr("value relative to its limits"))
+
+
+def limits_of(result: Result) -> Limits:
+    """Return the limits with which the values of a result were compared."""
+    checks = [check for check in result.checks if check.kind == "within"]
+    return {check.subject: check.limit for check in checks if isinstance(check.limit, tuple)}

@@ -1,0 +1,177 @@
+"""Filters for the listed runs: text, outcome, product, station, operator and dates."""
+
+from datetime import UTC, datetime
+
+from PySide6.QtCore import QDate, QLocale, QSignalBlocker, Qt, QTimer, Signal
+from PySide6.QtGui import QTextCharFormat
+from PySide6.QtWidgets import QCalendarWidget, QComboBox, QDateEdit, QLineEdit, QSizePolicy, QWidget
+
+from calstation.gui.text import bind, language, on_language_change, product_text, term
+from calstation.gui.widgets import column, label, row, theme
+from calstation.messages import local_time
+from calstation.records import RunChoices, RunFilter
+
+#: Verdicts that can be chosen, and numbers of past days; "" and None for all, 0 for the dates beside it.
+_VERDICTS = ("", "passed", "partial", "failed", "stopped", "fault", "incomplete")
+_DAYS = (None, 1, 7, 30, 365, 0)
+_DATE = "yyyy-MM-dd"
+
+
+class Filters(QWidget):
+    """Inputs that filter the runs; emits `changed` when a filter changes. `beside` is shown beside the dates."""
+
+    changed = Signal()
+
+    def __init__(self, beside: QWidget) -> None:
+        super().__init__()
+        self._choices = RunChoices()
+        self.search_edit = QLineEdit()
+        self.search_edit.setObjectName("history_search_edit")
+        self.search_edit.setClearButtonEnabled(True)
+        self.search_edit.setMinimumWidth(14 * theme.GRID)
+        bind(self.search_edit.setPlaceholderText, lambda: self.tr("Part of a serial number, name or file"))
+        caption = label(lambda: self.tr("Search"), buddy=self.search_edit)
+        self._verdict, self._product, self._station, self._operator, self._period = (
+            self._combo(name) for name in ("outcome", "product", "station", "operator", "time")
+        )
+        self._from, self._to = self._date_edit("from"), self._date_edit("to")
+        for set_name, text in (
+            (self._verdict.setAccessibleName, lambda: self.tr("Outcome")),
+            (self._product.setAccessibleName, lambda: self.tr("Product")),
+            (self._station.setAccessibleName, lambda: self.tr("Station")),
+            (self._operator.setAccessibleName, lambda: self.tr("Operator")),
+            (self._period.setAccessibleName, lambda: self.tr("Time")),
+            (self._from.setAccessibleName, lambda: self.tr("From date")),
+            (self._to.setAccessibleName, lambda: self.tr("To date")),
+        ):
+            bind(set_name, text)
+        for verdict in _VERDICTS:
+            self._verdict.addItem("", verdict)
+        for days in _DAYS:
+            self._period.addItem("", days)
+        values = ((combo, 2) for combo in (self._verdict, self._product, self._station, self._operator))
+        column(
+            row(caption, (self.search_edit, 3), *values),
+            row(self._period, self._from, label(lambda: self.tr("to")), self._to, (beside, 1)),
+            on=self,
+        )
+        self._timer = QTimer(self, singleShot=True, interval=150)
+        self._timer.timeout.connect(self.changed)
+        self.search_edit.textChanged.connect(lambda _: self._timer.start())
+        for combo in (self._verdict, self._product, self._station, self._operator):
+            combo.currentIndexChanged.connect(lambda _: self.changed.emit())
+        self._period.currentIndexChanged.connect(self._period_chosen)
+        self._from.dateChanged.connect(lambda _: self._date_chosen(self._from, self._to))
+        self._to.dateChanged.connect(lambda _: self._date_chosen(self._to, self._from))
+        on_language_change(self, self._name_entries)
+
+    @property
+    def wanted(self) -> RunFilter:
+        """The conditions for the runs; days are those of this computer's time zone."""
+        days = self._period.currentData()
+        first, last = self._from.date(), self._to.date()
+        if days:
+            first = QDate.currentDate().addDays(1 - days)
+        return RunFilter(
+            search=self.search_edit.text().strip(),
+            verdict=self._verdict.currentData(),
+            product=self._product.currentData() or "",
+            station=self._station.currentData() or "",
+            operator=self._operator.currentData() or "",
+            since="" if days is None else _midnight(first),
+            before=_midnight(last.addDays(1)) if days == 0 else "",
+        )
+
+    def clear(self) -> None:
+        """Reset all filters."""
+        with QSignalBlocker(self):
+            self.search_edit.clear()
+            for combo in (self._verdict, self._product, self._station, self._operator, self._period):
+                combo.setCurrentIndex(0)
+        self.changed.emit()
+
+    def show_choices(self, choices: RunChoices) -> None:
+        """Offer these values; chosen ones stay chosen."""
+        if choices != self._choices:
+            self._choices = choices
+            self._name_entries()
+        self._show_dates()
+
+    def _combo(self, name: str) -> QComboBox:
+        combo = QComboBox()
+        combo.setObjectName(f"history_{name}_combo")
+        combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
+        combo.setMinimumContentsLength(10)
+        return combo
+
+    def _date_edit(self, name: str) -> QDateEdit:
+        edit = QDateEdit(QDate.currentDate())
+        edit.setObjectName(f"history_{name}_edit")
+        edit.setCalendarPopup(True)
+        edit.setDisplayFormat(_DATE)
+        edit.setKeyboardTracking(False)
+        edit.setSizePolicy(QSizePolicy.Policy.Fixed, QSizePolicy.Policy.Fixed)
+        calendar = edit.calendarWidget()
+        calendar.setVerticalHeaderFormat(QCalendarWidget.VerticalHeaderFormat.NoVerticalHeader)
+        calendar.setMinimumSize(36 * theme.GRID, 32 * theme.GRID)
+        for day in (Qt.DayOfWeek.Saturday, Qt.DayOfWeek.Sunday):
+            calendar.setWeekdayTextFormat(day, QTextCharFormat())  # not red, which is the colour of a failure
+        return edit
+
+    def _period_chosen(self) -> None:
+        self._show_dates()
+        self.changed.emit()
+
+    def _date_chosen(self, changed: QDateEdit, other: QDateEdit) -> None:
+        """Filter by the dates; they are never in reverse order."""
+        if self._from.date() > self._to.date():
+            with QSignalBlocker(other):
+                other.setDate(changed.date())
+        with QSignalBlocker(self._period):
+            self._period.setCurrentIndex(_DAYS.index(0))
+        self._timer.start()
+
+    def _show_dates(self) -> None:
+        """Show the dates of the chosen period."""
+        days, today = self._period.currentData(), QDate.currentDate()
+        if days == 0:
+            return
+        earliest = QDate.fromString(local_time(self._choices.first_utc)[:10], _DATE)
+        first = today.addDays(1 - days) if days else earliest
+        for edit, shown in ((self._from, first if first.isValid() else today), (self._to, today)):
+            with QSignalBlocker(edit):
+                edit.setDate(shown)
+
+    def _name_entries(self) -> None:
+        for index, verdict in enumerate(_VERDICTS):
+            self._verdict.setItemText(index, term("badge", verdict) if verdict else self.tr("Every outcome"))
+        for index, days in enumerate(_DAYS):
+            text = self.tr("Last {0} days").format(days)
+            if not days or days == 1:
+                text = {None: self.tr("Any time"), 1: self.tr("Today"), 0: self.tr("Dates")}[days]
+            self._period.setItemText(index, text)
+        found = self._choices
+        _offer(self._product, self.tr("Every product"), [(product_text(name), name) for name in found.products])
+        _offer(self._station, self.tr("Every station"), [(name, name) for name in found.stations])
+        _offer(self._operator, self.tr("Every operator"), [(name, name) for name in found.operators])
+        locale = QLocale(QLocale.Language.Chinese if language.current() == "zh_CN" else QLocale.Language.English)
+        for edit in (self._from, self._to):
+            edit.setLocale(locale)
+            edit.calendarWidget().setLocale(locale)
+
+
+def _offer(combo: QComboBox, everything: str, entries: list[tuple[str, str]]) -> None:
+    """Fill a list of choices, the first of which is no condition; the chosen entry stays chosen if it is offered."""
+    chosen = combo.currentData()
+    with QSignalBlocker(combo):
+        combo.clear()
+        combo.addItem(everything, "")
+        for text, value in entries:
+            combo.addItem(text, value)
+        combo.setCurrentIndex(max(0, combo.findData(chosen)))
+
+
+def _midnight(day: QDate) -> str:
+    """Return the beginning of a local day, ISO 8601 in UTC without an offset."""
+    begin = datetime(day.year(), day.month(), day.day()).astimezone(UTC)
+    return begin.replace(tzinfo=None).isoformat()

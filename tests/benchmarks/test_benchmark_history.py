@@ -1,0 +1,74 @@
+"""Time to find the runs of a filtered list among 100,000, relative to reading the runs that are listed."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from time import perf_counter
+
+import pytest
+
+from calstation.physics.parameters import NAMES
+from calstation.records.run_index import IndexedRun, RunFilter, RunIndex, RunRecord
+
+COUNT, LISTED = 100_000, 300
+BEGIN = datetime(2020, 1, 1, tzinfo=UTC)
+
+
+def run(k: int) -> IndexedRun:
+    """Run number k, 20 minutes after the one before it."""
+    serial = f"SN-{k % 5000:06d}"
+    name = f"{serial}_{k}"
+    record = RunRecord(
+        serial=serial,
+        started_utc=(BEGIN + timedelta(minutes=20 * k)).isoformat(),
+        outcome=("passed", "failed", "stopped", "fault")[k % 4],
+        attempt=1,
+        product=f"product {k % 7}",
+        station=f"station {k % 12}",
+        operator=f"operator {k % 30}",
+        stages=("rate", "six_position"),
+        log=Path(f"{name}.h5"),
+        result=Path(f"{name}.json"),
+        duration=750.0,
+    )
+    return IndexedRun(name, "stamp", record, dict.fromkeys(NAMES, 1.2345678901e-6))
+
+
+@pytest.fixture(scope="module")
+def indexes(tmp_path_factory):
+    """Indexes of as many runs as are listed, and of 100,000."""
+    made = []
+    for count in (LISTED, COUNT):
+        index = RunIndex(tmp_path_factory.mktemp("runs"))
+        for start in range(0, count, 5000):
+            index.put([run(k) for k in range(start, min(start + 5000, count))])
+        made.append(index)
+    return made
+
+
+def shortest(action) -> float:
+    """Shortest of several durations, s."""
+    durations = []
+    for _ in range(5):
+        begin = perf_counter()
+        action()
+        durations.append(perf_counter() - begin)
+    return min(durations)
+
+
+def test_a_filter_of_100000_runs_costs_little_more_than_its_list(indexes, benchmark, figures):
+    few, many = indexes
+    listed = shortest(lambda: few.find(RunFilter(), LISTED))
+    filters = {
+        "none": RunFilter(),
+        "text": RunFilter(search="000123"),
+        "nothing_found": RunFilter(search="zzz"),
+        "values": RunFilter(verdict="failed", product="product 3", station="station 5"),
+        "dates": RunFilter(since="2021-01-01T00:00:00", before="2021-02-01T00:00:00"),
+    }
+    ratios = {}
+    for name, wanted in filters.items():
+        both = shortest(lambda wanted=wanted: (many.find(wanted, LISTED), many.count(wanted)))
+        ratios[f"{name}_ratio"] = round(both / listed, 2)
+    benchmark.pedantic(lambda: many.find(filters["values"], LISTED), rounds=3)
+    figures(**ratios)
+    assert max(ratios.values()) < 15.0

@@ -1,0 +1,353 @@
+"""The history page: the list is filtered by values and dates, runs are compared, and lists are exported."""
+
+import csv
+import json
+from dataclasses import replace
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import pytest
+from PySide6.QtCore import QDate, QPoint, Qt
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDateEdit,
+    QFileDialog,
+    QLabel,
+    QPushButton,
+    QTableView,
+    QTableWidget,
+)
+from pytestqt.qtbot import QtBot
+
+from calstation.gui.history.page import HistoryPage
+from calstation.gui.text import language
+from calstation.records.resolves import OnlineDifference, append_resolve, resolves_path
+from calstation.results.result import load_result
+from tests.gui import test_history_page as base
+from tests.gui.test_history_page import NOW, WAIT, button, rows, select_row, shown, visible_texts, write_run
+from tests.results.test_resolves import RECORD
+
+pytestmark = pytest.mark.timeout(120)
+app, folder, page = base.app, base.folder, base.page
+
+
+@pytest.fixture
+def runs(folder: Path) -> dict[str, Path]:
+    """Runs of three units with several products, stations and operators."""
+    hour = timedelta(hours=1)
+    return {
+        "new": write_run(folder, "SN-000001", "passed", hour, operator="Li Wei"),
+        "partial": write_run(folder, "SN-000002", "passed", 2 * hour, partial=True, product="mems-x"),
+        "failed": write_run(folder, "SN-000001", "failed", 3 * hour, bias=5.0, station="hand"),
+        "stopped": write_run(folder, "SN-000003", "stopped", 4 * hour, bias=5.0, stop_reason="operator"),
+        "old": write_run(folder, "SN-000001", "passed", timedelta(days=100), bias=0.5),
+    }
+
+
+def combo(page: HistoryPage, name: str) -> QComboBox:
+    """A list of choices by its name."""
+    found = page.findChild(QComboBox, f"history_{name}_combo")
+    assert isinstance(found, QComboBox)
+    return found
+
+
+def choose(page: HistoryPage, name: str, text: str) -> None:
+    """Choose an entry of a list by its text."""
+    box = combo(page, name)
+    box.setCurrentIndex(box.findText(text))
+
+
+def count(page: HistoryPage) -> str:
+    """The number of runs, as it is shown."""
+    return str(page.findChild(QLabel, "history_count_label").text())
+
+
+def ctrl_click(page: HistoryPage, row: int, qtbot: QtBot) -> None:
+    """Click a row while Ctrl is held."""
+    table = page.findChild(QTableView, "history_table")
+    point = table.visualRect(table.model().index(row, 1)).center()
+    control = Qt.KeyboardModifier.ControlModifier
+    qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, control, QPoint(point))
+
+
+def save_as(page: HistoryPage, target: Path, qtbot: QtBot) -> None:
+    """Press the export button, choose a file in its dialog, and wait for the end of the export."""
+    button(page, "history_export_button").click()
+    (dialog,) = page.findChildren(QFileDialog)
+    dialog.fileSelected.emit(str(target))
+    qtbot.waitUntil(lambda: page.notice.isVisible() and not page.busy, timeout=WAIT)
+
+
+def compare(page: HistoryPage, rows: tuple[int, ...], qtbot: QtBot) -> QTableView:
+    """Select rows and compare their runs."""
+    select_row(page, rows[0], qtbot)
+    for row in rows[1:]:
+        ctrl_click(page, row, qtbot)
+    button(page, "history_compare_button").click()
+    table = page.findChild(QTableView, "run_comparison_table")
+    qtbot.waitUntil(table.isVisible, timeout=WAIT)
+    assert isinstance(table, QTableView)
+    return table
+
+
+def test_lists_offer_the_values_of_the_runs(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    offered = {
+        name: [combo(page, name).itemText(i) for i in range(combo(page, name).count())]
+        for name in ("product", "station", "operator")
+    }
+    assert offered == {
+        "product": ["Every product", "mems-x", "nav-a"],
+        "station": ["Every station", "bench", "hand"],
+        "operator": ["Every operator", "Li Wei", "Zhang Min"],
+    }
+
+
+def test_filters_are_combined_and_cleared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    assert count(page) == "5 runs"
+    assert not button(page, "history_clear_button").isVisible()
+    choose(page, "outcome", "PARTIAL")
+    assert rows(page) == [("SN-000002", "PARTIAL")]
+    assert count(page) == "1 run"
+    choose(page, "outcome", "PASS")
+    choose(page, "operator", "Zhang Min")
+    assert rows(page) == [("SN-000001", "PASS")]
+    choose(page, "station", "hand")
+    assert rows(page) == []
+    assert "No run matches" in visible_texts(page)
+    qtbot.mouseClick(button(page, "history_clear_button"), Qt.MouseButton.LeftButton)
+    assert len(rows(page)) == 5
+    choose(page, "station", "hand")
+    assert rows(page) == [("SN-000001", "FAIL")]
+    button(page, "history_clear_button").click()
+    choose(page, "product", "mems-x")
+    page.refresh()
+    qtbot.waitUntil(lambda: not page.busy, timeout=WAIT)
+    assert rows(page) == [("SN-000002", "PARTIAL")], "a filter survives the update of the list"
+
+
+def test_a_day_of_the_calendar_is_a_local_day(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+    day = (NOW - timedelta(days=60)).astimezone().replace(day=15)
+    for hour, minute in ((0, 0), (23, 59)):
+        begin = datetime(day.year, day.month, day.day, hour, minute).astimezone()
+        write_run(folder, f"SN-{hour:06d}", "passed", NOW - begin)
+    before = datetime(day.year, day.month, day.day).astimezone() - timedelta(minutes=1)
+    write_run(folder, "SN-000099", "passed", NOW - before)
+    after = datetime(day.year, day.month, day.day, 23, 59).astimezone() + timedelta(minutes=1)
+    write_run(folder, "SN-000100", "passed", NOW - after)
+    shown(page, qtbot)
+    first, last = (page.findChild(QDateEdit, f"history_{name}_edit") for name in ("from", "to"))
+    assert first.date() == QDate(before.year, before.month, before.day), "the dates of all runs"
+    assert last.date() == QDate.currentDate()
+    last.setDate(QDate(day.year, day.month, 15))
+    qtbot.waitUntil(lambda: len(rows(page)) == 3, timeout=WAIT)
+    assert combo(page, "time").currentText() == "Dates"
+    arrow = QPoint(first.width() - 8, first.height() // 2)
+    qtbot.mouseClick(first, Qt.MouseButton.LeftButton, pos=arrow)
+    calendar = first.calendarWidget()
+    calendar.setCurrentPage(day.year, day.month)
+    view = calendar.findChild(QTableView, "qt_calendar_calendarview")
+    cells = [view.model().index(row, column) for row in range(1, 7) for column in range(7)]
+    cell = next(index for index in cells if index.data() == 15)
+    qtbot.mouseClick(view.viewport(), Qt.MouseButton.LeftButton, pos=view.visualRect(cell).center())
+    qtbot.waitUntil(lambda: [serial for serial, _ in rows(page)] == ["SN-000023", "SN-000000"], timeout=WAIT)
+    first.setDate(QDate(day.year, day.month, 20))
+    assert last.date() == first.date(), "dates are never in reverse order"
+    qtbot.waitUntil(lambda: rows(page) == [], timeout=WAIT)
+    choose(page, "time", "Any time")
+    assert len(rows(page)) == 4
+
+
+def test_the_number_of_all_matching_runs_is_shown(
+    page: HistoryPage, runs: dict[str, Path], monkeypatch: pytest.MonkeyPatch, qtbot: QtBot
+) -> None:
+    monkeypatch.setattr("calstation.gui.history.page._MAX_RUNS", 2)
+    shown(page, qtbot)
+    assert len(rows(page)) == 2
+    assert count(page) == "5 runs, 2 shown"
+    choose(page, "outcome", "PASS")
+    assert count(page) == "2 runs"
+    language.use("zh_CN")
+    qtbot.waitUntil(lambda: count(page) == "共 2 次", timeout=WAIT)
+    language.use("en")
+
+
+def test_selected_runs_are_compared_side_by_side(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    assert button(page, "history_compare_button").toolTip() == "Select 2 to 8 runs with Ctrl or Shift"
+    table = compare(page, (0, 2, 4), qtbot)
+    model = table.model()
+    headings = [model.headerData(k, Qt.Orientation.Horizontal) for k in range(model.columnCount())]
+    assert [text.split("\n")[0] for text in headings] == [
+        *("unit", "● SN-000001", "±σ"),
+        *("■ SN-000001", "±σ", "in σ"),
+        *("▲ SN-000001", "±σ", "in σ"),
+    ]
+    old, failed, new = (json.loads(runs[name].read_text("utf-8")) for name in ("old", "failed", "new"))
+    values = [each["parameters"]["gyro_bias_x"]["value"] for each in (old, failed, new)]
+    assert [model.index(0, k).data().strip() for k in (1, 3, 6)] == ["0.5000", "5.0000", "1.0000"]
+    sigma = 2**0.5 * 1e-8
+    assert [float(model.index(0, k).data()) for k in (5, 8)] == [
+        round((value - values[0]) / sigma, 2) for value in values[1:]
+    ]
+    assert [model.index(0, k).data(Qt.ItemDataRole.UserRole) for k in (5, 8)] == ["caution", "caution"]
+    plot = page._comparison.plot
+    drawn = [item for item in plot.getPlotItem().items if hasattr(item, "points")]
+    assert [[point.pos().x() for point in item.points()] for item in drawn] == [
+        [pytest.approx(value)] for value in (0.5 / 3.0, 5.0 / 3.0, 1.0 / 3.0)
+    ]
+    assert len({item.opts["symbol"] for item in drawn}) == 3
+    qtbot.mouseClick(button(page, "comparison_back_button"), Qt.MouseButton.LeftButton)
+    assert page.table.isVisible()
+    assert len(page.table.chosen) == 3
+
+
+def test_a_value_of_one_run_only_has_no_difference(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+    rest = {"unit": "rad/s", "stage": "rate", "sigma": 1e-8}
+    write_run(folder, "SN-000001", "passed", timedelta(hours=2), parameters={"gyro_bias_x": {"value": 0.0, **rest}})
+    write_run(
+        folder,
+        "SN-000002",
+        "passed",
+        timedelta(hours=1),
+        checks=[],
+        parameters={"gyro_bias_x": {"value": 4e-8, **rest}, "gyro_bias_y": {"value": 0.0, **rest}},
+    )
+    shown(page, qtbot)
+    model = compare(page, (0, 1), qtbot).model()
+    assert [model.index(row, 5).data() for row in (0, 1)] == ["+2.83", "–"]
+    assert [model.index(row, 5).data(Qt.ItemDataRole.UserRole) for row in (0, 1)] == [None, None]
+    assert "2 runs of SN-000001, SN-000002" in visible_texts(page)
+
+
+def test_an_incomplete_run_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    base.write_dead_log(runs["new"].parent)
+    shown(page, qtbot)
+    select_row(page, 0, qtbot)
+    ctrl_click(page, 1, qtbot)
+    compare_button = button(page, "history_compare_button")
+    assert not compare_button.isEnabled()
+    assert compare_button.toolTip() == "An incomplete run has no values to compare"
+
+
+def test_a_run_that_has_gone_is_not_compared(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    runs["new"].unlink()
+    select_row(page, 1, qtbot)
+    ctrl_click(page, 0, qtbot)
+    button(page, "history_compare_button").click()
+    qtbot.waitUntil(page.notice.isVisible, timeout=WAIT)
+    assert page.notice.title_label.text() == "The runs cannot be compared"
+    assert "cannot be read" in page.notice.text_label.text()
+
+
+def test_the_filtered_list_is_exported(page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    choose(page, "product", "nav-a")
+    assert button(page, "history_export_button").text() == "Export list…"
+    save_as(page, tmp_path / "runs.csv", qtbot)
+    assert page.notice.text_label.text() == str(tmp_path / "runs.csv")
+    with (tmp_path / "runs.csv").open(encoding="utf-8", newline="") as stream:
+        exported = [(row["serial"], row["verdict"], row["failed_checks"]) for row in csv.DictReader(stream)]
+    assert exported == [
+        ("SN-000001", "passed", ""),
+        ("SN-000001", "failed", "gyro_bias_x within"),
+        ("SN-000003", "stopped", ""),
+        ("SN-000001", "passed", ""),
+    ]
+
+
+def test_several_selected_runs_are_exported_alone(
+    page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot
+) -> None:
+    shown(page, qtbot)
+    select_row(page, 1, qtbot)
+    ctrl_click(page, 3, qtbot)
+    assert button(page, "history_export_button").text() == "Export selection…"
+    save_as(page, tmp_path / "runs.json", qtbot)
+    expected = [load_result(runs[name]).to_json() for name in ("partial", "stopped")]
+    assert json.loads((tmp_path / "runs.json").read_text("utf-8")) == expected
+
+
+def test_a_failed_export_is_reported(page: HistoryPage, runs: dict[str, Path], tmp_path: Path, qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    save_as(page, tmp_path / "missing" / "runs.csv", qtbot)
+    assert page.notice.title_label.text() == "The export failed"
+    assert "cannot be written" in page.notice.text_label.text()
+
+
+def test_the_selection_survives_an_update_of_the_list(
+    page: HistoryPage, runs: dict[str, Path], folder: Path, qtbot: QtBot
+) -> None:
+    shown(page, qtbot)
+    select_row(page, 1, qtbot)
+    ctrl_click(page, 3, qtbot)
+    chosen = [run.log for run in page.table.chosen]
+    write_run(folder, "SN-000009", "passed", timedelta(minutes=1))
+    page.refresh()
+    qtbot.waitUntil(lambda: not page.busy and rows(page)[0][0] == "SN-000009", timeout=WAIT)
+    assert [run.log for run in page.table.chosen] == chosen
+    page.table.selectionModel().clearSelection()
+    page.table.selectionModel().clearCurrentIndex()
+    page.show_runs()
+    assert [run.serial for run in page.table.chosen] == ["SN-000009"]
+
+
+def test_a_stopped_run_is_not_judged_and_a_partial_one_is_no_pass(
+    page: HistoryPage, runs: dict[str, Path], qtbot: QtBot
+) -> None:
+    shown(page, qtbot)
+    for row, serial, verdict in ((3, "SN-000003", "STOPPED"), (1, "SN-000002", "PARTIAL"), (2, "SN-000001", "FAIL")):
+        select_row(page, row, qtbot)
+        assert rows(page)[row] == (serial, verdict)
+        assert page.details.badge.text() == verdict
+        assert page.details._serial.text() == serial
+        assert page.details.failed_label.isVisible() == (verdict == "FAIL")
+    select_row(page, 1, qtbot)
+    assert page.details.reason_label.text() == "Only Rate: every value found is inside its limits."
+
+
+def test_the_trend_shows_the_time_of_day(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    (ticks,) = page.details.trend._plot.getAxis("bottom")._tickLevels
+    local = (NOW - timedelta(hours=1)).astimezone()
+    assert ticks[-1][1] == f"{local:%Y-%m-%d}\n{local:%H:%M}"
+
+
+def test_details_fit_on_a_small_screen(page: HistoryPage, runs: dict[str, Path], qtbot: QtBot) -> None:
+    page.resize(1280, 576)  # in a window of 1280x720
+    shown(page, qtbot)
+    select_row(page, 2, qtbot)
+    bar = page.details.content_area.horizontalScrollBar()
+    qtbot.waitUntil(lambda: bar.maximum() == 0, timeout=WAIT)
+    page.resize(900, 500)
+    qtbot.waitUntil(lambda: bar.maximum() > 0 and bar.isVisible(), timeout=WAIT)
+
+
+def test_offline_solutions_are_listed_in_the_details(
+    page: HistoryPage, runs: dict[str, Path], folder: Path, qtbot: QtBot
+) -> None:
+    log = runs["new"].with_suffix(".h5").name
+    append_resolve(folder, replace(RECORD, log=log))
+    append_resolve(folder, replace(RECORD, log=log, by="wang", difference=OnlineDifference(True, "gyro_bias_x", 0.0)))
+    shown(page, qtbot)
+    table = page.findChild(QTableWidget, "resolves_table")
+    texts = [[table.item(row, column).text() for column in (1, 2, 4)] for row in range(table.rowCount())]
+    assert texts == [["wang", "identical bit for bit", "0–9"], ["li", "0.50 σ, gyro bias x", "0–9"]]
+    assert table.isVisible()
+    select_row(page, 1, qtbot)
+    assert not table.isVisible()
+    path = resolves_path(folder)
+    path.write_text(path.read_text("utf-8").replace('"wang"', '"zhou"'), "utf-8")
+    select_row(page, 0, qtbot)
+    assert not table.isVisible()
+    assert any("resolves.jsonl, line 2" in text for text in visible_texts(page))
+
+
+def test_every_button_of_the_list_has_a_reason_or_a_tip(page: HistoryPage, qtbot: QtBot) -> None:
+    shown(page, qtbot)
+    for name in ("history_compare_button", "history_export_button"):
+        found = page.findChild(QPushButton, name)
+        assert not found.isEnabled()
+        assert found.toolTip()

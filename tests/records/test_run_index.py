@@ -1,0 +1,87 @@
+"""Conditions of a run filter are combined in the index, and its values are offered as choices."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from calstation.records.run_index import IndexedRun, RunChoices, RunFilter, RunIndex, RunRecord, verdict_of
+
+BEGIN = datetime(2026, 11, 1, tzinfo=UTC)
+
+
+def run(name: str, day: int, **changes: object) -> IndexedRun:
+    """A run that passed at midnight UTC of a day of November."""
+    record = RunRecord(
+        serial=name.upper(),
+        started_utc=(BEGIN + timedelta(days=day - 1)).isoformat(),
+        outcome="passed",
+        attempt=1,
+        product="nav-a",
+        station="bench 1",
+        operator="Li Wei",
+        stages=("rate",),
+        log=Path(f"{name}.h5"),
+        result=None,
+        duration=1.0,
+    )
+    return IndexedRun(name, "stamp", replace(record, **changes), {})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def index(tmp_path: Path) -> RunIndex:
+    """Four runs, a to d, on the first four days of November."""
+    made = RunIndex(tmp_path)
+    made.put(
+        [
+            run("a", 1, outcome="failed", station="bench 2"),
+            run("b", 2, partial=True, operator="Zoë Müller"),
+            run("c", 3, product="mems-x", operator=None),
+            run("d", 4),
+        ]
+    )
+    return made
+
+
+@pytest.mark.parametrize(
+    ("wanted", "found"),
+    [
+        (RunFilter(), "dcba"),
+        (RunFilter(verdict="passed"), "dc"),
+        (RunFilter(verdict="partial"), "b"),
+        (RunFilter(product="nav-a"), "dba"),
+        (RunFilter(station="bench 2"), "a"),
+        (RunFilter(operator="Li Wei"), "da"),
+        (RunFilter(since="2026-11-02T00:00:00"), "dcb"),
+        (RunFilter(before="2026-11-03T00:00:00"), "ba"),
+        (RunFilter(since="2026-11-02T00:00:00", before="2026-11-04T00:00:00"), "cb"),
+        (RunFilter(search="BENCH"), "dcba"),
+        (RunFilter(search=" müller "), "b"),
+        (RunFilter(search="mems"), "c"),
+        (RunFilter(search="%"), ""),
+        (RunFilter(search="bench", verdict="passed", product="nav-a", since="2026-11-02T00:00:00"), "d"),
+        (RunFilter(verdict="passed", station="bench 2"), ""),
+    ],
+)
+def test_all_conditions_hold_for_what_is_found_and_counted(index: RunIndex, wanted: RunFilter, found: str) -> None:
+    assert "".join(each.name for each in index.find(wanted)) == found
+    assert index.count(wanted) == len(found)
+    assert [each.name for each in index.find(wanted, 1)] == list(found[:1])
+
+
+def test_choices_are_the_values_of_the_runs(index: RunIndex, tmp_path: Path) -> None:
+    expected = RunChoices(
+        ("mems-x", "nav-a"), ("bench 1", "bench 2"), ("Li Wei", "Zoë Müller"), "2026-11-01T00:00:00+00:00"
+    )
+    assert index.choices() == expected
+    index.put([run("e", 1, started_utc="")])
+    assert index.choices() == expected
+    (tmp_path / "empty").mkdir()
+    assert RunIndex(tmp_path / "empty").choices() == RunChoices()
+
+
+def test_only_a_partial_run_that_passed_has_a_verdict_of_its_own() -> None:
+    outcomes = ("passed", "failed", "stopped")
+    assert [verdict_of(outcome, partial=True) for outcome in outcomes] == ["partial", "failed", "stopped"]
+    assert [verdict_of(outcome, partial=False) for outcome in outcomes] == list(outcomes)

@@ -1,0 +1,83 @@
+"""The runs of a folder are exported as one CSV row each, or as a list of their results."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import ConfigurationError, InputError
+from calstation.records.convert import partial_path
+from calstation.records.meta import LogMeta
+from calstation.records.raw_log import RawLogWriter
+from calstation.records.run_index import RunFilter
+from calstation.results.history import History
+from calstation.results.offline import export_runs
+from calstation.results.result import load_result
+from tests.helpers import Progress
+from tests.records.records_samples import META, make_block
+from tests.results.test_history import write
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The folder of two runs of three parameters, and of a third one without a result."""
+    made = tmp_path / "runs"
+    made.mkdir()
+    check = {"name": "gyro_bias_x within", "value": 0.3, "limit": [-0.2, 0.2], "unit": "rad/s", "passed": False}
+    write(made, "a", "SN-1", "failed", 1, values={"gyro_bias_y": 5.0, "gyro_bias_x": 0.1 + 0.2}, checks=[check])
+    write(made, "b", "SN=2, x", "passed", 2, values={"accel_bias_z": 1e-9}, partial=True)
+    run = {"stages": ["rate"], "software": "0.1", "started_utc": "2026-11-03T08:00:00+00:00"}
+    writer = RawLogWriter(tmp_path / "x.h5", LogMeta.model_validate({**META, "run": run}))
+    writer.append(make_block("rate", 0, 10))
+    writer.flush()
+    shutil.copyfile(tmp_path / "x.h5", made / "c.h5")
+    writer.close("stopped")
+    History(made).refresh()
+    return made
+
+
+def test_a_row_has_the_values_and_sigmas_of_its_run(folder: Path, tmp_path: Path) -> None:
+    progress = Progress()
+    target = export_runs(progress, folder, RunFilter(), tmp_path / "runs.csv")
+    with target.open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [row["verdict"] for row in rows] == ["incomplete", "partial", "failed"]
+    incomplete, partial, failed = rows
+    assert list(failed)[-6:] == [
+        *("gyro_bias_x", "gyro_bias_x_sigma", "gyro_bias_y", "gyro_bias_y_sigma"),
+        *("accel_bias_z", "accel_bias_z_sigma"),
+    ]
+    assert float(failed["gyro_bias_x"]) == 0.1 + 0.2
+    assert failed["failed_checks"] == "gyro_bias_x within"
+    assert (failed["serial"], failed["started_utc"]) == ("SN-1", "2026-11-01T08:00:00+00:00")
+    assert (failed["product"], failed["station"], failed["operator"]) == ("Navigation grade A", "bench 1", "li")
+    assert (partial["serial"], partial["accel_bias_z_sigma"], partial["gyro_bias_x"]) == ("SN=2, x", "1.0", "")
+    assert set(list(incomplete.values())[-6:]) == {""}
+    assert progress.fractions == sorted(progress.fractions)
+
+
+def test_results_are_exported_as_a_list(folder: Path, tmp_path: Path) -> None:
+    target = export_runs(Progress(), folder, RunFilter(), tmp_path / "runs.json")
+    expected = [load_result(folder / f"{name}.json").to_json() for name in ("b", "a")]
+    assert json.loads(target.read_text("utf-8")) == expected
+    export_runs(Progress(), folder, RunFilter(search="nothing"), target)
+    assert json.loads(target.read_text("utf-8")) == []
+
+
+def test_only_runs_that_meet_the_conditions_are_exported(folder: Path, tmp_path: Path) -> None:
+    for wanted in (RunFilter(verdict="failed"), RunFilter(names=("a",)), RunFilter(before="2026-11-02T00:00:00")):
+        target = export_runs(Progress(), folder, wanted, tmp_path / "runs.json")
+        assert [each["unit"]["serial"] for each in json.loads(target.read_text("utf-8"))] == ["SN-1"]
+
+
+def test_a_failed_export_leaves_no_file(folder: Path, tmp_path: Path) -> None:
+    (folder / "a.json").write_text("{", "utf-8")
+    target = tmp_path / "runs.csv"
+    with pytest.raises(InputError, match=r"a\.json: The file is not JSON"):
+        export_runs(Progress(), folder, RunFilter(), target)
+    assert not target.exists()
+    assert not partial_path(target).exists()
+    with pytest.raises(ConfigurationError, match="cannot be written"):
+        export_runs(Progress(), folder, RunFilter(), tmp_path / "missing" / "runs.csv")
