@@ -375,13 +375,13 @@ def test_a_text_that_is_not_valid_disables_the_form(forms: FormDriver) -> None:
 def test_a_problem_outside_the_form_leads_to_the_text(forms: FormDriver) -> None:
     forms.open("products", "nav_a", "Limits")
     forms.page.profiles.editor.setPlainText(forms.text.replace("turns = 2", "turns = 0"))
-    assert forms.problems()[0].startswith("Line 17: schedule.rate.turns: 0 is out of range")
+    assert forms.problems()[0].startswith("Line 19: schedule.rate.turns: 0 is out of range")
     listed = forms.find(QListWidget, "problems_list")
     forms._bot.mouseClick(
         listed.viewport(), Qt.MouseButton.LeftButton, pos=listed.visualItemRect(listed.item(0)).center()
     )
     assert forms.page.profiles.views.currentWidget() is forms.page.profiles.editor
-    assert forms.page.profiles.editor.textCursor().blockNumber() == 16
+    assert forms.page.profiles.editor.textCursor().blockNumber() == 18
 
 
 def test_a_click_on_a_problem_selects_its_cell(forms: FormDriver) -> None:
