@@ -149,7 +149,7 @@ class RunDetails(QFrame):
         self.badge = StateBadge(theme.SECTION)
         self.reason_label = label(name="history_reason_label", wrap=True)
         self.failed_label = label(name="history_failed_label", wrap=True)
-        self._figures, self._facts = FiguresTable(), QFormLayout()
+        self._figures, self._facts = FiguresTable(wrap=True), QFormLayout()
         self._facts.setHorizontalSpacing(2 * theme.GRID)
         self._facts.setVerticalSpacing(theme.GRID // 2)
         self.resolves = ResolvesTable()

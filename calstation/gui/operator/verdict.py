@@ -94,12 +94,15 @@ class _Banner(QWidget):
 
 
 class FiguresTable(QWidget):
-    """Table with one row per parameter group and per check of the product, with the decisive number in bold."""
+    """Table with one row per parameter group and per check of the product, with the decisive number in bold.
 
-    def __init__(self, size: int = theme.BODY) -> None:
+    With `wrap`, long names take several lines, for a narrow place.
+    """
+
+    def __init__(self, size: int = theme.BODY, *, wrap: bool = False) -> None:
         super().__init__()
-        self._size = size
-        self._grid = grid(self, across=2 * theme.GRID, down=theme.GRID // 4)
+        self._size, self._wrap = size, wrap
+        self._grid = grid(self, across=2 * theme.GRID, down=theme.GRID // 4, stretch=1 if wrap else None)
 
     def show_result(self, result: Result | None) -> None:
         """Show the figures of a result; None clears the table."""
@@ -125,13 +128,14 @@ class FiguresTable(QWidget):
             for at, text in enumerate((figure.name, value, sigma, figure.limit, figure.unit), start=1):
                 cell = QLabel(text)
                 cell.setFont(theme.font(self._size, bold=at == deciding))
+                cell.setWordWrap(self._wrap and at == 1)
                 self._place(cell, number, at)
             number += 1
-        self.setMaximumHeight(4 * theme.GRID * number)
 
     def _place(self, cell: QLabel, row: int, column: int) -> None:
         side = Qt.AlignmentFlag.AlignRight if column in (2, 3, 4) else Qt.AlignmentFlag.AlignLeft
-        self._grid.addWidget(cell, row, column, side | Qt.AlignmentFlag.AlignVCenter)
+        cell.setAlignment(side | Qt.AlignmentFlag.AlignVCenter)
+        self._grid.addWidget(cell, row, column)
 
 
 class VerdictPanel(QFrame):
