@@ -63,6 +63,7 @@ from .raw_read import damage_summary as damage_summary
 from .raw_read import raw_rows as raw_rows
 from .raw_read import read_contents as read_contents
 from .raw_read import solved_stages as solved_stages
+from .raw_read import step_labels as step_labels
 from .run_index import IndexedRun as IndexedRun
 from .run_index import RunIndex as RunIndex
 from .run_index import RunRecord as RunRecord

@@ -384,7 +384,7 @@ def test_zooming_reaches_single_samples(page: OfflinePage, long_log: Path, qtbot
     opened(page, long_log, qtbot)
     assert page.log is not None
     assert page.plot.samples_per_column > 100
-    assert sum(len(curve.xData) for curve in page.plot._curves) <= 8 * 2 * 1100
+    assert sum(len(curve.xData) for curve in page.plot._curves.values()) <= 9 * 2 * 1100
     for _ in range(11):
         button(page, "zoom_in_button").click()
     qtbot.waitUntil(lambda: page.plot.samples_per_column == 1, timeout=WAIT)

@@ -1,13 +1,15 @@
 """Views of a stage's innovations, of the residuals of all rest periods after compensation, and of observability."""
 
+import csv
 from collections.abc import Mapping, Sequence
 from functools import partial
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPoint, QPointF, QRectF
+from PySide6.QtCore import QEvent, QPoint, QPointF
 from PySide6.QtGui import QHelpEvent, QResizeEvent
 from PySide6.QtWidgets import QToolTip, QWidget
 
@@ -405,7 +407,6 @@ class HeatMap(ThemedPlot):
         bar.axis.setTicks([[(k, f"{10**k} ×") for k in range(_DECADES)]])  # the top one would be cut
         bar.axis.setStyle(tickFont=theme.font())
         bar.axis.setWidth(11 * theme.GRID)
-        self.setMouseEnabled(x=False, y=False)
         self.getViewBox().invertY()
         self.getAxis("left").setWidth(_NAMES_WIDTH)
         self.getAxis("left").setStyle(tickFont=theme.font(11), tickLength=0)
@@ -423,7 +424,15 @@ class HeatMap(ThemedPlot):
         every = 1 + len(steps) // 15
         self.getAxis("bottom").setTicks([[(k + 0.5, str(step)) for k, step in enumerate(steps)][::every]])
         self.setLabel("bottom", self.tr("after step"))
-        self.setRange(QRectF(0.0, 0.0, len(steps), len(names)), padding=0.0)
+        self.setXRange(0.0, len(steps), padding=0.0)
+        self.setYRange(0.0, len(names), padding=0.0)
+
+    def write_csv(self, target: Path) -> None:
+        """Write the strengths, one row per state and one column per step."""
+        with target.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["state", *self._steps])
+            writer.writerows([name, *row] for name, row in zip(self._names, self._strength.tolist(), strict=True))
 
     def describe(self, at: QPoint) -> str:
         """Return a description of the cell at a point of the view, "" outside the cells."""

@@ -74,7 +74,7 @@ class Trend(QWidget):
         bind(self._combo.setAccessibleName, lambda: self.tr("Parameter"))
         caption = label(lambda: self.tr("This unit's runs"), buddy=self._combo)
         caption.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self._plot = ThemedPlot(zoom=True)
+        self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._plot.getAxis("left").setWidth(8 * theme.GRID)
         bind(self._plot.setAccessibleName, lambda: self.tr("The parameter over the unit's runs"))

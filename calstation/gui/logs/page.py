@@ -20,7 +20,7 @@ from calstation.gui.logs.range_bar import RangeBar, StageChoice
 from calstation.gui.logs.source_bar import ENDINGS, MAX_RECENT, SourceBar
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import on_language_change, say, term
+from calstation.gui.text import on_language_change, say, step_sentence, term
 from calstation.gui.widgets import (
     EmptyState,
     JobRow,
@@ -60,6 +60,7 @@ class OfflinePage(Page):
         self._indexes = Path(tempfile.mkdtemp(prefix="calstation-"))
         weakref.finalize(self, shutil.rmtree, self._indexes, ignore_errors=True)
         self._opened = 0
+        self._pointed: int | None = None
         self._wanted: Wanted | None = None
         self.reader = JobWatch(self, self._show_log, self._close, self._close)
         self.solver, self._sampler = JobWatch(self, self._show_solved), JobWatch(self, self._show_samples)
@@ -133,7 +134,7 @@ class OfflinePage(Page):
     def _build_open(self) -> QSplitter:
         self.plot, self.range = LogPlot(), RangeBar()
         self.head = LogHead(self.plot, self.range)
-        self._pointer = label(kind="muted")
+        self._pointer = label(kind="muted", name="pointer_label")
         self._pointer.setFixedHeight(2 * theme.GRID + 4)
         self.stages, self.comparison = StageChoice(), Comparison()
         self.solve_button = button(
@@ -273,13 +274,18 @@ class OfflinePage(Page):
             self.plot.show_samples(self._wanted, columns)
 
     def _show_pointed(self, seq: int | None) -> None:
-        log = self.log
+        """Show time, stage and step of the sample under the mouse."""
+        log, self._pointed = self.log, seq
         if seq is None or log is None:
             self._pointer.setText("")
             return
         time = time_text((seq - log.facts.first_seq) / log.rate, 1.0 / log.rate)
         stage = next((term("stage", s.stage) for s in log.spans if s.first_seq <= seq <= s.last_seq), "")
-        self._pointer.setText(self.tr("Sample {0}").format(seq) + f"   {time}   {stage}")
+        step = int(log.step_numbers[log.steps.ranges[:, 0].searchsorted(seq, side="right")])
+        label = log.step_labels.get(step)
+        move = self.tr("step {0}").format(step) + (f": {step_sentence('move', label)}" if label else "")
+        parts = time, self.tr("Sample {0}").format(seq), stage, move if step else ""
+        self._pointer.setText("   ".join(filter(None, parts)))
 
     # ---- texts and enabled controls
 
@@ -334,6 +340,7 @@ class OfflinePage(Page):
             ),
         )
         self._reading.say(self.tr("Reading the log"), "")
+        self._show_pointed(self._pointed)
         self._update()
 
 

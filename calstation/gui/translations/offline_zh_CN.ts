@@ -2,6 +2,38 @@
 <!DOCTYPE TS>
 <TS version="2.1" language="zh_CN">
 <context>
+    <name>ChannelButton</name>
+    <message>
+        <source>Channels</source>
+        <extracomment>Channels of each plot, and the unit and decimals of their values.</extracomment>
+        <translation>通道</translation>
+    </message>
+    <message>
+        <source>Shows or hides channels of the log</source>
+        <translation>显示或隐藏记录的通道</translation>
+    </message>
+    <message>
+        <source>Gyro {0}</source>
+        <translation>陀螺 {0}</translation>
+    </message>
+    <message>
+        <source>Accelerometer {0}</source>
+        <translation>加表 {0}</translation>
+    </message>
+    <message>
+        <source>Outer axis</source>
+        <translation>外框</translation>
+    </message>
+    <message>
+        <source>Inner axis</source>
+        <translation>内框</translation>
+    </message>
+    <message>
+        <source>Temperature</source>
+        <translation>温度</translation>
+    </message>
+</context>
+<context>
     <name>Comparison</name>
     <message>
         <source>unit</source>
@@ -158,8 +190,8 @@
         <translation>显示所选范围</translation>
     </message>
     <message>
-        <source>Bring the whole log into view (Home)</source>
-        <translation>显示整个记录 (Home)</translation>
+        <source>Bring the whole log into view (Home, or a double click)</source>
+        <translation>显示整个记录（Home 键或双击）</translation>
     </message>
     <message>
         <source>Range</source>
@@ -190,7 +222,6 @@
     <name>LogPlot</name>
     <message>
         <source>outer</source>
-        <extracomment>Channels of each plot: gyro, accelerometer, angles. Height of the row of stage names, px. Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged. Ratio of the width of the view after zooming in to the width before. Number of samples merged into a drawn column; 1 if single samples are drawn.</extracomment>
         <translation>外框</translation>
     </message>
     <message>
@@ -210,7 +241,12 @@
         <translation>转台，°</translation>
     </message>
     <message>
+        <source>Temperature, °C</source>
+        <translation>温度，°C</translation>
+    </message>
+    <message>
         <source>The log&apos;s curves</source>
+        <extracomment>Height of the row of stage names, px. Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged. Ratio of the width of the view after zooming in to the width before. Number of samples merged into a drawn column; 1 if single samples are drawn.</extracomment>
         <translation>记录曲线</translation>
     </message>
 </context>
@@ -223,6 +259,10 @@
     <message>
         <source>This range cannot be solved</source>
         <translation>这个范围无法解算</translation>
+    </message>
+    <message>
+        <source>step {0}</source>
+        <translation>第 {0} 步</translation>
     </message>
     <message>
         <source>Sample {0}</source>

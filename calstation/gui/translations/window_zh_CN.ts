@@ -84,7 +84,7 @@
     </message>
     <message>
         <source>Operator</source>
-        <extracomment>Height of the strip with STOP at the top of every page, px. Each page and its title. The package of a page is imported when the page is created.</extracomment>
+        <extracomment>Height of the strip with STOP at the top of every page, px. Usual size of the window, its smallest, and the most that the frame of any system adds, logical px. Each page and its title. The package of a page is imported when the page is created.</extracomment>
         <translation>操作员</translation>
     </message>
     <message>
@@ -152,6 +152,21 @@
     <message>
         <source>Save the table</source>
         <translation>保存表格</translation>
+    </message>
+</context>
+<context>
+    <name>PlotMenu</name>
+    <message>
+        <source>Copy as picture</source>
+        <translation>复制为图片</translation>
+    </message>
+    <message>
+        <source>Save…</source>
+        <translation>保存…</translation>
+    </message>
+    <message>
+        <source>Save the plot</source>
+        <translation>保存图形</translation>
     </message>
 </context>
 <context>
@@ -234,21 +249,6 @@
     <message>
         <source>{time} left</source>
         <translation>剩余 {time}</translation>
-    </message>
-</context>
-<context>
-    <name>ThemedPlot</name>
-    <message>
-        <source>Copy as picture</source>
-        <translation>复制为图片</translation>
-    </message>
-    <message>
-        <source>Save…</source>
-        <translation>保存…</translation>
-    </message>
-    <message>
-        <source>Save the plot</source>
-        <translation>保存图形</translation>
     </message>
 </context>
 </TS>

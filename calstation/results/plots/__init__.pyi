@@ -16,6 +16,7 @@ from .method_answer import PositionPlotData as PositionPlotData
 from .method_answer import gimbal_turns as gimbal_turns
 from .method_answer import solve_method as solve_method
 from .min_max_pyramid import BINS as BINS
+from .min_max_pyramid import CHANNELS as CHANNELS
 from .min_max_pyramid import Columns as Columns
 from .min_max_pyramid import MinMaxPyramid as MinMaxPyramid
 from .min_max_pyramid import Values as Values

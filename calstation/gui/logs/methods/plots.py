@@ -39,7 +39,7 @@ class MethodPlot(ThemedPlot):
     """A plot whose vertical axis may be logarithmic."""
 
     def __init__(self, *, log: bool = False) -> None:
-        super().__init__(zoom=True)
+        super().__init__()
         self._log = log
         if log:
             self.getPlotItem().setAxisItems({"left": _PlainLog("left")})
