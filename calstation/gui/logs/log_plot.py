@@ -267,7 +267,7 @@ class LogPlot(QWidget):
         for item in self._ranges:
             item.apply_theme()
         for cursor in self._cursors:
-            cursor.setPen(QPen(QColor(c.muted), 0, Qt.PenStyle.DashLine))
+            cursor.setPen(QPen(QColor(c.text), 0))
         self._write_notes()
         self.setAccessibleName(self.tr("The log's curves"))
         self._graph.viewport().update()
@@ -355,7 +355,7 @@ class LogPlot(QWidget):
             lowest = columns.low[:, used]
             if not np.isnan(lowest).all():
                 bottom, top = float(np.nanmin(lowest)), float(np.nanmax(columns.high[:, used]))
-                fit_below_note(plot, bottom, top, 0.0 if top > bottom else max(abs(top), 1e-9))
+                fit_below_note(plot, bottom, top, 0.0 if top > bottom else max(0.1 * abs(top), 1e-9))
         self._write_notes()
 
 

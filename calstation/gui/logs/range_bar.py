@@ -36,6 +36,7 @@ class RangeBar(QWidget):
     """Selects a range of sequence numbers; emits `changed(first, last)` when the user enters another range."""
 
     changed = Signal(object, object)
+    rest_wanted = Signal()  #: The longest rest of the log is to be selected.
 
     def __init__(self) -> None:
         super().__init__()
@@ -50,7 +51,9 @@ class RangeBar(QWidget):
             spin.editingFinished.connect(lambda spin=spin: self._finished(spin))
         self.length_label = label(kind="muted")
         self.part_button = button(
-            "range_button", lambda: self.tr("Set to…"), tip=lambda: self.tr("The whole log, or one of its stages")
+            "range_button",
+            lambda: self.tr("Set to…"),
+            tip=lambda: self.tr("The whole log, a stage, or the longest rest"),
         )
         self._menu = QMenu(self)
         self.part_button.setMenu(self._menu)
@@ -108,9 +111,12 @@ class RangeBar(QWidget):
         parts += [(term("stage", s.stage), s.first_seq, s.last_seq) for s in self._log_index.spans]
         for text, first, last in parts:
             action = self._menu.addAction(text)
-            action.triggered.connect(lambda _=False, part=(first, last): self._choose(*part))
+            action.triggered.connect(lambda _=False, part=(first, last): self.choose(*part))
+        self._menu.addSeparator()
+        self._menu.addAction(self.tr("Longest rest")).triggered.connect(lambda _: self.rest_wanted.emit())
 
-    def _choose(self, first: int, last: int) -> None:
+    def choose(self, first: int, last: int) -> None:
+        """Select a range as the user does."""
         self.set_range(first, last)
         self.changed.emit(*self.range)
 
@@ -125,7 +131,7 @@ class RangeBar(QWidget):
             last = first
             self._show_note(lambda: self.tr("The last sample cannot be before the first: set to {0}.").format(last))
         self._typed = ""
-        self._choose(first, last)
+        self.choose(first, last)
 
     def _type(self, text: str) -> None:
         self._typed = text

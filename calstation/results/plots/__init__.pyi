@@ -1,3 +1,8 @@
+from .allan import FLOOR as FLOOR
+from .allan import AllanCurve as AllanCurve
+from .allan import AllanDeviation as AllanDeviation
+from .allan import allan_deviation as allan_deviation
+from .allan import longest_rest as longest_rest
 from .compensation import Applied as Applied
 from .compensation import ImuOutput as ImuOutput
 from .compensation import apply_to_recording as apply_to_recording
