@@ -153,7 +153,7 @@ class FinishedRun:
     result: Result
     log: Path | None  #: The run's log; None if it is missing.
     previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
-    #: Labels of the moves by the number of the step; empty if the log does not say.
+    #: Labels of the moves by the number of the step; empty if the log cannot be read or has none.
     step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
 
 
@@ -182,8 +182,15 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
         history = History(runs)
         history.refresh()
         previous = history.previous(result.serial, result.started_utc)
-    labels = step_labels(open_log(log).events) if log is not None else {}
-    return FinishedRun(result, log, previous, labels)
+    return FinishedRun(result, log, previous, _step_labels(log))
+
+
+def _step_labels(log: Path | None) -> dict[int, tuple[str | float, ...]]:
+    """Return the labels of the moves in a log; none if it is missing or damaged, which does not concern its result."""
+    try:
+        return step_labels(open_log(log).events) if log is not None else {}
+    except InputError:
+        return {}
 
 
 def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: EffectName) -> FinishedRun:
