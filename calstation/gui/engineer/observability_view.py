@@ -56,6 +56,7 @@ class StepAxis(pg.AxisItem):  # type: ignore[misc]
         for k in range(0, len(self._names), max(1, int(np.ceil(_STEP_WIDTH / step)))):
             centre = (k + 0.5 - low) * step
             if 0.0 <= centre <= self.size().width():
+                centre = min(max(centre, _STEP_WIDTH / 2), self.size().width() - _STEP_WIDTH / 2)  # not beyond the axis
                 box = QRectF(4.0 - _AXIS, centre - _STEP_WIDTH, length, 2 * _STEP_WIDTH)
                 shown = metrics.elidedText(self._names[k], Qt.TextElideMode.ElideRight, length)
                 p.drawText(box, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter, shown)
