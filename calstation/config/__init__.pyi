@@ -17,6 +17,7 @@ from .forms import new_register as new_register
 from .library import locate as locate
 from .library import pair_folder as pair_folder
 from .library import site_folder as site_folder
+from .noise import save_noise as save_noise
 from .pair import PairConfiguration as PairConfiguration
 from .pair import resolve_pair as resolve_pair
 from .request import RegisterOperation as RegisterOperation

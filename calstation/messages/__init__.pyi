@@ -4,6 +4,7 @@ from .catalogue import known as known
 from .finding import Finding as Finding
 from .finding import Report as Report
 from .progress import event_text as event_text
+from .progress import short_step_text as short_step_text
 from .progress import step_text as step_text
 from .rendering import Language as Language
 from .rendering import Rendered as Rendered

@@ -34,9 +34,17 @@ def step_text(kind: str, label: tuple[str | float, ...]) -> Text:
         return Text("step.dwell")
     if not label:
         return Text("step.move")
-    name, *values = label
-    code = f"step.{name}"
-    if known(code):
-        return Text(code, dict(zip(_STEP_VALUES.get(str(name), ()), values, strict=False)))
+    if known(f"step.{label[0]}"):
+        return _labelled("step", label)
     words = " ".join(f"{part:g}" if isinstance(part, float | int) else part.replace("_", " ") for part in label)
     return Text.of("step.other", words=words)
+
+
+def short_step_text(label: tuple[str | float, ...]) -> Text:
+    """Return what a move does from its label in a few characters, or else as `step_text`."""
+    return _labelled("step_short", label) if known(f"step_short.{label[0]}") else step_text("move", label)
+
+
+def _labelled(family: str, label: tuple[str | float, ...]) -> Text:
+    name, *values = label
+    return Text(f"{family}.{name}", dict(zip(_STEP_VALUES.get(str(name), ()), values, strict=False)))

@@ -61,6 +61,7 @@ from .units import DEGREE as DEGREE
 from .units import DEGREE_PER_HOUR as DEGREE_PER_HOUR
 from .units import DISPLAY as DISPLAY
 from .units import MICRO_G as MICRO_G
+from .units import NOISE_DISPLAY as NOISE_DISPLAY
 from .units import STANDARD_GRAVITY as STANDARD_GRAVITY
 from .units import aligned as aligned
 from .units import display as display

@@ -40,6 +40,14 @@ DISPLAY: dict[str, tuple[str, float]] = {
 }
 
 
+#: SI unit, display unit and its size in SI of each entry of `[noise]` in an IMU profile.
+NOISE_DISPLAY: dict[str, tuple[str, str, float]] = {
+    "gyro_arw": ("rad/√s", "°/√h", DEGREE / 60.0),
+    "accel_vrw": ("m/s/√s", "µg/√Hz", MICRO_G),
+    "gyro_bias_instability": ("rad/s", "°/h", DEGREE_PER_HOUR),
+    "accel_bias_instability": ("m/s²", "µg", MICRO_G),
+}
+
 #: Display unit of a quantity that is not a parameter, and its size in SI, by its SI unit.
 _BY_UNIT: dict[str, tuple[str, float]] = {
     "rad": ("″", ARCSECOND),

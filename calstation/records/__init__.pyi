@@ -63,6 +63,7 @@ from .raw_read import damage_summary as damage_summary
 from .raw_read import raw_rows as raw_rows
 from .raw_read import read_contents as read_contents
 from .raw_read import solved_stages as solved_stages
+from .raw_read import step_labels as step_labels
 from .resolves import OnlineDifference as OnlineDifference
 from .resolves import ResolveRecord as ResolveRecord
 from .resolves import append_resolve as append_resolve

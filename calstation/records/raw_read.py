@@ -101,6 +101,11 @@ def solved_stages(events: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
     return tuple(event["stage"] for event in events if event.get("event") == "StageSolved")
 
 
+def step_labels(events: Iterable[Mapping[str, Any]]) -> dict[int, tuple[str | float, ...]]:
+    """Return the label of each move by the number of its step, according to the events of a log."""
+    return {e["step"]: tuple(e["label"]) for e in events if e.get("event") == "StepStarted" and e.get("label")}
+
+
 def raw_blocks(path: Path, damaged: list[DamagedRows] | None = None) -> Iterator[SampleBlock]:
     """Yield the samples of a raw log in order, in blocks of one stage.
 

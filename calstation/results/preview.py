@@ -83,6 +83,8 @@ class Preview:
     targets: Mapping[str, float]  #: Sigma at which a repeated stage may stop, per parameter, SI.
     #: Lowest and highest angle of each joint, rad, outer then inner.
     travel: tuple[tuple[float, float], tuple[float, float]]
+    #: Labels of the moves, by the number of the step in `observability`.
+    step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
 
     @property
     def duration(self) -> float:
@@ -126,6 +128,7 @@ class _Previewer:
         self._course = [(0.0, 0.0, 0.0)]
         self._clock = 0.0
         self._joints = (0.0, 0.0)
+        self._labels: dict[int, tuple[str | float, ...]] = {}
 
     def run(self) -> Preview:
         violations: list[Violation] = []
@@ -147,6 +150,7 @@ class _Previewer:
             limits=self._setup.sigma_limits(),
             targets=self._targets(),
             travel=((limits.low[0], limits.high[0]), (limits.low[1], limits.high[1])),
+            step_labels=self._labels,
         )
 
     def _check(self, plan: StagePlan, violations: list[Violation]) -> float:
@@ -248,6 +252,8 @@ class _Previewer:
         if stage:
             for block in self._samples.run(step, seconds, stage):
                 self._chain.feed(block)
+            if isinstance(step, Move) and step.label:
+                self._labels[self._samples.step] = step.label
         self._clock += seconds
         if seconds > 0.0:
             self._course.append((self._clock, *self._joints))

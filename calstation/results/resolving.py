@@ -26,6 +26,7 @@ from calstation.records import (
     open_log,
     resolves_path,
     solved_stages,
+    step_labels,
 )
 from calstation.results.diagnostics import stage_diagnostics
 from calstation.results.history import History
@@ -181,6 +182,8 @@ class FinishedRun:
     result: Result
     log: Path | None  #: The run's log; None if it is missing.
     previous: Mapping[str, float]  #: The unit's latest earlier value of each parameter, SI.
+    #: Labels of the moves by the number of the step; empty if the log cannot be read or has none.
+    step_labels: Mapping[int, tuple[str | float, ...]] = field(default_factory=dict)
 
 
 def find_log(result: Result, path: Path) -> Path | None:
@@ -208,7 +211,15 @@ def load_finished_run(report: ProgressCallback, path: Path, runs: Path) -> Finis
         history = History(runs)
         history.refresh()
         previous = history.previous(result.serial, result.started_utc)
-    return FinishedRun(result, log, previous)
+    return FinishedRun(result, log, previous, _step_labels(log))
+
+
+def _step_labels(log: Path | None) -> dict[int, tuple[str | float, ...]]:
+    """Return the labels of the moves in a log; none if it is missing or damaged, which does not concern its result."""
+    try:
+        return step_labels(open_log(log).events) if log is not None else {}
+    except InputError:
+        return {}
 
 
 def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: EffectName) -> FinishedRun:
@@ -225,4 +236,5 @@ def resolve_with_state(report: ProgressCallback, run: FinishedRun, state: Effect
 
     states = (*run.result.states_added, state)
     found = resolve(run.log, stages, log.first_seq, log.last_seq, watch, states=states).result
-    return FinishedRun(found, run.log, {name: row.value for name, row in run.result.parameters.items()})
+    before = {name: row.value for name, row in run.result.parameters.items()}
+    return FinishedRun(found, run.log, before, run.step_labels)

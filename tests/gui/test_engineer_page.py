@@ -1,6 +1,7 @@
 """The engineer page, operated by clicks: stages and schedules, preview, run, analysis, registers."""
 
 import json
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -26,7 +27,7 @@ from PySide6.QtWidgets import (
 )
 
 from calstation.config import library, versions
-from calstation.gui.engineer.diagnostics_views import HeatMap
+from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.text import language
 from calstation.gui.text.messages import show
@@ -446,7 +447,10 @@ def test_a_finished_run_is_analysed(engineer: Engineer) -> None:
     engineer.show_view(4)
     assert "determined by this stage" in engineer.widget("unobservable_label", QLabel).text().lower()
     heat = page.analysis.observability.view.map
-    assert tooltip_at(heat, 6, 0).startswith("gyro bias x after step")
+    text, move = tooltip_at(heat, 6, 1).split("\n")
+    assert text.startswith("gyro bias x after step")
+    assert re.fullmatch(r"Step \d+: Half turn about the vertical, [+−]180°", move)
+    assert re.fullmatch(r"\d+  flip [+−]180°", heat.getAxis("top")._names[1])
 
     page.analysis.open(Path(result["log"]["file"]))
     engineer.until(lambda: not page.analysis.loading.busy)

@@ -2,17 +2,27 @@
 
 from types import SimpleNamespace
 
-from PySide6.QtWidgets import QLabel
+from PySide6.QtCore import QEvent, QPointF
+from PySide6.QtGui import QHelpEvent
+from PySide6.QtWidgets import QApplication, QLabel, QToolTip
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.engineer.diagnostics_views import ObservabilityView
+from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
-from calstation.sequencer import StageRanked, StateChanged
+from calstation.gui.text import language
+from calstation.sequencer import StageRanked, StateChanged, StepStarted
 
 
 def ranked(step: int, stage: str = "excitation", **strength: float) -> StageRanked:
     """The observability after a step."""
     return StageRanked(stage, step, 8 + step, {"attitude_error_up": 1.0, "position_error_up": 1.0, **strength})
+
+
+def tooltip(view: ObservabilityView, at: QPointF) -> str:
+    """The tooltip with the pointer at a point of the map's scene."""
+    where, port = view.map.mapFromScene(at), view.map.viewport()
+    QApplication.sendEvent(port, QHelpEvent(QEvent.Type.ToolTip, where, port.mapToGlobal(where)))
+    return str(QToolTip.text())
 
 
 def test_the_map_grows_with_every_step(qtbot: QtBot) -> None:
@@ -57,3 +67,31 @@ def test_an_opened_result_is_shown_until_a_stage_reports(qtbot: QtBot) -> None:
     analysis.follow(StateChanged("preparing", "idle"))
     analysis.follow(ranked(1, "azimuth_flip", gyro_bias_x=2.0))
     assert list(view._stages) == ["azimuth_flip"]
+
+
+def test_steps_are_named_by_their_moves(qtbot: QtBot) -> None:
+    analysis = ResultAnalysis(SimpleNamespace())
+    view = analysis.observability.view
+    qtbot.addWidget(analysis.observability)
+    analysis.observability.resize(900, 600)
+    analysis.observability.show()
+    axis, scale = view.map.getAxis("top"), view.map._scale
+    analysis.follow(StateChanged("preparing", "idle"))
+    for step, label in ((1, ("into_place", "y")), (2, ("turn_about", "y", -90.0)), (3, ())):
+        analysis.follow(StepStarted("excitation", step, "move", label))
+        analysis.follow(ranked(step, gyro_bias_x=2.0))
+    assert axis._names == ["1  y to start", "2  y −90°", "3"]
+    assert axis.labelText == "Excitation: after step"
+    assert scale.labelText == "prior σ / σ after the step, ×"
+    cell = view.map.getViewBox().mapViewToScene(QPointF(1.5, 1.5))
+    moved = "Step 2: Turning about y by −90°"
+    assert tooltip(view, cell) == f"gyro bias x after step 2: 2 times better known than before the stage\n{moved}"
+    assert tooltip(view, QPointF(cell.x(), axis.sceneBoundingRect().center().y())) == moved
+    language.use("zh_CN")
+    try:
+        assert axis._names == ["1  y 到位", "2  y −90°", "3"]
+        assert axis.labelText == "三轴激励：各步之后"
+        assert scale.labelText == "先验 σ / 各步之后的 σ，倍"
+        assert tooltip(view, cell).endswith("第 2 步：绕 y 轴转动 −90°")
+    finally:
+        language.use("en")

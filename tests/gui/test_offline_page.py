@@ -1,6 +1,7 @@
 """The offline page: a log is opened, drawn, solved again over a range, compared and exported."""
 
 import json
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,6 +48,7 @@ from tests.cli.conftest import META as CSV_META
 from tests.cli.conftest import six_position_rows, write_log
 from tests.estimation.simulated_stages import block_of, simulate
 from tests.gui.conftest import SERIAL, result_with
+from tests.gui.plot_mouse import move_mouse, pixel
 from tests.site_folder import PRODUCT, STATION
 
 pytestmark = pytest.mark.timeout(120)
@@ -395,7 +397,7 @@ def test_zooming_reaches_single_samples(page: OfflinePage, long_log: Path, qtbot
     opened(page, long_log, qtbot)
     assert page.log is not None
     assert page.plot.samples_per_column > 100
-    assert sum(len(curve.xData) for curve in page.plot._curves) <= 8 * 2 * 1100
+    assert sum(len(curve.xData) for curve in page.plot._curves.values()) <= 9 * 2 * 1100
     for _ in range(11):
         button(page, "zoom_in_button").click()
     qtbot.waitUntil(lambda: page.plot.samples_per_column == 1, timeout=WAIT)
@@ -484,6 +486,41 @@ def test_a_cancelled_export_leaves_nothing(page: OfflinePage, long_log: Path, tm
     button(page, "export_cancel_button").click()
     qtbot.waitUntil(lambda: not any(target.parent.iterdir()), timeout=WAIT)
     assert button(page, "export_log_button").isEnabled()
+
+
+def readable(page: OfflinePage) -> list[str]:
+    """The visible texts of labels, buttons and tables, without numbers and units alone."""
+    widgets = [*page.findChildren(QLabel), *page.findChildren(QPushButton)]
+    said = [text for widget in widgets if widget.isVisible() for text in (widget.text(), widget.toolTip())]
+    for table in filter(QTableView.isVisible, page.findChildren(QTableView)):
+        model = table.model()
+        across, down = range(model.columnCount()), range(model.rowCount())
+        said += [str(model.headerData(k, Qt.Orientation.Horizontal)) for k in across]
+        said += [str(model.headerData(k, Qt.Orientation.Vertical)) for k in down]
+        said += [str(model.index(i, k).data()) for i in down for k in across]
+    return [text for text in said if re.search(r"[A-Za-z\u4e00-\u9fff]{4,}", text)]
+
+
+@pytest.mark.long
+def test_all_texts_about_a_solved_log_follow_the_language(window: MainWindow, run_log: Path, qtbot: QtBot) -> None:
+    window.show_page("offline_page")
+    page, languages = window.offline_page, window.language_combo
+    opened(page, run_log, qtbot)
+    solve(page, qtbot)
+    button(page, "allan_button").click()  # the table moves, so the notice says why there is none
+    qtbot.waitUntil(lambda: page.notice.isVisible(), timeout=WAIT)
+    spins(page)[0].setValue(spins(page)[1].value())
+    graph = page.findChild(pg.GraphicsLayoutWidget, "log_graph")
+    move_mouse(graph, pixel(graph, page.plot.view_box, 0.6, 0.5))
+    pointer = page.findChild(QLabel, "pointer_label")
+    assert "Sample" in pointer.text()
+    english = readable(page)
+    qtbot.keyClick(languages, Qt.Key.Key_Down)
+    assert language.current() == "zh_CN"
+    assert "采样点" in pointer.text()
+    assert [text for text in readable(page) if not re.search(r"[\u4e00-\u9fff]", text)] == []
+    qtbot.keyClick(languages, Qt.Key.Key_Up)
+    assert readable(page) == english
 
 
 @pytest.mark.long

@@ -21,6 +21,7 @@ from calstation.gui.operator.traces import Traces
 from calstation.gui.widgets.plot import spread
 from calstation.sequencer.events import Trace
 from tests.gui.conftest import result_with
+from tests.gui.plot_mouse import double_click, pixel, turn_wheel
 
 PACKAGE = Path(calstation.__file__).parent
 
@@ -138,6 +139,31 @@ def test_traces_keep_the_latest_rows_in_order(qtbot: QtBot) -> None:
     assert len(traces.rows) == 16_384
     traces.start()
     assert len(traces.rows) == 0
+
+
+def test_a_zoomed_trace_is_held_while_data_arrive_until_a_double_click(qtbot: QtBot) -> None:
+    traces = Traces()
+    qtbot.addWidget(traces)
+    traces.resize(700, 500)
+    traces.show()
+    qtbot.waitExposed(traces)
+    traces.start()
+    traces.take(Trace((0.0, 30.0), (0.0,) * 12))
+    traces.stop()
+    plot = traces._gyro.plot
+    box, whole = plot.getViewBox(), np.array(plot.getViewBox().viewRange())
+    for undo in (lambda: double_click(plot, pixel(plot, box, 0.5, 0.5)), traces.hold_button.click):
+        turn_wheel(plot, pixel(plot, box, 0.5, 0.5))
+        zoomed = np.array(box.viewRange())
+        assert np.ptp(zoomed[0]) < 0.9 * np.ptp(whole[0])
+        assert traces.hold_button.isChecked()
+        traces.take(Trace((traces.rows[-1, 0] + 1.0,), (0.0,) * 6))
+        traces.stop()
+        np.testing.assert_array_equal(box.viewRange(), zoomed)
+        undo()
+        assert not traces.hold_button.isChecked()
+        np.testing.assert_allclose(box.viewRange(), whole)
+    assert len(traces.rows) == 4
 
 
 def test_line_labels_keep_their_distance_inside_the_plot() -> None:

@@ -3,13 +3,25 @@
 from pathlib import Path
 
 import numpy as np
+import pyqtgraph as pg
 import pytest
-from PySide6.QtCore import QPoint, QPointF, Qt
-from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QWheelEvent
+from PySide6.QtCore import QPointF, Qt
+from PySide6.QtGui import QContextMenuEvent, QGuiApplication
 from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable, ThemedPlot
+from calstation.gui.engineer.page import EngineerPage
+from calstation.gui.engineer.shared_views import StackedPlots
+from calstation.gui.settings.table_section import TravelPlot
+from calstation.gui.shell.main_window import MainWindow
+from calstation.gui.widgets import Column, ParameterModel, ParameterTable, ThemedPlot, ZoomBox, column
+from tests.gui.plot_mouse import double_click, drag, open_menu, pixel, turn_wheel
+
+
+@pytest.fixture(autouse=True)
+def unlimited_mouse_rate(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pyqtgraph drops mouse moves that follow each other as fast as in a test."""
+    monkeypatch.setitem(pg.CONFIG_OPTIONS, "mouseRateLimit", 0)
 
 
 @pytest.fixture
@@ -29,16 +41,9 @@ def ranges(plot: ThemedPlot) -> np.ndarray:
     return np.array(plot.getViewBox().viewRange())
 
 
-def turn_wheel(plot: ThemedPlot) -> None:
-    at = QPointF(plot.rect().center())
-    none = Qt.MouseButton.NoButton, Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase
-    event = QWheelEvent(at, plot.mapToGlobal(at), QPoint(), QPoint(0, 240), *none, False)
-    QApplication.sendEvent(plot.viewport(), event)
-
-
 def test_the_wheel_zooms_until_a_double_click(plot: ThemedPlot, qtbot: QtBot) -> None:
     before = ranges(plot)
-    turn_wheel(plot)
+    turn_wheel(plot, QPointF(plot.rect().center()))
     zoomed = ranges(plot)
     assert np.all(np.ptp(zoomed, axis=1) < np.ptp(before, axis=1))
     plot.setXRange(0.0, 20.0, padding=0.0)  # new data do not end it
@@ -48,16 +53,78 @@ def test_the_wheel_zooms_until_a_double_click(plot: ThemedPlot, qtbot: QtBot) ->
 
 
 def test_a_box_zooms(plot: ThemedPlot, qtbot: QtBot) -> None:
-    before, view = ranges(plot), plot.viewport()
-    corners = plot.rect().center() - QPoint(60, 60), plot.rect().center() + QPoint(60, 60)
-    qtbot.mousePress(view, Qt.MouseButton.LeftButton, pos=corners[0])
-    for at in (plot.rect().center(), corners[1]):
-        qtbot.mouseMove(view, at)
-        QApplication.processEvents()
-    qtbot.mouseRelease(view, Qt.MouseButton.LeftButton, pos=corners[1])
+    before, box = ranges(plot), plot.getViewBox()
+    drag(plot, pixel(plot, box, 0.4, 0.4), pixel(plot, box, 0.6, 0.6))
     assert np.all(np.ptp(ranges(plot), axis=1) < 0.5 * np.ptp(before, axis=1))
-    qtbot.mouseDClick(view, Qt.MouseButton.LeftButton, pos=plot.rect().center())
+    qtbot.mouseDClick(plot.viewport(), Qt.MouseButton.LeftButton, pos=plot.rect().center())
     qtbot.waitUntil(lambda: np.allclose(ranges(plot), before))
+
+
+def test_linked_plots_are_reset_together(qtbot: QtBot) -> None:
+    stacked = StackedPlots[None](2, 50)
+    qtbot.addWidget(stacked)
+    column(*stacked.plots, on=stacked)
+    first, second = stacked.plots
+    for each in (first, second):
+        each.setXRange(0.0, 10.0, padding=0.0)
+        each.setYRange(0.0, 1.0, padding=0.0)
+    stacked.resize(600, 400)
+    stacked.show()
+    qtbot.waitExposed(stacked)
+    turn_wheel(second, pixel(second, second.getViewBox(), 0.5, 0.5))
+    assert np.ptp(ranges(first)[0]) < 9.0
+    double_click(second, pixel(second, second.getViewBox(), 0.5, 0.5))
+    qtbot.waitUntil(lambda: np.allclose([ranges(first), ranges(second)], [[0.0, 10.0], [0.0, 1.0]]))
+    turn_wheel(second, pixel(second, second.getViewBox(), 0.5, 0.5))
+    double_click(first, pixel(first, first.getViewBox(), 0.5, 0.5))
+    qtbot.waitUntil(lambda: np.allclose([ranges(first), ranges(second)], [[0.0, 10.0], [0.0, 1.0]]))
+
+
+#: Methods of the offline page, each with a panel of its own.
+METHODS = ("multi_position", "gimbal", "cross_calibration")
+
+
+def all_plots(window: MainWindow) -> list[pg.GraphicsView]:
+    """All plots of all pages, also of views that are made at their first use; the bars of the travel are a picture."""
+    for method in METHODS:
+        window.offline_page.choose(method)
+    page = window.findChild(EngineerPage)
+    assert page is not None
+    analysis = page.analysis
+    views = [window, *(lazy.view for lazy in analysis.views)]
+    found = dict.fromkeys(plot for view in views for plot in view.findChildren(pg.GraphicsView))
+    return [plot for plot in found if not isinstance(plot, TravelPlot)]
+
+
+def zoom_and_reset(plot: pg.GraphicsView, box: ZoomBox) -> None:
+    """Zoom the values of a plot by the wheel and by a box, and back by a double click."""
+    box.setRange(xRange=(0.0, 1.0), yRange=(0.0, 1.0), padding=0.0)
+    turn_wheel(plot, pixel(plot, box, 0.5, 0.5), Qt.KeyboardModifier.ControlModifier)
+    assert np.ptp(box.viewRange()[1]) < 0.9
+    double_click(plot, pixel(plot, box, 0.5, 0.5))
+    np.testing.assert_allclose(box.viewRange()[1], (0.0, 1.0))
+    drag(plot, pixel(plot, box, 0.3, 0.3), pixel(plot, box, 0.6, 0.6))
+    assert np.ptp(box.viewRange()[1]) < 0.5
+    double_click(plot, pixel(plot, box, 0.5, 0.5))
+    np.testing.assert_allclose(box.viewRange()[1], (0.0, 1.0))
+
+
+def test_every_plot_of_the_window_is_zoomed_copied_and_saved(window: MainWindow, qtbot: QtBot) -> None:
+    plots = all_plots(window)
+    assert len(plots) > 20
+    for plot in plots:
+        plot.setParent(None)
+        qtbot.addWidget(plot)
+        plot.resize(700, 500)
+        plot.show()
+        qtbot.waitExposed(plot)
+        assert open_menu(plot) == ["Copy as picture", "Save…"], plot.parent()
+        boxes = [item for item in plot.scene().items() if isinstance(item, ZoomBox) and item.isVisible()]
+        for box in boxes:
+            if box.height() > 40.0:  # the row of stage names above the plots of a log is lower
+                zoom_and_reset(plot, box)
+        assert boxes
+        plot.hide()
 
 
 def choose(plot: ThemedPlot | ParameterTable, text: str) -> None:
@@ -66,8 +133,9 @@ def choose(plot: ThemedPlot | ParameterTable, text: str) -> None:
     QApplication.sendEvent(
         plot.viewport(), QContextMenuEvent(QContextMenuEvent.Reason.Mouse, center, plot.mapToGlobal(center))
     )
-    action = next(action for action in plot._menu.actions() if action.text() == text)
-    plot._menu.close()
+    menu = plot.menu if isinstance(plot, ThemedPlot) else plot._menu
+    action = next(action for action in menu.actions() if action.text() == text)
+    menu.close()
     action.trigger()
 
 

@@ -1,6 +1,6 @@
 """Progress events and steps are worded by the catalogue."""
 
-from calstation.messages.progress import event_text, step_text
+from calstation.messages.progress import event_text, short_step_text, step_text
 from calstation.messages.rendering import sentence
 
 
@@ -23,3 +23,10 @@ def test_a_step_is_worded_by_its_label() -> None:
     assert sentence(step_text("dwell", ("position", 0.0, 90.0))) == "Resting"
     assert sentence(step_text("move", ())) == "Moving"
     assert sentence(step_text("move", ("third_turn", "x", 1.5))) == "third turn x 1.5"
+
+
+def test_a_move_has_a_short_text() -> None:
+    assert sentence(short_step_text(("turn_about", "x", -90.0))) == "x -90°"
+    assert sentence(short_step_text(("flip", 180.0)), "zh_CN") == "翻转 +180°"
+    assert sentence(short_step_text(("carry", 90.0, 0.0, 10.0, 1.0, 8.0))) == "90°, 0°"
+    assert sentence(short_step_text(("verify",))) == "Turn to verify the written registers"

@@ -40,10 +40,15 @@ def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRun
     assert found.result.to_json()["parameters"] == verdict.result["parameters"]
 
 
-def test_a_result_whose_log_has_gone_is_still_shown(site_folder: SiteFolder) -> None:
+def test_a_result_whose_log_is_damaged_or_has_gone_is_still_shown(site_folder: SiteFolder) -> None:
     verdict = site_folder.run("six_position")
+    result, runs = Path(verdict.result_file), site_folder.folder / "runs"
+    labels = load_finished_run(ignore_progress, result, runs).step_labels
+    assert [label for label in labels.values() if label[0] == "face_up"][:2] == [("face_up", "+z"), ("face_up", "-z")]
+    Path(verdict.log).write_bytes(b"x")
+    assert load_finished_run(ignore_progress, result, runs).step_labels == {}
     Path(verdict.log).unlink()
-    assert load_finished_run(ignore_progress, Path(verdict.result_file), site_folder.folder / "runs").log is None
+    assert load_finished_run(ignore_progress, result, runs).log is None
 
 
 @pytest.mark.parametrize("text", ["{", json.dumps({"schema": "other"}), "[]"])

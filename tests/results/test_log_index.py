@@ -13,7 +13,7 @@ from calstation.records.convert import export_csv
 from calstation.records.meta import LogMeta
 from calstation.records.raw_log import RawLogWriter
 from calstation.results.plots.index import LogIndex, _held, log_index, samples
-from calstation.results.plots.min_max_pyramid import BINS, MinMaxPyramid
+from calstation.results.plots.min_max_pyramid import BINS, CHANNELS, MinMaxPyramid
 
 RATE = 100.0
 META = {
@@ -72,6 +72,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     writer = RawLogWriter(path, LogMeta.model_validate(META))
     for part in blocks():
         writer.append(part)
+    for label in (["face_up", "+z"], []):  # the move, and the rest after it
+        writer.event({"event": "StepStarted", "stage": "excitation", "step": 3, "kind": "move", "label": label})
     writer.add_result(
         {
             "schema": "calstation.result/1",
@@ -110,6 +112,9 @@ def test_stages_steps_gaps_and_spoilt_samples_are_found(seen: LogIndex) -> None:
     assert (seen.spoilt.ranges - START).tolist() == [[39_990, 40_004]]
     assert (seen.steps.count, seen.gaps.count, seen.spoilt.count) == (4, 1, 1)
     assert seen.spoilt_samples == 15
+    assert seen.step_numbers.tolist() == [0, 1, 2, 3, 4]
+    assert seen.step_labels == ({3: ("face_up", "+z")} if seen.path.suffix == ".h5" else {})
+    assert seen.channels == CHANNELS
     assert (seen.facts.first_seq, seen.facts.last_seq) == (START, START + 90_000)
     assert seen.facts.gaps == 1
 

@@ -44,6 +44,8 @@ def test_a_single_stage_lacks_the_information_of_the_others(site_folder: SiteFol
     scale = INDEX["gyro_scale_x"]
     assert alone.stages[0].sigma[scale] == alone.before[scale]
     assert after.stages[0].observability["states"]["gyro_scale_x"]["step"] is not None
+    flips = [segment["step"] for segment in after.stages[1].observability["segments"]]
+    assert [after.step_labels[step][0] for step in flips] == ["start", *["flip"] * (len(flips) - 1)]
 
 
 def test_the_trajectory_follows_the_plan(site_folder: SiteFolder) -> None:

@@ -59,6 +59,11 @@ class PlannedSamples:
         return self._produced * self._dt
 
     @property
+    def step(self) -> int:
+        """Number of the last move."""
+        return self._step
+
+    @property
     def joints(self) -> tuple[float, float]:
         """Outer and inner joint angle, rad."""
         return self._joints

@@ -1,22 +1,19 @@
 """Views of a stage's innovations, of the residuals of all rest periods after compensation, and of observability."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QPoint, QPointF, QRectF
-from PySide6.QtGui import QHelpEvent, QResizeEvent
-from PySide6.QtWidgets import QToolTip, QWidget
+from PySide6.QtCore import QEvent, QPointF
+from PySide6.QtGui import QResizeEvent
 
 from calstation.gui.engineer.shared_views import ROW, Band, CellTable, StackedPlots, StageCombo, dashed
 from calstation.gui.text import on_language_change, say, term, with_minus
-from calstation.gui.widgets import Column, ElidedLabel, EmptyState, ThemedPlot, column, label, row, scroll_area, theme
-from calstation.physics import DEGREE_PER_HOUR, MICRO_G, OBSERVABLE, FloatArray, display_by_unit
+from calstation.gui.widgets import Column, ElidedLabel, ThemedPlot, column, label, row, theme
+from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray, display_by_unit
 from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual, StageDiagnostics
-from calstation.sequencer import StageRanked
 
 #: Maximum number of observations within ±3 σ drawn per plot; larger numbers are decimated.
 _MAX_POINTS = 1500
@@ -295,159 +292,3 @@ def _columns(stages: Sequence[StageDiagnostics]) -> list[tuple[FloatArray, Float
         (column("vertical_rate", DEGREE_PER_HOUR), rate_sigma),
         (column("horizontal_rate", DEGREE_PER_HOUR), rate_sigma),
     ]
-
-
-#: Strength above which a state counts as observable.
-_OBSERVED = 1.0 / OBSERVABLE
-#: Range of the colour scale in decades: strengths from 1 to 100 000.
-_DECADES = 5
-_NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 5 * theme.GRID
-
-
-class ObservabilityView(QWidget):
-    """Heat map of a stage's observability, with a list of the states that the stage does not determine."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._stages: dict[str, Mapping[str, Any]] = {}
-        #: Latest ranking of each stage of the run that is followed; empty for a result or a preview.
-        self._live: dict[str, StageRanked] = {}
-        self._stage_combo = StageCombo("observability_stage_combo")
-        self._stage_combo.currentIndexChanged.connect(self._show)
-        self._caption = label(lambda: self.tr("Stage"), buddy=self._stage_combo)
-        self._lost = label(name="unobservable_label", wrap=True)
-        self.map = HeatMap()
-        self._scroll = scroll_area(self.map)
-        self._empty = EmptyState()
-        column(
-            row(self._caption, self._stage_combo, 2 * theme.GRID, (self._lost, 1)),
-            (self._scroll, 1),
-            (self._empty, 1),
-            on=self,
-            margins=(0, theme.GRID, 0, 0),
-        )
-        theme.on_appearance_change(self, self._show_texts)
-
-    def show_stages(self, stages: Mapping[str, Mapping[str, Any]]) -> None:
-        """Show the observability of stages from a result or a preview."""
-        self._live = {}
-        self._stages = {name: found for name, found in stages.items() if found.get("segments")}
-        self._stage_combo.offer(list(self._stages))
-        self._show()
-
-    def follow(self, ranked: StageRanked) -> None:
-        """Add the observability after a step of the running stage; the first call drops what was shown before."""
-        if not self._live:
-            self._stages = {}
-        stage, step = ranked.stage, ranked.step
-        before: Mapping[str, Any] = self._stages.get(stage, {"segments": [], "states": {}})
-        kept = sum(segment["step"] < step for segment in before["segments"])  # the latest step may grow
-        states = {}
-        for name, strength in ranked.strength.items():
-            earlier = before["states"].get(name, {"step": None, "by_step": []})
-            seen = earlier["step"] if earlier["step"] is not None else step if strength > _OBSERVED else None
-            states[name] = {"step": seen, "by_step": [*earlier["by_step"][:kept], strength]}
-        self._stages[stage] = {"segments": [*before["segments"][:kept], {"step": step}], "states": states}
-        if stage not in self._live:
-            self._stage_combo.offer(list(self._stages), stage)
-        self._live[stage] = ranked
-        if self._stage_combo.stage == stage:
-            self._show()
-
-    def _show_texts(self) -> None:
-        self._empty.say(
-            self.tr("No observability to show"),
-            self.tr("Only stages solved by the filter report it: the excitation and the azimuth flips."),
-        )
-        self._show()
-
-    def _show(self) -> None:
-        found = self._stages.get(self._stage_combo.stage)
-        for widget in (self._scroll, self._caption, self._stage_combo, self._lost):
-            widget.setVisible(found is not None)
-        self._empty.setVisible(found is None)
-        if found is None:
-            return
-        # The unit is fixed to the table, so no observation depends on the position error.
-        states = {n: state for n, state in found["states"].items() if not n.startswith("position_error")}
-        self.map.show_strengths(
-            tuple(states),
-            tuple(int(segment["step"]) for segment in found["segments"]),
-            np.array([state["by_step"] for state in states.values()], dtype=np.float64),
-        )
-        lost = [self.map.state_name(name) for name, state in states.items() if state["step"] is None]
-        if (ranked := self._live.get(self._stage_combo.stage)) is not None:
-            key = "observed_so_far" if lost else "observed_all"
-            self._lost.setText(say(f"engineer.{key}", step=ranked.step, rank=ranked.rank, lost=lost))
-            return
-        self._lost.setText(
-            self.tr("Not determined by this stage: {0}").format(", ".join(lost))
-            if lost
-            else self.tr("Every state is determined by this stage.")
-        )
-
-
-class HeatMap(ThemedPlot):
-    """Strengths on a logarithmic colour scale; a dot marks an unobservable cell, and tooltips show the values."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._names: tuple[str, ...] = ()
-        self._steps: tuple[int, ...] = ()
-        self._strength: FloatArray = np.empty((0, 0))
-        self._image = pg.ImageItem(axisOrder="row-major")
-        self._dots = pg.ScatterPlotItem(size=2, pxMode=True, pen=None)
-        for item in (self._image, self._dots):
-            self.addItem(item)
-        colours = pg.colormap.get("viridis")
-        bar = pg.ColorBarItem(values=(0, _DECADES), colorMap=colours, interactive=False, width=2 * theme.GRID)
-        bar.setImageItem(self._image, insert_in=self.getPlotItem())
-        bar.axis.setTicks([[(k, f"{10**k} ×") for k in range(_DECADES)]])  # the top one would be cut
-        bar.axis.setStyle(tickFont=theme.font())
-        bar.axis.setWidth(11 * theme.GRID)
-        self.setMouseEnabled(x=False, y=False)
-        self.getViewBox().invertY()
-        self.getAxis("left").setWidth(_NAMES_WIDTH)
-        self.getAxis("left").setStyle(tickFont=theme.font(11), tickLength=0)
-
-    def show_strengths(self, names: tuple[str, ...], steps: tuple[int, ...], strength: FloatArray) -> None:
-        """Show the strengths of states: prior sigma divided by the sigma after each step, shape (names, steps)."""
-        self._names, self._steps, self._strength = names, steps, strength
-        self.setMinimumHeight(_ROW * len(names) + _AXIS)
-        lost = strength <= _OBSERVED
-        decades = np.log10(np.maximum(strength, 1.0))
-        self._image.setImage(np.where(lost, np.nan, decades), levels=(0.0, _DECADES))
-        lines, columns = np.nonzero(lost)
-        self._dots.setData(columns + 0.5, lines + 0.5, brush=theme.colours().muted)
-        self.getAxis("left").setTicks([[(k + 0.5, self.state_name(name)) for k, name in enumerate(names)]])
-        every = 1 + len(steps) // 15
-        self.getAxis("bottom").setTicks([[(k + 0.5, str(step)) for k, step in enumerate(steps)][::every]])
-        self.setLabel("bottom", self.tr("after step"))
-        self.setRange(QRectF(0.0, 0.0, len(steps), len(names)), padding=0.0)
-
-    def describe(self, at: QPoint) -> str:
-        """Return a description of the cell at a point of the view, "" outside the cells."""
-        found = self.getViewBox().mapSceneToView(self.mapToScene(at))
-        line, step = int(np.floor(found.y())), int(np.floor(found.x()))
-        if not (0 <= line < len(self._names) and 0 <= step < len(self._steps)):
-            return ""
-        strength = float(self._strength[line, step])
-        if strength <= _OBSERVED:
-            text = self.tr("{0} after step {1}: not better known than before")
-        else:
-            text = self.tr("{0} after step {1}: {2:.3g} times better known than before the stage")
-        return str(text.format(self.state_name(self._names[line]), self._steps[step], strength))
-
-    def viewportEvent(self, event: QEvent) -> bool:
-        """Show a cell's value as the tooltip."""
-        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
-            QToolTip.showText(event.globalPos(), self.describe(event.pos()), self)
-            return True
-        return bool(super().viewportEvent(event))
-
-    def state_name(self, state: str) -> str:
-        """Return the group and component of a state, such as "gyro bias x"."""
-        group, _, component = state.rpartition("_")
-        errors = {"attitude_error": self.tr("attitude"), "velocity_error": self.tr("velocity")}
-        directions = {"east": self.tr("east"), "north": self.tr("north"), "up": self.tr("up")}
-        return f"{errors.get(group) or term('group', group)} {directions.get(component, component)}"

@@ -8,7 +8,8 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from calstation.errors import CalstationError
-from calstation.gui.engineer.diagnostics_views import InnovationsView, ObservabilityView, ResidualsView
+from calstation.gui.engineer.diagnostics_views import InnovationsView, ResidualsView
+from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.shared_views import CellTable
 from calstation.gui.engineer.verdict import verdict_badge, verdict_text
 from calstation.gui.shell import AppContext
@@ -52,7 +53,7 @@ from calstation.results import (
     load_finished_run,
     resolve_with_state,
 )
-from calstation.sequencer import Event, StageRanked, StateChanged
+from calstation.sequencer import Event, StageRanked, StateChanged, StepStarted
 
 _NONE = "–"
 #: Maximum height of the table of checks that do not concern a single parameter, px.
@@ -245,6 +246,8 @@ class ResultAnalysis(QObject):
         self._following = False
         #: Whether a run or a register operation has begun, and no stage has reported its observability since.
         self._starting = False
+        #: Labels of the moves of the run in progress, by step.
+        self._step_labels: dict[int, tuple[str | float, ...]] = {}
         #: The log whose diagnostics are shown or being computed.
         self._diagnosed_log: Path | None = None
         self.loading = JobWatch(self, self._loaded, self._not_loaded)
@@ -269,18 +272,21 @@ class ResultAnalysis(QObject):
     def show_preview(self, preview: Preview) -> None:
         """Show the observability predicted by a preview, unless a run is open."""
         if self._run is None:
-            self.observability.view.show_stages({s.stage: s.observability for s in preview.stages})
+            self.observability.view.show_stages({s.stage: s.observability for s in preview.stages}, preview.step_labels)
             self.observability.show_view()
 
     def follow(self, event: Event) -> None:
         """Show the observability of the run in progress, unless a run was opened since it started."""
         if isinstance(event, StateChanged) and event.state == "preparing":
             self._following = self._starting = True
+            self._step_labels = {}
+        elif isinstance(event, StepStarted) and event.label:
+            self._step_labels[event.step] = event.label
         elif isinstance(event, StageRanked) and self._following:
             if self._starting:
                 self._starting = False
                 self.observability.view.show_stages({})
-            self.observability.view.follow(event)
+            self.observability.view.follow(event, self._step_labels)
             self.observability.show_view()
 
     def prepare(self, view: QWidget | None) -> None:
@@ -329,7 +335,7 @@ class ResultAnalysis(QObject):
             self.result.show_view()
         else:
             self.result.show_empty(lambda: _why_no_result(run))
-        self.observability.view.show_stages(run.result.observability)
+        self.observability.view.show_stages(run.result.observability, run.step_labels)
         self.observability.show_view()
         for lazy in self._computed:
             lazy.show_empty()

@@ -84,13 +84,14 @@ class StackedPlots(QWidget, Generic[Data]):
         self._data: Data | None = None
         self._outdated = True
         self._items: list[tuple[ThemedPlot, pg.GraphicsObject]] = []
-        self.plots = tuple(ThemedPlot(zoom=True) for _ in range(count))
+        self.plots = tuple(ThemedPlot() for _ in range(count))
         for number, plot in enumerate(self.plots):
             plot.getAxis("left").setWidth(left)
             plot.showGrid(y=True, alpha=0.2)
             if number < count - 1:
                 plot.getAxis("bottom").setStyle(showValues=False)
                 plot.getAxis("bottom").setHeight(4)
+            plot.getViewBox().sig_whole.connect(self._show_whole)
             if number:
                 plot.setXLink(self.plots[0])
         theme.on_appearance_change(self, self.refresh)
@@ -136,6 +137,10 @@ class StackedPlots(QWidget, Generic[Data]):
                     label = pg.InfLineLabel(region.lines[0], name, position=0.99, anchors=[(0, 0), (0, 0)])
                     label.setColor(QColor(c.muted))
                     label.setFont(theme.font())
+
+    def _show_whole(self) -> None:
+        for plot in self.plots:
+            plot.getViewBox().reset()
 
     def _redraw(self) -> None:
         for plot, item in self._items:

@@ -76,7 +76,7 @@ class Trend(QWidget):
         bind(self._combo.setAccessibleName, lambda: self.tr("Parameter"))
         caption = label(lambda: self.tr("This unit's runs"), buddy=self._combo)
         caption.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
-        self._plot = ThemedPlot(zoom=True)
+        self._plot = ThemedPlot()
         self._plot.setFocusPolicy(Qt.FocusPolicy.NoFocus)
         self._plot.getAxis("left").setWidth(8 * theme.GRID)
         self._plot.getAxis("bottom").setHeight(6 * theme.GRID)  # date and time, one below the other

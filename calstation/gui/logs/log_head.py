@@ -1,10 +1,11 @@
-"""A one-line summary of a log, and the buttons that zoom its plot."""
+"""A one-line summary of a log, and the buttons that select the channels of its plot and zoom it."""
 
 from functools import partial
 
 from PySide6.QtCore import QRectF
 from PySide6.QtWidgets import QLabel, QPushButton, QWidget
 
+from calstation.gui.logs.channels import ChannelButton
 from calstation.gui.logs.log_plot import LogPlot
 from calstation.gui.logs.marks import draw_sign
 from calstation.gui.logs.range_bar import RangeBar
@@ -22,12 +23,14 @@ class LogHead(QWidget):
         super().__init__()
         self._log_index: LogIndex | None = None
         self._facts = ElidedLabel()
+        self.channels = ChannelButton()
+        self.channels.changed.connect(plot.show_channels)
         self._signs: dict[str, tuple[QLabel, QLabel]] = {k: (label(), label()) for k in ("gap", "spoilt", "damaged")}
         tips: tuple[Words, ...] = (
             lambda: self.tr("Closer (+)"),
             lambda: self.tr("Further away (−)"),
             lambda: self.tr("Bring the chosen range into view"),
-            lambda: self.tr("Bring the whole log into view (Home)"),
+            lambda: self.tr("Bring the whole log into view (Home, or a double click)"),
         )
         buttons: tuple[QPushButton, ...] = (
             button("zoom_in_button", lambda: "+", lambda: plot.zoom(True)),
@@ -42,12 +45,13 @@ class LogHead(QWidget):
             made.setFixedWidth(theme.BUTTON)
             made.setStyleSheet("padding: 0")
         signs = [widget for pair in self._signs.values() for widget in pair]
-        row((self._facts, 1), *signs, *buttons, on=self)
+        row((self._facts, 1), *signs, self.channels, *buttons, on=self)
         theme.on_appearance_change(self, self._refresh)
 
     def show_log(self, log_index: LogIndex) -> None:
         """Show another log."""
         self._log_index = log_index
+        self.channels.show_channels(log_index.channels)
         self._refresh()
 
     def _refresh(self) -> None:

@@ -1,23 +1,25 @@
-"""Plots of a whole log: gyro, accelerometer and table angles over time, zoomable down to single samples."""
+"""Plots of a whole log over time: gyro, accelerometer, table and temperature, zoomable down to single samples."""
 
+from collections.abc import Callable, Collection
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QPointF, Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QKeyEvent, QPen
+from PySide6.QtCore import QEvent, QPointF, Qt, QTimer, Signal
+from PySide6.QtGui import QColor, QContextMenuEvent, QKeyEvent, QPen
 from PySide6.QtWidgets import QWidget
 
+from calstation.gui.logs.channels import PLOTS
 from calstation.gui.logs.log_columns import LogColumns, Wanted, split_at_gaps
 from calstation.gui.logs.marks import Backdrop, LogMarks, Strip
+from calstation.gui.logs.range_item import RangeItem
 from calstation.gui.logs.time_axis import TimeAxis
-from calstation.gui.text import term
-from calstation.gui.widgets import NumberAxis, PlotNote, column, fit_below_note, theme
-from calstation.results.plots import Columns, LogIndex
+from calstation.gui.text import term, with_minus
+from calstation.gui.widgets import NumberAxis, PlotMenu, PlotNote, TimeBox, column, fit_below_note, theme
+from calstation.results.plots import CHANNELS, Columns, LogIndex
 
-#: Channels of each plot: gyro, accelerometer, angles.
-_PLOTS = ((0, 3), (3, 6), (6, 8))
 #: Height of the row of stage names, px.
 _STRIP = 34
 #: Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged.
@@ -26,49 +28,24 @@ _MARGIN = 0.015
 _ZOOM = 0.5
 
 
-class RangeItem(pg.LinearRegionItem):  # type: ignore[misc]
-    """A draggable region in seconds; if it covers the whole view, a drag pans the view instead."""
+class _Graph(pg.GraphicsLayoutWidget):  # type: ignore[misc]
+    """The plots, which their menu copies and saves."""
 
-    def __init__(self) -> None:
-        super().__init__(swapMode="block")
-        self.setZValue(50)
+    def __init__(self, write_csv: Callable[[Path], object]) -> None:
+        super().__init__()
+        self.menu = PlotMenu(self, write_csv)
 
-    def apply_theme(self) -> None:
-        """Apply the colours of the current theme."""
-        accent = theme.colours().accent
-        self.setBrush(theme.faint(accent, 18))
-        self.setHoverBrush(theme.faint(accent, 30))
-        for line in self.lines:
-            line.setPen(QPen(QColor(accent), 2))
-            line.setHoverPen(QPen(theme.faint(accent, 160), 20))  # an edge can be dragged within this width
-            line.pen.setCosmetic(True)
-            line.hoverPen.setCosmetic(True)
-
-    def mouseDragEvent(self, event: Any) -> None:
-        """Move the range, unless it covers the view."""
-        if self._covers_view():
-            event.ignore()
-        else:
-            super().mouseDragEvent(event)
-
-    def hoverEvent(self, event: Any) -> None:
-        """Highlight the region if it can be dragged."""
-        if not self._covers_view():
-            super().hoverEvent(event)
-
-    def _covers_view(self) -> bool:
-        left, right = self.getViewBox().viewRange()[0]
-        start, stop = self.getRegion()
-        margin = 0.03 * (right - left)
-        return bool(start <= left + margin and stop >= right - margin)
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        """Offer to copy or save the plots."""
+        self.menu.open(event)
 
 
 class LogPlot(QWidget):
-    """Plots a log with about two points per pixel, and a range that can be dragged.
+    """Plots a log with about two points per pixel, and a range whose edges can be dragged.
 
     Signals: `range_moved(first, last)` with sequence numbers during a drag; `samples_wanted(Wanted)` when the view is
     narrow enough for single samples, which the receiver passes to `show_samples`; `pointed(seq)` with the sequence
-    number under the mouse, None outside the log.
+    number under the mouse, None outside the log. The values there are written at the top of each plot.
     """
 
     range_moved = Signal(object, object)
@@ -78,7 +55,7 @@ class LogPlot(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self._graph = pg.GraphicsLayoutWidget()
+        self._graph = _Graph(self.write_csv)
         self._graph.setObjectName("log_graph")
         self._graph.setFocusProxy(self)
         self._graph.setAcceptDrops(False)  # the page handles dropped files
@@ -90,18 +67,20 @@ class LogPlot(QWidget):
         self._length = 1.0
         #: Number of samples merged into a drawn column; 1 if single samples are drawn.
         self.samples_per_column = 0
+        self._drawn: Columns | None = None
+        self._pointed: int | None = None
+        self._shown: Collection[str] = CHANNELS
         self._layers: list[Backdrop | Strip] = [Strip(partial(term, "stage"))]
         self._ranges: list[RangeItem] = []
-        self._curves: list[Any] = []
+        self._cursors: list[pg.InfiniteLine] = []
+        self._curves: dict[str, pg.PlotCurveItem] = {}
         self._notes: list[PlotNote] = []
         self._strip = self._add_strip()
-        self._plots = [self._add_curves(k + 1, stop - start) for k, (start, stop) in enumerate(_PLOTS)]
-        for plot in (self._strip, *self._plots[1:]):
-            plot.setXLink(self._plots[0])
+        self._plots = [self._add_curves(k + 1, channels) for k, (channels, _, _) in enumerate(PLOTS)]
         self._redraw = QTimer(self, singleShot=True)
         self._redraw.timeout.connect(self._draw)
-        self.view_box.sigXRangeChanged.connect(self._schedule_draw)
-        self.view_box.sigResized.connect(self._schedule_draw)
+        self._strip.getViewBox().sigXRangeChanged.connect(self._schedule_draw)
+        self._strip.getViewBox().sigResized.connect(self._schedule_draw)
         self._graph.scene().sigMouseMoved.connect(self._point)
         theme.on_appearance_change(self, self._refresh)
 
@@ -119,17 +98,35 @@ class LogPlot(QWidget):
             item.setBounds((0.0, self._length))
             item.setVisible(True)
         self.set_range(facts.first_seq, facts.last_seq)
+        self._point_to(None)
         self.whole()
         self._draw()
 
     def close_log(self) -> None:
         """Clear the plots."""
-        self._log_index = self._columns = None
+        self._log_index = self._columns = self._drawn = None
+        self._point_to(None)
         self._show_marks(LogMarks())
-        for curve in self._curves:
+        for curve in self._curves.values():
             curve.clear()
         for item in self._ranges:
             item.setVisible(False)
+
+    def show_channels(self, shown: Collection[str]) -> None:
+        """Show these of `CHANNELS`, and the plots of at least one of them."""
+        self._shown = shown
+        for name, curve in self._curves.items():
+            curve.setVisible(name in shown)
+        visible = [
+            plot for plot, (names, _, _) in zip(self._plots, PLOTS, strict=True) if not set(names).isdisjoint(shown)
+        ]
+        for plot in filter(self._graph.ci.items.__contains__, self._plots):
+            self._graph.removeItem(plot)
+        for row, plot in enumerate(visible, 1):
+            self._graph.addItem(plot, row=row, col=0)
+            plot.showAxis("bottom", plot is visible[-1])
+        self._refresh()
+        self._schedule_draw()
 
     def set_range(self, first_seq: int, last_seq: int) -> None:
         """Show the selected range."""
@@ -145,10 +142,26 @@ class LogPlot(QWidget):
             self._columns.keep(wanted, columns)
             self._schedule_draw()
 
+    def write_csv(self, target: Path) -> None:
+        """Write the shown channels as drawn: two rows, the lowest and the highest values, for merged samples."""
+        assert self._log_index is not None
+        columns, facts = self._drawn, self._log_index.facts
+        assert columns is not None
+        shown = [(k, name) for k, name in enumerate(CHANNELS) if name in self._shown]
+        units = {name: unit for names, unit, _ in PLOTS for name in names}
+        values = np.stack([columns.low, columns.high], axis=1)[:, : 1 if columns.samples == 1 else 2]
+        seq = np.repeat(columns.seq, values.shape[1])
+        rows = values.reshape(len(seq), -1)[:, [k for k, _ in shown]]
+        heading = ["seq", "time_s", *(f"{name} [{units[name]}]" for _, name in shown)]
+        time = (seq - facts.first_seq) / self._log_index.rate
+        style = ["%d", "%.9g", *["%.9g"] * len(shown)]
+        table = np.column_stack([seq, time, rows])
+        np.savetxt(target, table, style, ",", header=",".join(heading), comments="", encoding="utf-8")
+
     @property
     def view(self) -> tuple[float, float]:
         """Time range in view, s from the start of the log."""
-        left, right = self.view_box.viewRange()[0]
+        left, right = self._strip.getViewBox().viewRange()[0]
         return left, right
 
     @property
@@ -157,8 +170,11 @@ class LogPlot(QWidget):
         return self._plots[0].getViewBox()
 
     def whole(self) -> None:
-        """Bring the whole log into view."""
+        """Bring the whole log into view, with all values."""
+        for plot in self._plots:
+            plot.getViewBox().reset()
         self._set_view(0.0, self._length, _MARGIN)
+        self._schedule_draw()
 
     def show_part(self, first_seq: int, last_seq: int) -> None:
         """Bring a range into view, with a margin of 5 % of its width on either side."""
@@ -190,7 +206,7 @@ class LogPlot(QWidget):
     def _set_view(self, left: float, right: float, margin: float = 0.0) -> None:
         """Show a time range, s, with `margin` on either side as a fraction of its width."""
         pad = margin * (right - left)
-        self._plots[0].setXRange(left - pad, right + pad, padding=0)
+        self._strip.setXRange(left - pad, right + pad, padding=0)
 
     def _show_marks(self, marks: LogMarks) -> None:
         for layer in self._layers:
@@ -201,36 +217,40 @@ class LogPlot(QWidget):
         plot.setMaximumHeight(_STRIP)
         plot.setMinimumHeight(_STRIP)
         plot.setYRange(0, 1, padding=0)
+        plot.setLimits(yMin=0, yMax=1, minYRange=1)
         plot.getAxis("left").setStyle(tickLength=0, showValues=False)
         plot.addItem(self._layers[0], ignoreBounds=True)
         return plot
 
     def _add_plot(self, row: int) -> Any:
-        plot = self._graph.addPlot(row=row, col=0, axisItems={"left": NumberAxis("left"), "bottom": TimeAxis()})
+        axes = {"left": NumberAxis("left"), "bottom": TimeAxis()}
+        plot = self._graph.addPlot(row=row, col=0, axisItems=axes, viewBox=TimeBox())
         plot.setMenuEnabled(False)
         plot.hideButtons()
-        plot.setMouseEnabled(x=True, y=False)
         plot.getViewBox().setDefaultPadding(0.0)
+        plot.getViewBox().sig_whole.connect(self.whole)
         plot.getAxis("left").setWidth(9 * theme.GRID)
         plot.getAxis("left").enableAutoSIPrefix(False)
         plot.getAxis("left").setStyle(hideOverlappingLabels=True)
         for side in ("left", "bottom"):
             plot.getAxis(side).setStyle(tickFont=theme.font())
-        if row < len(_PLOTS):
-            plot.hideAxis("bottom")
+        plot.showAxis("bottom", row == len(PLOTS))
         return plot
 
-    def _add_curves(self, row: int, count: int) -> Any:
+    def _add_curves(self, row: int, channels: tuple[str, ...]) -> Any:
         plot = self._add_plot(row)
-        backdrop, item = Backdrop(), RangeItem()
-        curves = [pg.PlotCurveItem(connect="finite") for _ in range(count)]
-        item.setVisible(False)
+        plot.setXLink(self._strip)
+        backdrop, item, cursor = Backdrop(), RangeItem(), pg.InfiniteLine(angle=90)
+        curves = {name: pg.PlotCurveItem(connect="finite") for name in channels}
         item.sigRegionChanged.connect(self._dragged)
-        for each in (backdrop, *curves, item):
+        for each in (item, cursor):
+            each.setVisible(False)
+        for each in (backdrop, *curves.values(), item, cursor):
             plot.addItem(each, ignoreBounds=True)
         self._layers.append(backdrop)
-        self._curves += curves
+        self._curves |= curves
         self._ranges.append(item)
+        self._cursors.append(cursor)
         self._notes.append(PlotNote(plot.getViewBox()))
         return plot
 
@@ -242,18 +262,38 @@ class LogPlot(QWidget):
                 plot.getAxis(side).setPen(QColor(c.line))
                 plot.getAxis(side).setTextPen(QColor(c.text))
         self._strip.getAxis("left").setPen(QColor(c.panel))
-        table = (self.tr("outer"), c.accent), (self.tr("inner"), c.caution)
-        axes = tuple(theme.AXIS_COLOURS.items())
-        for curve, (_, colour) in zip(self._curves, (*axes, *axes, *table), strict=True):
-            curve.setPen(QPen(QColor(colour), 0))
+        for name, curve in self._curves.items():
+            curve.setPen(QPen(QColor(_colour(name)), 0))
         for item in self._ranges:
             item.apply_theme()
-        titles = self.tr("Gyro, °/s"), self.tr("Accelerometer, m/s²"), self.tr("Table, °")
-        letters = tuple((name, theme.axis_text(name)) for name, _ in axes)
-        for note, title, lines in zip(self._notes, titles, (letters, letters, table), strict=True):
-            note.say([(title, c.text), *((f"<b>{name}</b>", colour) for name, colour in lines)])
+        for cursor in self._cursors:
+            cursor.setPen(QPen(QColor(c.text), 0))
+        self._write_notes()
         self.setAccessibleName(self.tr("The log's curves"))
         self._graph.viewport().update()
+
+    def _write_notes(self) -> None:
+        """Write the names of the channels, and while the mouse points at the log, their values there."""
+        c = theme.colours()
+        titles = self.tr("Gyro, °/s"), self.tr("Accelerometer, m/s²"), self.tr("Table, °"), self.tr("Temperature, °C")
+        letters = {"outer": self.tr("outer"), "inner": self.tr("inner"), "temperature": ""}
+        for note, title, (channels, _, decimals) in zip(self._notes, titles, PLOTS, strict=True):
+            parts = [(title, c.text)]
+            for name in filter(self._shown.__contains__, channels):
+                letter = letters.get(name, name[-1])
+                colour = theme.axis_text(letter) if letter in theme.AXIS_COLOURS else _colour(name)
+                parts.append((f"<b>{letter}</b> {self._value_text(name, decimals)}", colour))
+            note.say(parts)
+
+    def _value_text(self, name: str, decimals: int) -> str:
+        """Return the value of a channel under the mouse, or the lowest and highest of the samples merged there."""
+        columns = self._drawn
+        if self._pointed is None or columns is None or not len(columns):
+            return ""
+        k = max(int(columns.seq.searchsorted(self._pointed, side="right")) - 1, 0)
+        digits = decimals if columns.samples == 1 else decimals - 2
+        low, high = (f"{values[k, CHANNELS.index(name)]:.{digits}f}" for values in (columns.low, columns.high))
+        return with_minus(low if low == high else f"{low}…{high}").replace("nan", "–")
 
     def _seconds(self, seq: int) -> float:
         assert self._log_index is not None
@@ -273,10 +313,24 @@ class LogPlot(QWidget):
     def _point(self, position: QPointF) -> None:
         if self._log_index is None:
             return
-        seconds = self.view_box.mapSceneToView(position).x()
-        box = self.view_box.sceneBoundingRect()
+        strip = self._strip.getViewBox()
+        seconds, box = strip.mapSceneToView(position).x(), strip.sceneBoundingRect()
         inside = box.left() <= position.x() <= box.right() and 0 <= seconds <= self._length
-        self.pointed.emit(self._seq(seconds) if inside else None)
+        self._point_to(self._seq(seconds) if inside else None)
+
+    def _point_to(self, seq: int | None) -> None:
+        self._pointed = seq
+        for cursor in self._cursors:
+            cursor.setVisible(seq is not None)
+            if seq is not None:
+                cursor.setValue(self._seconds(seq))
+        self._write_notes()
+        self.pointed.emit(seq)
+
+    def leaveEvent(self, event: QEvent) -> None:
+        """Stop pointing at the log."""
+        self._point_to(None)
+        super().leaveEvent(event)
 
     def _schedule_draw(self) -> None:
         if self._log_index is not None and not self._redraw.isActive():
@@ -286,17 +340,27 @@ class LogPlot(QWidget):
         if self._log_index is None or self._columns is None:
             return
         left, right = self.view
-        count = max(64, round(self.view_box.width()))
+        count = max(64, round(self._strip.getViewBox().width()))
         columns, wanted = self._columns.view(self._seq(left), self._seq(right), count)
         if wanted is not None:
             self.samples_wanted.emit(wanted)
-        self.samples_per_column = columns.samples
+        self.samples_per_column, self._drawn = columns.samples, columns
         seq, low, high = split_at_gaps(columns, (right - left) * self._log_index.rate / count)
         x = np.repeat((seq - self._log_index.facts.first_seq) / self._log_index.rate, 2)
-        for curve, channel_low, channel_high in zip(self._curves, low.T, high.T, strict=True):
-            curve.setData(x, np.column_stack([channel_low, channel_high]).ravel())
-        for plot, (start, stop) in zip(self._plots, _PLOTS, strict=True):
-            lowest = columns.low[:, start:stop]
+        for name, channel_low, channel_high in zip(CHANNELS, low.T, high.T, strict=True):
+            if name in self._shown:
+                self._curves[name].setData(x, np.column_stack([channel_low, channel_high]).ravel())
+        for plot, (channels, _, _) in zip(self._plots, PLOTS, strict=True):
+            used = [CHANNELS.index(name) for name in channels if name in self._shown]
+            lowest = columns.low[:, used]
             if not np.isnan(lowest).all():
-                bottom, top = float(np.nanmin(lowest)), float(np.nanmax(columns.high[:, start:stop]))
-                fit_below_note(plot, bottom, top, 0.0 if top > bottom else max(abs(top), 1e-9))
+                bottom, top = float(np.nanmin(lowest)), float(np.nanmax(columns.high[:, used]))
+                fit_below_note(plot, bottom, top, 0.0 if top > bottom else max(0.1 * abs(top), 1e-9))
+        self._write_notes()
+
+
+def _colour(channel: str) -> str:
+    """Return the colour of a channel's curve."""
+    c = theme.colours()
+    others = {"outer": c.accent, "inner": c.caution, "temperature": c.text}
+    return others.get(channel) or theme.AXIS_COLOURS[channel[-1]]

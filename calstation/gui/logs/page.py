@@ -10,6 +10,7 @@ from PySide6.QtCore import QMimeData, Qt
 from PySide6.QtGui import QDragEnterEvent, QDropEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import QSplitter, QWidget
 
+from calstation.gui.logs.allan_view import AllanView
 from calstation.gui.logs.comparison import Comparison
 from calstation.gui.logs.exports import Exports
 from calstation.gui.logs.log_columns import Wanted
@@ -20,7 +21,7 @@ from calstation.gui.logs.range_bar import RangeBar, StageChoice
 from calstation.gui.logs.source_bar import ENDINGS, MAX_RECENT, SourceBar
 from calstation.gui.logs.time_axis import time_text
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import on_language_change, say, term
+from calstation.gui.text import on_language_change, say, step_sentence, term
 from calstation.gui.widgets import (
     EmptyState,
     JobRow,
@@ -39,7 +40,7 @@ from calstation.gui.widgets import (
 )
 from calstation.physics import EffectName
 from calstation.results import History, Resolved, offline_solve
-from calstation.results.plots import Columns, LogIndex, log_index, samples
+from calstation.results.plots import Columns, LogIndex, log_index, longest_rest, samples
 
 if TYPE_CHECKING:
     from calstation.gui.logs.methods import MethodPanel
@@ -60,9 +61,11 @@ class OfflinePage(Page):
         self._indexes = Path(tempfile.mkdtemp(prefix="calstation-"))
         weakref.finalize(self, shutil.rmtree, self._indexes, ignore_errors=True)
         self._opened = 0
+        self._pointed: int | None = None
         self._wanted: Wanted | None = None
         self.reader = JobWatch(self, self._show_log, self._close, self._close)
         self.solver, self._sampler = JobWatch(self, self._show_solved), JobWatch(self, self._show_samples)
+        self.rest_finder = JobWatch(self, lambda found: self.range.choose(*found))
         self.methods, self.source = MethodBar(), SourceBar(app.settings, self._latest_runs)
         self.notice = NoticeBar("offline_notice")
         self.exports = Exports(app.job_queue, self, self.notice, lambda: self.plot.setFocus())
@@ -133,7 +136,7 @@ class OfflinePage(Page):
     def _build_open(self) -> QSplitter:
         self.plot, self.range = LogPlot(), RangeBar()
         self.head = LogHead(self.plot, self.range)
-        self._pointer = label(kind="muted")
+        self._pointer = label(kind="muted", name="pointer_label")
         self._pointer.setFixedHeight(2 * theme.GRID + 4)
         self.stages, self.comparison = StageChoice(), Comparison()
         self.solve_button = button(
@@ -143,15 +146,19 @@ class OfflinePage(Page):
             self.solve_button,
             JobRow(self.solver, "solve_cancel_button"),
             JobRow(self.exports.watch, "export_cancel_button"),
+            JobRow(self.rest_finder, "rest_cancel_button"),
         )
         self.result_button = button("export_result_button", lambda: self.tr("Export result…"), self._export_result)
         self.log_button = button("export_log_button", None, self._export_log)
+        self.allan_button = button("allan_button", lambda: self.tr("Allan deviation"), self._show_allan)
+        self.allan = AllanView(self.app, self.notice)
         left, right = QWidget(), QWidget()
         column(self.head, (self.plot, 1), self._pointer, self.range, on=left, margins=(0, 0, theme.GRID, 0))
         self.missing = MissingState(self.solver, "offline_add_state_button")
-        exports = row(self.result_button, self.log_button, None)
+        exports = row(self.result_button, self.log_button, None, self.allan_button)
         column(self.stages, jobs, (self.comparison, 1), self.missing, exports, on=right, margins=(theme.GRID, 0, 0, 0))
-        return split((left, 10), (right, 10))
+        self._right = stack(right, self.allan)
+        return split((left, 10), (self._right, 10))
 
     def _connect(self) -> None:
         self.source.chosen.connect(self._open_chosen)
@@ -164,8 +171,15 @@ class OfflinePage(Page):
         self.plot.pointed.connect(self._show_pointed)
         self.stages.changed.connect(self._update)
         self.missing.wanted.connect(self._add_state)
-        for watch in (self.reader, self.solver, self.exports.watch):
+        self.range.rest_wanted.connect(self._find_rest)
+        self.allan.closed.connect(self._hide_allan)
+        for watch in (self.reader, self.solver, self.exports.watch, self.rest_finder, self.allan.watch):
             watch.busy_changed.connect(self._update)
+        self.notice.report_failures(self.rest_finder, lambda: self.tr("No rest has been found"), self.plot.setFocus)
+        self.allan.watch.failed.connect(self._hide_allan)
+        self.notice.report_failures(
+            self.allan.watch, lambda: self.tr("This range has no Allan deviation"), self.plot.setFocus
+        )
         self.exports.watch.busy_changed.connect(self.notice.dismiss)
         self.notice.report_failures(self.reader, lambda: self.tr("This log cannot be opened"), self.plot.setFocus)
         self.notice.report_failures(self.solver, lambda: self.tr("This range cannot be solved"), self.plot.setFocus)
@@ -218,6 +232,7 @@ class OfflinePage(Page):
     def _close(self, *_: object) -> None:
         self._stack.setCurrentWidget(self._empty)
         self.plot.close_log()
+        self._hide_allan()
         self.log = self.solved = self._wanted = None
         shutil.rmtree(self._index_folder, ignore_errors=True)
         self._update()
@@ -254,6 +269,20 @@ class OfflinePage(Page):
         if self.log is not None and self.solved is not None:
             self.exports.ask_result(self.log.path, self.solved.result, self.log.stored)
 
+    def _find_rest(self) -> None:
+        if self.log is not None:
+            self.notice.dismiss()
+            self.rest_finder.watch(self.app.job_queue.submit(longest_rest, self.log.path))
+
+    def _show_allan(self) -> None:
+        if self.log is not None:
+            self.notice.dismiss()
+            self._right.setCurrentWidget(self.allan)
+            self.allan.compute(self.log.path, *self.range.range)
+
+    def _hide_allan(self, *_: object) -> None:
+        self._right.setCurrentIndex(0)
+
     # ---- range, samples and pointer
 
     def _choose_range(self, first: int, last: int) -> None:
@@ -273,19 +302,29 @@ class OfflinePage(Page):
             self.plot.show_samples(self._wanted, columns)
 
     def _show_pointed(self, seq: int | None) -> None:
-        log = self.log
+        """Show time, stage and step of the sample under the mouse."""
+        log, self._pointed = self.log, seq
         if seq is None or log is None:
             self._pointer.setText("")
             return
         time = time_text((seq - log.facts.first_seq) / log.rate, 1.0 / log.rate)
         stage = next((term("stage", s.stage) for s in log.spans if s.first_seq <= seq <= s.last_seq), "")
-        self._pointer.setText(self.tr("Sample {0}").format(seq) + f"   {time}   {stage}")
+        step = int(log.step_numbers[log.steps.ranges[:, 0].searchsorted(seq, side="right")])
+        label = log.step_labels.get(step)
+        move = (
+            self.tr("step {0}: {1}").format(step, step_sentence("move", label))
+            if label
+            else self.tr("step {0}").format(step)
+        )
+        parts = time, self.tr("Sample {0}").format(seq), stage, move if step else ""
+        self._pointer.setText("   ".join(filter(None, parts)))
 
     # ---- texts and enabled controls
 
     @property
     def _working(self) -> bool:
-        return self.solver.busy or self.exports.watch.busy
+        jobs = self.solver, self.exports.watch, self.rest_finder, self.allan.watch, self.allan.saving
+        return any(watch.busy for watch in jobs)
 
     def _wait_text(self) -> str:
         return self.tr("Another log can be opened when this job has ended or is cancelled.")
@@ -318,6 +357,8 @@ class OfflinePage(Page):
         for widget in (self.range, self.stages):
             enable(widget, wait)
         enable(self.solve_button, self._why_not_solve())
+        tip = self.tr("Of the chosen range, at rest: gives random walk and bias instability")
+        enable(self.allan_button, wait or ("" if self.log is not None else self.tr("Open a log first")), tip)
         part = self.log is not None and not self.range.whole
         self.log_button.setText(self.tr("Export range…") if part else self.tr("Export log…"))
         tip = self.tr("Only the chosen samples; “Set to…” returns to the whole log") if part else ""
@@ -334,6 +375,7 @@ class OfflinePage(Page):
             ),
         )
         self._reading.say(self.tr("Reading the log"), "")
+        self._show_pointed(self._pointed)
         self._update()
 
 

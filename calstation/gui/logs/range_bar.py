@@ -4,7 +4,7 @@ from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QAbstractSpinBox, QCheckBox, QDoubleSpinBox, QMenu, QWidget
 
 from calstation.gui.text import duration_text, on_language_change, term
-from calstation.gui.widgets import button, column, enable, grid, label, row, show_text, theme
+from calstation.gui.widgets import Words, button, column, enable, grid, label, row, show_text, theme
 from calstation.results.plots import LogIndex, StageSpan
 
 #: Number of stage check boxes in a row.
@@ -36,6 +36,7 @@ class RangeBar(QWidget):
     """Selects a range of sequence numbers; emits `changed(first, last)` when the user enters another range."""
 
     changed = Signal(object, object)
+    rest_wanted = Signal()  #: The longest rest of the log is to be selected.
 
     def __init__(self) -> None:
         super().__init__()
@@ -50,15 +51,17 @@ class RangeBar(QWidget):
             spin.editingFinished.connect(lambda spin=spin: self._finished(spin))
         self.length_label = label(kind="muted")
         self.part_button = button(
-            "range_button", lambda: self.tr("Set to…"), tip=lambda: self.tr("The whole log, or one of its stages")
+            "range_button",
+            lambda: self.tr("Set to…"),
+            tip=lambda: self.tr("The whole log, a stage, or the longest rest"),
         )
         self._menu = QMenu(self)
         self.part_button.setMenu(self._menu)
         self.note_label = label(kind="error", name="range_note_label", wrap=True)
         boxes = row(first, self.first_spin, last, self.last_spin, (self.length_label, 1), self.part_button)
         column(boxes, self.note_label, on=self, spacing=theme.GRID // 2)
-        self._show_note("")
-        on_language_change(self, self._fill_menu)
+        self._note: Words = str
+        on_language_change(self, self._show_texts)
 
     def show_log(self, log_index: LogIndex) -> None:
         """Set the limits to those of a log and select all of it."""
@@ -87,7 +90,17 @@ class RangeBar(QWidget):
             with QSignalBlocker(spin):
                 spin.setRange(facts.first_seq, facts.last_seq)
                 spin.setValue(value)
-        self.length_label.setText(duration_text((last - first + 1) / self._log_index.rate))
+        self._show_length()
+
+    def _show_texts(self) -> None:
+        self._fill_menu()
+        self._show_length()
+        show_text(self.note_label, self._note())
+
+    def _show_length(self) -> None:
+        if self._log_index is not None:
+            first, last = self.range
+            self.length_label.setText(duration_text((last - first + 1) / self._log_index.rate))
 
     def _fill_menu(self) -> None:
         self._menu.clear()
@@ -98,40 +111,45 @@ class RangeBar(QWidget):
         parts += [(term("stage", s.stage), s.first_seq, s.last_seq) for s in self._log_index.spans]
         for text, first, last in parts:
             action = self._menu.addAction(text)
-            action.triggered.connect(lambda _=False, part=(first, last): self._choose(*part))
+            action.triggered.connect(lambda _=False, part=(first, last): self.choose(*part))
+        self._menu.addSeparator()
+        self._menu.addAction(self.tr("Longest rest")).triggered.connect(lambda _: self.rest_wanted.emit())
 
-    def _choose(self, first: int, last: int) -> None:
+    def choose(self, first: int, last: int) -> None:
+        """Select a range as the user does."""
         self.set_range(first, last)
         self.changed.emit(*self.range)
 
     def _entered(self, spin: CountSpin) -> None:
         """Accept a new value, limited by the value of the other box."""
         first, last = self.range
-        note = ""
+        self._show_note(str)
         if first > last and spin is self.first_spin:
             first = last
-            note = self.tr("The first sample cannot be after the last: set to {0}.").format(last)
+            self._show_note(lambda: self.tr("The first sample cannot be after the last: set to {0}.").format(last))
         elif first > last:
             last = first
-            note = self.tr("The last sample cannot be before the first: set to {0}.").format(first)
-        self._show_note(note)
+            self._show_note(lambda: self.tr("The last sample cannot be before the first: set to {0}.").format(last))
         self._typed = ""
-        self._choose(first, last)
+        self.choose(first, last)
 
     def _type(self, text: str) -> None:
         self._typed = text
-        self._show_note("")
+        self._show_note(str)
 
     def _finished(self, spin: CountSpin) -> None:
         """Explain why a number outside the log was rejected."""
         typed, self._typed = self._typed, ""
         if self._log_index is not None and typed and typed != spin.lineEdit().text():
             facts = self._log_index.facts
-            note = self.tr("{0} is not in this log; it holds samples {1} to {2}.")
-            self._show_note(note.format(typed, facts.first_seq, facts.last_seq))
+            held = facts.first_seq, facts.last_seq
+            self._show_note(
+                lambda: self.tr("{0} is not in this log; it holds samples {1} to {2}.").format(typed, *held)
+            )
 
-    def _show_note(self, text: str) -> None:
-        show_text(self.note_label, text)
+    def _show_note(self, note: Words) -> None:
+        self._note = note
+        show_text(self.note_label, note())
 
 
 class StageChoice(QWidget):

@@ -59,7 +59,6 @@ class Convergence(QFrame):
         self._plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self._plot.getAxis("left").setWidth(7 * theme.GRID)
         box = self._plot.getViewBox()
-        box.setMouseEnabled(x=False, y=False)
         box.sigTransformChanged.connect(self._label_lines)
         box.sigResized.connect(self._label_lines)
         self._target = pg.InfiniteLine(0.0, angle=0)
@@ -79,7 +78,8 @@ class Convergence(QFrame):
         for line in self.lines.values():
             self._plot.removeItem(line.curve)
         self.lines = {group: Line(target) for group, target in targets.items()}
-        for line in self.lines.values():
+        for group, line in self.lines.items():
+            line.curve.opts["name"] = f"log10 {group}"  # in its CSV
             self._plot.addItem(line.curve)
         self._now = 0.0
         self._refresh()

@@ -26,12 +26,11 @@ class _Plot(QWidget):
         self._factor = factor
         self.plot = ThemedPlot()
         self.plot.getAxis("left").setWidth(7 * theme.GRID)
-        self.plot.getViewBox().setMouseEnabled(x=True, y=False)
         self.plot.getViewBox().setDefaultPadding(0.02)
         self.plot.getPlotItem().setContentsMargins(0, theme.GRID, 0, 0)
         self._curves = [
-            pg.PlotCurveItem(pen=pg.mkPen(colour, width=1), skipFiniteCheck=True)
-            for colour in theme.AXIS_COLOURS.values()
+            pg.PlotCurveItem(pen=pg.mkPen(colour, width=1), skipFiniteCheck=True, name=name)
+            for name, colour in theme.AXIS_COLOURS.items()
         ]
         for curve in self._curves:
             self.plot.addItem(curve)
@@ -75,7 +74,9 @@ class Traces(QFrame):
         self.hold_button.setCheckable(True)
         self.hold_button.toggled.connect(lambda held: None if held else self._draw_again())
         for plot in (self._gyro, self._accel):
-            plot.plot.getViewBox().sigRangeChangedManually.connect(lambda *_: self.hold_button.setChecked(True))
+            box = plot.plot.getViewBox()
+            box.sigRangeChangedManually.connect(lambda *_: self.hold_button.setChecked(True))
+            box.sig_whole.connect(lambda: self.hold_button.setChecked(False))
         self._spans = QButtonGroup(self)
         names = (lambda: self.tr("10 s"), lambda: self.tr("1 min"), lambda: self.tr("10 min"))
         for number, name in enumerate(names):
@@ -122,6 +123,8 @@ class Traces(QFrame):
         self._draw_again()
 
     def _draw_again(self) -> None:
+        for plot in (self._gyro, self._accel):
+            plot.plot.getViewBox().reset()
         self._new_rows = True
         self._draw()
 

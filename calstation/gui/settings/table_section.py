@@ -94,7 +94,7 @@ class TravelPlot(ThemedPlot):
     """Plots the travel of both joints as bars on a common scale in degrees, with home at 0."""
 
     def __init__(self) -> None:
-        super().__init__()
+        super().__init__(zoom=False)
         self._travel: dict[str, tuple[Any, Any]] = {}
         self.setFixedHeight(22 * theme.GRID)
         self.setMouseEnabled(x=False, y=False)

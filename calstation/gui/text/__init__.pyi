@@ -15,6 +15,7 @@ from .messages import fault_text as fault_text
 from .messages import free_text as free_text
 from .messages import rendered as rendered
 from .messages import say as say
+from .messages import short_step as short_step
 from .messages import show as show
 from .messages import step_sentence as step_sentence
 from .messages import term as term

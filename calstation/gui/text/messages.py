@@ -6,7 +6,7 @@ from typing import Any
 
 from calstation.errors import CalstationError
 from calstation.gui.text import language
-from calstation.messages import Rendered, Text, entry, event_text, rendering, step_text
+from calstation.messages import Rendered, Text, entry, event_text, rendering, short_step_text, step_text
 from calstation.messages import with_minus as with_minus
 from calstation.sequencer import Fault
 
@@ -80,6 +80,11 @@ def step_sentence(kind: str, label: tuple[str | float, ...]) -> str:
     if kind == "dwell" and label:
         return f"{show(step_text('move', label))}  ·  {show(step_text(kind, ()))}"
     return show(step_text(kind, label))
+
+
+def short_step(label: tuple[str | float, ...]) -> str:
+    """Return what a move does in a few characters, from its label."""
+    return show(short_step_text(label))
 
 
 def fault_text(fault: Fault) -> ErrorText:

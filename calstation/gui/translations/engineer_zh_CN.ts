@@ -116,10 +116,6 @@
         <translation>{0}，第 {1} 步之后：比本阶段之前准 {2:.3g} 倍</translation>
     </message>
     <message>
-        <source>after step</source>
-        <translation>步号</translation>
-    </message>
-    <message>
         <source>east</source>
         <translation>东</translation>
     </message>
@@ -138,6 +134,14 @@
     <message>
         <source>attitude</source>
         <translation>姿态</translation>
+    </message>
+    <message>
+        <source>prior σ / σ after the step, ×</source>
+        <translation>先验 σ / 各步之后的 σ，倍</translation>
+    </message>
+    <message>
+        <source>Step {0}: {1}</source>
+        <translation>第 {0} 步：{1}</translation>
     </message>
     <message>
         <source>velocity</source>
@@ -203,7 +207,7 @@
     <name>ObservabilityView</name>
     <message>
         <source>Stage</source>
-        <extracomment>Strength above which a state counts as observable. Range of the colour scale in decades: strengths from 1 to 100 000. Latest ranking of each stage of the run that is followed; empty for a result or a preview.</extracomment>
+        <extracomment>Strength above which a state counts as observable. Range of the colour scale in decades: strengths from 1 to 100 000. Size of the font of states and steps, and least width of a step that is named, px. Label of a move, from the plan. Latest ranking of each stage of the run that is followed; empty for a result or a preview.</extracomment>
         <translation>阶段</translation>
     </message>
     <message>
@@ -213,6 +217,10 @@
     <message>
         <source>Only stages solved by the filter report it: the excitation and the azimuth flips.</source>
         <translation>只有滤波解算的阶段才有：三轴激励和方位翻转。</translation>
+    </message>
+    <message>
+        <source>{0}: after step</source>
+        <translation>{0}：各步之后</translation>
     </message>
     <message>
         <source>Not determined by this stage: {0}</source>
@@ -370,7 +378,7 @@
     <name>ResultAnalysis</name>
     <message>
         <source>Opening {0}</source>
-        <extracomment>Whether the observability shown is that of the run in progress. Whether a run or a register operation has begun, and no stage has reported its observability since. The log whose diagnostics are shown or being computed. The views in order: parameters, innovations, residuals, observability.</extracomment>
+        <extracomment>Whether the observability shown is that of the run in progress. Whether a run or a register operation has begun, and no stage has reported its observability since. Labels of the moves of the run in progress, by step. The log whose diagnostics are shown or being computed. The views in order: parameters, innovations, residuals, observability.</extracomment>
         <translation>正在打开 {0}</translation>
     </message>
 </context>

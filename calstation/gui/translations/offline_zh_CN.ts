@@ -2,6 +2,181 @@
 <!DOCTYPE TS>
 <TS version="2.1" language="zh_CN">
 <context>
+    <name>AllanPlot</name>
+    <message>
+        <source>random walk</source>
+        <extracomment>Unit of the deviation of each sensor, and its size in SI. Entries of `[noise]` of each sensor: its random walk and its bias instability.</extracomment>
+        <translation>随机游走</translation>
+    </message>
+    <message>
+        <source>bias instability</source>
+        <translation>零偏不稳定性</translation>
+    </message>
+    <message>
+        <source>quantisation</source>
+        <translation>量化噪声</translation>
+    </message>
+    <message>
+        <source>averaging time, s</source>
+        <translation>平均时间，s</translation>
+    </message>
+    <message>
+        <source>Gyro</source>
+        <translation>陀螺</translation>
+    </message>
+    <message>
+        <source>Accel</source>
+        <translation>加表</translation>
+    </message>
+    <message>
+        <source>– – profile</source>
+        <translation>– – 配置</translation>
+    </message>
+</context>
+<context>
+    <name>AllanView</name>
+    <message>
+        <source>Take these values…</source>
+        <translation>采用这些值…</translation>
+    </message>
+    <message>
+        <source>Copy table</source>
+        <translation>复制表格</translation>
+    </message>
+    <message>
+        <source>Back</source>
+        <translation>返回</translation>
+    </message>
+    <message>
+        <source>Not saved</source>
+        <translation>未保存</translation>
+    </message>
+    <message>
+        <source>Bias instability</source>
+        <translation>零偏不稳定性</translation>
+    </message>
+    <message>
+        <source>Random walk</source>
+        <translation>随机游走</translation>
+    </message>
+    <message>
+        <source>Profile</source>
+        <translation>配置</translation>
+    </message>
+    <message>
+        <source>Channel</source>
+        <translation>通道</translation>
+    </message>
+    <message>
+        <source>gyro {0}</source>
+        <translation>陀螺 {0}</translation>
+    </message>
+    <message>
+        <source>accel {0}</source>
+        <translation>加表 {0}</translation>
+    </message>
+    <message>
+        <source>Computing the Allan deviation</source>
+        <translation>正在计算 Allan 偏差</translation>
+    </message>
+    <message>
+        <source>–: no slope of −1/2, other noise hides the random walk. ≤: no flat minimum yet; needs a longer rest.</source>
+        <translation>–：没有斜率为 −1/2 的部分，随机游走被其他噪声掩盖。≤：尚未出现平坦的最低点，需要更长的静止数据。</translation>
+    </message>
+    <message>
+        <source>{0}: {1} at rest, samples {2} to {3}</source>
+        <translation>{0}：静止 {1}，采样点 {2} 到 {3}</translation>
+    </message>
+    <message>
+        <source>The log does not name an IMU profile.</source>
+        <translation>记录中没有 IMU 配置的名称。</translation>
+    </message>
+    <message>
+        <source>This rest determines none of the values; take a longer one.</source>
+        <translation>这段静止数据不能确定任何数值，请选择更长的静止范围。</translation>
+    </message>
+    <message>
+        <source>Stores them in the IMU profile as a new version</source>
+        <translation>作为新版本保存到 IMU 配置</translation>
+    </message>
+    <message>
+        <source>angle random walk</source>
+        <translation>角度随机游走</translation>
+    </message>
+    <message>
+        <source>velocity random walk</source>
+        <translation>速度随机游走</translation>
+    </message>
+    <message>
+        <source>gyro bias instability</source>
+        <translation>陀螺零偏不稳定性</translation>
+    </message>
+    <message>
+        <source>accelerometer bias instability</source>
+        <translation>加表零偏不稳定性</translation>
+    </message>
+    <message>
+        <source>Each is the largest of its three axes.</source>
+        <translation>取三个轴中的最大值。</translation>
+    </message>
+    <message>
+        <source>Not determined, so unchanged: {0}.</source>
+        <translation>未能确定，保持不变：{0}。</translation>
+    </message>
+    <message>
+        <source>Save as a new version of the IMU profile {0}?</source>
+        <translation>保存为 IMU 配置 {0} 的新版本？</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>取消</translation>
+    </message>
+    <message>
+        <source>Save</source>
+        <translation>保存</translation>
+    </message>
+    <message>
+        <source>Saved: version {0} of the IMU profile {1}</source>
+        <translation>已保存：IMU 配置 {1} 的版本 {0}</translation>
+    </message>
+    <message>
+        <source>The next runs use it. Station, Profiles and products, restores earlier versions.</source>
+        <translation>以后的标定将使用它。在“工位”页的“配置与产品”中可以恢复以前的版本。</translation>
+    </message>
+</context>
+<context>
+    <name>ChannelButton</name>
+    <message>
+        <source>Channels</source>
+        <extracomment>Channels of each plot, and the unit and decimals of their values.</extracomment>
+        <translation>通道</translation>
+    </message>
+    <message>
+        <source>Shows or hides channels of the log</source>
+        <translation>显示或隐藏记录的通道</translation>
+    </message>
+    <message>
+        <source>Gyro {0}</source>
+        <translation>陀螺 {0}</translation>
+    </message>
+    <message>
+        <source>Accelerometer {0}</source>
+        <translation>加表 {0}</translation>
+    </message>
+    <message>
+        <source>Outer axis</source>
+        <translation>外框</translation>
+    </message>
+    <message>
+        <source>Inner axis</source>
+        <translation>内框</translation>
+    </message>
+    <message>
+        <source>Temperature</source>
+        <translation>温度</translation>
+    </message>
+</context>
+<context>
     <name>Comparison</name>
     <message>
         <source>run</source>
@@ -138,8 +313,8 @@
         <translation>显示所选范围</translation>
     </message>
     <message>
-        <source>Bring the whole log into view (Home)</source>
-        <translation>显示整个记录 (Home)</translation>
+        <source>Bring the whole log into view (Home, or a double click)</source>
+        <translation>显示整个记录（Home 键或双击）</translation>
     </message>
     <message>
         <source>Range</source>
@@ -170,7 +345,6 @@
     <name>LogPlot</name>
     <message>
         <source>outer</source>
-        <extracomment>Channels of each plot: gyro, accelerometer, angles. Height of the row of stage names, px. Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged. Ratio of the width of the view after zooming in to the width before. Number of samples merged into a drawn column; 1 if single samples are drawn.</extracomment>
         <translation>外框</translation>
     </message>
     <message>
@@ -190,7 +364,12 @@
         <translation>转台，°</translation>
     </message>
     <message>
+        <source>Temperature, °C</source>
+        <translation>温度，°C</translation>
+    </message>
+    <message>
         <source>The log&apos;s curves</source>
+        <extracomment>Height of the row of stage names, px. Margin beyond the ends of the log as a fraction of its length, so that a range edge there can be dragged. Ratio of the width of the view after zooming in to the width before. Number of samples merged into a drawn column; 1 if single samples are drawn.</extracomment>
         <translation>记录曲线</translation>
     </message>
 </context>
@@ -203,6 +382,14 @@
     <message>
         <source>This range cannot be solved</source>
         <translation>这个范围无法解算</translation>
+    </message>
+    <message>
+        <source>step {0}: {1}</source>
+        <translation>第 {0} 步：{1}</translation>
+    </message>
+    <message>
+        <source>step {0}</source>
+        <translation>第 {0} 步</translation>
     </message>
     <message>
         <source>Sample {0}</source>
@@ -227,6 +414,10 @@
     <message>
         <source>Tick a stage to solve</source>
         <translation>请勾选要解算的阶段</translation>
+    </message>
+    <message>
+        <source>Of the chosen range, at rest: gives random walk and bias instability</source>
+        <translation>对所选的静止范围计算，得出随机游走和零偏不稳定性</translation>
     </message>
     <message>
         <source>Export range…</source>
@@ -258,6 +449,18 @@
         <translation>导出结果…</translation>
     </message>
     <message>
+        <source>Allan deviation</source>
+        <translation>Allan 偏差</translation>
+    </message>
+    <message>
+        <source>No rest has been found</source>
+        <translation>没有找到静止数据</translation>
+    </message>
+    <message>
+        <source>This range has no Allan deviation</source>
+        <translation>此范围不能计算 Allan 偏差</translation>
+    </message>
+    <message>
         <source>Export log…</source>
         <translation>导出记录…</translation>
     </message>
@@ -274,7 +477,7 @@
     <name>RangeBar</name>
     <message>
         <source>First sample</source>
-        <extracomment>Number of stage check boxes in a row. Largest number up to which a double, the value type of the spin box, represents every integer.</extracomment>
+        <extracomment>Number of stage check boxes in a row. Largest number up to which a double, the value type of the spin box, represents every integer. The longest rest of the log is to be selected.</extracomment>
         <translation>起始采样点</translation>
     </message>
     <message>
@@ -286,12 +489,16 @@
         <translation>设为…</translation>
     </message>
     <message>
-        <source>The whole log, or one of its stages</source>
-        <translation>整个记录，或其中一个阶段</translation>
+        <source>The whole log, a stage, or the longest rest</source>
+        <translation>整个记录、某个阶段或最长的静止</translation>
     </message>
     <message>
         <source>Whole log</source>
         <translation>整个记录</translation>
+    </message>
+    <message>
+        <source>Longest rest</source>
+        <translation>最长的静止</translation>
     </message>
     <message>
         <source>The first sample cannot be after the last: set to {0}.</source>

@@ -182,6 +182,21 @@
     </message>
 </context>
 <context>
+    <name>PlotMenu</name>
+    <message>
+        <source>Copy as picture</source>
+        <translation>复制为图片</translation>
+    </message>
+    <message>
+        <source>Save…</source>
+        <translation>保存…</translation>
+    </message>
+    <message>
+        <source>Save the plot</source>
+        <translation>保存图形</translation>
+    </message>
+</context>
+<context>
     <name>ResetBar</name>
     <message>
         <source>Reset the fault</source>
@@ -261,21 +276,6 @@
     <message>
         <source>{time} left</source>
         <translation>剩余 {time}</translation>
-    </message>
-</context>
-<context>
-    <name>ThemedPlot</name>
-    <message>
-        <source>Copy as picture</source>
-        <translation>复制为图片</translation>
-    </message>
-    <message>
-        <source>Save…</source>
-        <translation>保存…</translation>
-    </message>
-    <message>
-        <source>Save the plot</source>
-        <translation>保存图形</translation>
     </message>
 </context>
 </TS>

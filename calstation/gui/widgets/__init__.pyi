@@ -48,7 +48,10 @@ from .parameter_table import ordered as ordered
 from .plot import LineLabel as LineLabel
 from .plot import LineLabels as LineLabels
 from .plot import NumberAxis as NumberAxis
+from .plot import PlotMenu as PlotMenu
 from .plot import PlotNote as PlotNote
 from .plot import ThemedPlot as ThemedPlot
 from .plot import fit_below_note as fit_below_note
 from .plot import spread as spread
+from .zoom_box import TimeBox as TimeBox
+from .zoom_box import ZoomBox as ZoomBox

@@ -1,6 +1,6 @@
 """A pyqtgraph plot in the colours of the theme, and labels at the ends of its lines."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,18 +28,55 @@ class NumberAxis(pg.AxisItem):  # type: ignore[misc]
         return [with_minus(text) for text in super().tickStrings(values, scale, spacing)]
 
 
+class PlotMenu(QMenu):
+    """The menu of a plot, which copies it as a picture and saves it; `write_csv` writes the data drawn in it."""
+
+    def __init__(self, plot: pg.GraphicsView, write_csv: Callable[[Path], object]) -> None:
+        super().__init__(plot)
+        self._plot, self._write_csv = plot, write_csv
+
+    def open(self, event: QContextMenuEvent) -> None:
+        """Open where the user has clicked."""
+        self.clear()
+        self.addAction(self.tr("Copy as picture"), self._copy)
+        self.addAction(self.tr("Save…"), self._ask_file)
+        self.popup(event.globalPos())
+        event.accept()
+
+    def _copy(self) -> None:
+        QGuiApplication.clipboard().setPixmap(self._plot.grab())
+
+    def _ask_file(self) -> None:
+        kinds = ["PNG (*.png)", "SVG (*.svg)", "CSV (*.csv)"]
+        ask_file(self._plot, self.tr("Save the plot"), Path("plot.png"), kinds, self._save)
+
+    def _save(self, target: Path) -> None:
+        match target.suffix.lower():
+            case ".svg":
+                generator = QSvgGenerator()
+                generator.setFileName(str(target))
+                generator.setViewBox(self._plot.rect())
+                painter = QPainter(generator)
+                self._plot.render(painter)
+                painter.end()
+            case ".csv":
+                self._write_csv(target)
+            case _:
+                self._plot.grab().save(str(target))
+
+
 class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
     """A plot with two axes in the colours of the current theme, which its menu copies and saves.
 
-    A plot with `zoom` can be zoomed, see `ZoomBox`.
+    It can be zoomed, see `ZoomBox`, unless it is a mere picture without `zoom`.
     """
 
-    def __init__(self, parent: QWidget | None = None, *, zoom: bool = False) -> None:
+    def __init__(self, parent: QWidget | None = None, *, zoom: bool = True) -> None:
         axes = {side: NumberAxis(side) for side in ("left", "bottom")}
         box = {"viewBox": ZoomBox()} if zoom else {}
         super().__init__(parent, enableMenu=False, axisItems=axes, **box)
         self.hideButtons()
-        self._menu = QMenu(self)
+        self.menu = PlotMenu(self, self.write_csv)
         for side in ("left", "bottom"):
             axis = self.getAxis(side)
             axis.setStyle(tickFont=theme.font())
@@ -50,32 +87,11 @@ class ThemedPlot(pg.PlotWidget):  # type: ignore[misc]
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:
         """Offer to copy or save the plot."""
-        self._menu.clear()
-        self._menu.addAction(self.tr("Copy as picture"), self._copy)
-        self._menu.addAction(self.tr("Save…"), self._ask_file)
-        self._menu.popup(event.globalPos())
-        event.accept()
+        self.menu.open(event)
 
-    def _copy(self) -> None:
-        QGuiApplication.clipboard().setPixmap(self.grab())
-
-    def _ask_file(self) -> None:
-        kinds = ["PNG (*.png)", "SVG (*.svg)", "CSV (*.csv)"]
-        ask_file(self, self.tr("Save the plot"), Path("plot.png"), kinds, self._save)
-
-    def _save(self, target: Path) -> None:
-        match target.suffix.lower():
-            case ".svg":
-                generator = QSvgGenerator()
-                generator.setFileName(str(target))
-                generator.setViewBox(self.rect())
-                painter = QPainter(generator)
-                self.render(painter)
-                painter.end()
-            case ".csv":
-                CSVExporter(self.getPlotItem()).export(str(target))
-            case _:
-                self.grab().save(str(target))
+    def write_csv(self, target: Path) -> None:
+        """Write the data of the plot to a file."""
+        CSVExporter(self.getPlotItem()).export(str(target))
 
     def apply_theme(self) -> None:
         """Apply the colours of the current theme."""

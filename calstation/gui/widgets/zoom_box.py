@@ -1,38 +1,58 @@
-"""A view box that a user can zoom: by wheel, by a box with the left button, and back with a double click."""
+"""View boxes that a user can zoom: by wheel, by a box with the left button, and back with a double click."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import Qt
+from PySide6.QtCore import Qt, Signal
 
 
 class ZoomBox(pg.ViewBox):  # type: ignore[misc]
-    """While it is zoomed, ranges set by the program are kept for the double click that ends it."""
+    """While it is zoomed, ranges set by the program are kept for the double click that ends it.
+
+    The middle button pans. `sig_whole` is emitted by the double click.
+    """
+
+    sig_whole = Signal()
 
     def __init__(self) -> None:
         super().__init__(enableMenu=False)
         self.setMouseMode(pg.ViewBox.RectMode)
         self.zoomed = False
-        self._from_user = False
+        #: Whether the user is zooming, and whether ranges are set even while the box is zoomed.
+        self._zooming = self._passing = False
         self._auto: list[Any] = [True, True]
         self._ranges: list[Any] = [None, None]
 
-    @contextmanager
-    def _user(self) -> Iterator[None]:
-        """Let ranges through that come from the user."""
+    def _keep_ranges(self) -> None:
+        """Keep the ranges set by the program."""
         if not self.zoomed:
             self._auto, self._ranges = list(self.state["autoRange"]), self.viewRange()
-        self._from_user = True
+
+    @contextmanager
+    def _pass(self) -> Iterator[None]:
+        """Set ranges even while the box is zoomed."""
+        before, self._passing = self._passing, True
         try:
             yield
         finally:
-            self._from_user = False
+            self._passing = before
+
+    @contextmanager
+    def _user(self) -> Iterator[None]:
+        """Set ranges that come from the user."""
+        self._keep_ranges()
+        self._zooming = True
+        try:
+            with self._pass():
+                yield
+        finally:
+            self._zooming = False
 
     def setRange(self, *args: Any, **options: Any) -> None:
         """Set the range; while the box is zoomed, only keep it."""
-        if self._from_user or not self.zoomed:
+        if self._passing or not self.zoomed:
             super().setRange(*args, **options)
             return
         for axis, name in enumerate(("xRange", "yRange")):
@@ -45,10 +65,12 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
             super().enableAutoRange(axis, enable, x, y)
 
     def linkedViewChanged(self, view: pg.ViewBox, axis: int) -> None:
-        """Follow a linked box, whether or not this one is zoomed."""
-        from_user, self._from_user = self._from_user, True
-        super().linkedViewChanged(view, axis)
-        self._from_user = from_user
+        """Follow a linked box, whether or not this one is zoomed; it is zoomed as well by the user of the other."""
+        if isinstance(view, ZoomBox) and view._zooming and not self.linksBlocked:
+            self._keep_ranges()
+            self.zoomed = True
+        with self._pass():
+            super().linkedViewChanged(view, axis)
 
     def wheelEvent(self, ev: Any, axis: int | None = None) -> None:
         """Zoom about the pointer."""
@@ -57,16 +79,19 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
             self.zoomed = True
 
     def mouseDragEvent(self, ev: Any, axis: int | None = None) -> None:
-        """Zoom to a box."""
+        """Zoom to a box, or pan with the middle button."""
+        pans = ev.button() == Qt.MouseButton.MiddleButton
+        self.state["mouseMode"] = pg.ViewBox.PanMode if pans else pg.ViewBox.RectMode
         with self._user():
             super().mouseDragEvent(ev, axis)
-            self.zoomed = self.zoomed or (ev.isFinish() and ev.button() == Qt.MouseButton.LeftButton)
+            self.zoomed = self.zoomed or pans or ev.isFinish()
 
     def mouseDoubleClickEvent(self, ev: Any) -> None:
         """Show everything again."""
         self.reset()
         if (leader := self.linkedView(pg.ViewBox.XAxis)) is not None:
             leader.reset()
+        self.sig_whole.emit()
         ev.accept()
 
     def reset(self) -> None:
@@ -79,3 +104,30 @@ class ZoomBox(pg.ViewBox):  # type: ignore[misc]
                 self.enableAutoRange(axis, auto)
             elif limits is not None and self.linkedView(axis) is None:
                 self.setRange(**{("xRange", "yRange")[axis]: limits}, padding=0.0)
+
+
+class TimeBox(ZoomBox):
+    """The box of a plot over time: the wheel zooms the time, and with Ctrl or over the vertical axis the values.
+
+    The program may set the time at any time, so that only the range of the values is kept while the box is zoomed.
+    """
+
+    def setRange(self, *args: Any, **options: Any) -> None:
+        """Set the range; while the values are zoomed, only keep theirs."""
+        if options.get("xRange") is not None:
+            pg.ViewBox.setRange(self, *args, **options)
+        else:
+            super().setRange(*args, **options)
+
+    def linkedViewChanged(self, view: pg.ViewBox, axis: int) -> None:
+        """Follow the time of a linked box."""
+        pg.ViewBox.linkedViewChanged(self, view, axis)
+
+    def wheelEvent(self, ev: Any, axis: int | None = None) -> None:
+        """Zoom the time or the values about the pointer."""
+        if axis is None:
+            axis = 1 if ev.modifiers() & Qt.KeyboardModifier.ControlModifier else 0
+        if axis == 0:
+            pg.ViewBox.wheelEvent(self, ev, axis)
+        else:
+            super().wheelEvent(ev, axis)

@@ -1,3 +1,8 @@
+from .allan import FLOOR as FLOOR
+from .allan import AllanCurve as AllanCurve
+from .allan import AllanDeviation as AllanDeviation
+from .allan import allan_deviation as allan_deviation
+from .allan import longest_rest as longest_rest
 from .compensation import Applied as Applied
 from .compensation import ImuOutput as ImuOutput
 from .compensation import apply_to_recording as apply_to_recording
@@ -16,6 +21,7 @@ from .method_answer import PositionPlotData as PositionPlotData
 from .method_answer import gimbal_turns as gimbal_turns
 from .method_answer import solve_method as solve_method
 from .min_max_pyramid import BINS as BINS
+from .min_max_pyramid import CHANNELS as CHANNELS
 from .min_max_pyramid import Columns as Columns
 from .min_max_pyramid import MinMaxPyramid as MinMaxPyramid
 from .min_max_pyramid import Values as Values

@@ -1,5 +1,6 @@
 """Index of a log for the log page: min-max pyramid, marks, and single samples on demand."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,8 +11,16 @@ from calstation.estimation.common import SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
 from calstation.physics import FloatArray, IntArray
-from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, open_log, raw_rows
-from calstation.results.plots.min_max_pyramid import Columns, MinMaxPyramid, PyramidWriter, group_of, joined
+from calstation.records import SUFFIX, Log, LogFacts, LogMeta, estimated_rows, open_log, raw_rows, step_labels
+from calstation.results.plots.min_max_pyramid import (
+    CHANNELS,
+    Columns,
+    MinMaxPyramid,
+    PyramidWriter,
+    Values,
+    group_of,
+    joined,
+)
 from calstation.results.result import Result
 
 #: Maximum number of stored marks of a kind; any more are only counted.
@@ -62,6 +71,9 @@ class LogIndex:
     spoilt: Marks  #: First and last sample of each invalid range.
     spoilt_samples: int  #: Number of invalid samples.
     scale: FloatArray  #: Units of `CHANNELS` per count, shape (6,).
+    channels: tuple[str, ...]  #: Those of `CHANNELS` that have values.
+    step_numbers: IntArray  #: Numbers of the steps before and after each mark of `steps`, shape (n + 1,).
+    step_labels: Mapping[int, tuple[str | float, ...]]  #: Labels of the moves, by the number of the step.
 
     @property
     def rate(self) -> float:
@@ -79,16 +91,17 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
     per_count = imu.sample_rate_hz if imu.output == "increment" else 1.0
     scale = np.repeat([np.rad2deg(imu.gyro_lsb) * per_count, imu.accel_lsb * per_count], 3)
     builder = _IndexBuilder()
-    held, last = np.full(2, np.nan), -1
+    held, last = np.full(3, np.nan), -1
     try:
         folder.mkdir(parents=True)
         writer = PyramidWriter(folder, keep_samples=path.suffix != SUFFIX)
         done = 0
         for block in log.blocks():
-            angles = _held(np.rad2deg(block.angles), block.seq, held, last)
-            held, last = angles[-1], int(block.seq[-1])
-            writer.add(block.seq, np.hstack([block.counts * scale, angles]).astype(np.float32))
-            builder.add(block)
+            polled = _held(_polled(block.angles, block.temperature), block.seq, held, last)
+            held, last = polled[-1], int(block.seq[-1])
+            values = np.hstack([block.counts * scale, polled]).astype(np.float32)
+            writer.add(block.seq, values)
+            builder.add(block, values)
             done += len(block)
             report(min(done / total, 0.99))
         writer.close()
@@ -102,13 +115,13 @@ def log_index(report: ProgressCallback, path: Path, folder: Path) -> LogIndex:
 def samples(
     report: ProgressCallback, path: Path, folder: Path, scale: FloatArray, start: int, stop: int, count: int
 ) -> Columns:
-    """Job: read rows `start` to `stop` of a log as at most `count` columns, with angles held from poll to poll."""
+    """Job: read rows `start` to `stop` of a log as at most `count` columns; see `_held`."""
     before = max(0, start - _LOOK_BACK)
     if path.suffix == SUFFIX:
         rows = raw_rows(path, before, stop, np.load(folder / _DAMAGED_ROWS))
         seq = rows["seq"]
-        angles = _held(np.rad2deg(rows["angles"]), seq, np.full(2, np.nan), -1)
-        values = np.hstack([rows["counts"] * scale, angles]).astype(np.float32)
+        polled = _held(_polled(rows["angles"], rows["temperature"]), seq, np.full(3, np.nan), -1)
+        values = np.hstack([rows["counts"] * scale, polled]).astype(np.float32)
     else:
         kept = MinMaxPyramid(folder).samples(before, stop)
         seq, values = kept["seq"], kept["values"]
@@ -117,14 +130,19 @@ def samples(
     return joined(seq, values, values, group_of(len(seq), count), 1)
 
 
-def _held(angles: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
-    """Hold angles, shape (n, 2), from poll to poll, but not across missing samples.
+def _polled(angles: FloatArray, temperature: FloatArray) -> FloatArray:
+    """Return the values that not every sample has: angles, from rad, °, and temperature, °C, shape (n, 3)."""
+    return np.column_stack([np.rad2deg(angles), temperature])
 
-    `before` and `last_seq` are the angles and sequence number of the sample before the first.
+
+def _held(polled: FloatArray, seq: IntArray, before: FloatArray, last_seq: int) -> FloatArray:
+    """Hold values, shape (n, 3), from poll to poll, but not across missing samples.
+
+    `before` and `last_seq` are the values and sequence number of the sample before the first.
     """
-    filled = np.vstack([before, angles])
+    filled = np.vstack([before, polled])
     parted = np.diff(seq, prepend=last_seq) != 1
-    for column in range(2):
+    for column in range(filled.shape[1]):
         known = ~np.isnan(filled[:, column]) | np.concatenate([[False], parted])
         last = np.maximum.accumulate(np.where(known, np.arange(len(filled)), 0))
         filled[:, column] = filled[last, column]
@@ -139,13 +157,19 @@ class _IndexBuilder:
         self._steps, self._gaps, self._spoilt = _Marker(), _Marker(), _Marker()
         self._spoilt_samples = 0
         self._parted = True
+        self._present = np.zeros(len(CHANNELS), np.bool_)
+        self._step_numbers: list[IntArray] = []
 
-    def add(self, block: SampleBlock) -> None:
+    def add(self, block: SampleBlock, values: Values) -> None:
+        self._present |= np.isfinite(values).any(axis=0)
         if block.stage:
             self._add_span(block)
         self._parted = not block.stage
         seq, step = block.seq, block.step
+        if self._step is None:
+            self._step_numbers.append(step[:1])
         changes = np.flatnonzero(np.diff(step, prepend=step[0] if self._step is None else self._step))
+        self._step_numbers.append(step[changes])
         self._step = int(step[-1])
         self._steps.add(seq[changes], seq[changes])
         before = np.concatenate([seq[:1] - 1 if self._last is None else [self._last], seq[:-1]])
@@ -177,6 +201,9 @@ class _IndexBuilder:
             spoilt=self._spoilt.marks(),
             spoilt_samples=self._spoilt_samples,
             scale=scale,
+            channels=tuple(name for name, present in zip(CHANNELS, self._present, strict=True) if present),
+            step_numbers=np.concatenate(self._step_numbers),
+            step_labels=step_labels(log.events),
         )
 
 

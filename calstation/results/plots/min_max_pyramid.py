@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from calstation.physics import CHANNELS as IMU_CHANNELS
 from calstation.physics import JOINTS, IntArray
 
-#: Columns of every array of values: °/s, m/s² and °.
-CHANNELS = (*IMU_CHANNELS, *JOINTS)
+#: Columns of every array of values: °/s, m/s², ° and °C.
+CHANNELS = (*IMU_CHANNELS, *JOINTS, "temperature")
 FACTOR = 16
 #: Samples in a bin of each level.
 BINS = (16, 256, 4096)
@@ -29,8 +29,8 @@ class Columns:
     """Lowest and highest values of consecutive columns of samples."""
 
     seq: IntArray  #: First sequence number of each column, shape (k,).
-    low: Values  #: Lowest values in the units of `CHANNELS`, NaN if unknown, shape (k, 8).
-    high: Values  #: Highest values in the units of `CHANNELS`, NaN if unknown, shape (k, 8).
+    low: Values  #: Lowest values in the units of `CHANNELS`, NaN if unknown, shape (k, 9).
+    high: Values  #: Highest values in the units of `CHANNELS`, NaN if unknown, shape (k, 9).
     samples: int  #: Number of samples in a column; the last may have fewer.
 
     def __len__(self) -> int:
@@ -102,7 +102,7 @@ class PyramidWriter:
         self._samples = (folder / _SAMPLES).open("wb") if keep_samples else None
 
     def add(self, seq: IntArray, values: Values) -> None:
-        """Add samples: sequence numbers, shape (n,), and values in the units of `CHANNELS`, shape (n, 8)."""
+        """Add samples: sequence numbers, shape (n,), and values in the units of `CHANNELS`, shape (n, 9)."""
         if self._samples is not None:
             rows = np.empty(len(seq), SAMPLE)
             rows["seq"], rows["values"] = seq, values

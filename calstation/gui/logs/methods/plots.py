@@ -36,17 +36,19 @@ def _plain(exponent: float) -> str:
 
 
 class MethodPlot(ThemedPlot):
-    """A plot whose vertical axis may be logarithmic."""
+    """A plot whose vertical axis, or both of whose axes, may be logarithmic."""
 
-    def __init__(self, *, log: bool = False) -> None:
-        super().__init__(zoom=True)
+    def __init__(self, *, log: bool = False, log_x: bool = False) -> None:
+        super().__init__()
         self._log = log
-        if log:
-            self.getPlotItem().setAxisItems({"left": _PlainLog("left")})
-            self.setLogMode(y=True)
+        logarithmic = [side for side, chosen in (("left", log), ("bottom", log_x)) if chosen]
+        if logarithmic:
+            self.getPlotItem().setAxisItems({side: _PlainLog(side) for side in logarithmic})
+            self.setLogMode(x=log_x, y=log)
         self.getAxis("left").setWidth(8 * theme.GRID)
-        self.getAxis("left").setStyle(tickFont=theme.font(), hideOverlappingLabels=True)
-        self.getAxis("left").enableAutoSIPrefix(False)
+        for side in ("left", "bottom"):
+            self.getAxis(side).setStyle(tickFont=theme.font(), hideOverlappingLabels=True)
+            self.getAxis(side).enableAutoSIPrefix(False)
         self.getViewBox().setDefaultPadding(0.02)
         self.getPlotItem().setContentsMargins(0, 0, theme.GRID, 0)
         self._note = PlotNote(self.getViewBox())
@@ -82,6 +84,10 @@ class MethodPlot(ThemedPlot):
         pen = pg.mkPen(colour, width=1, style=Qt.PenStyle.DashLine)
         self.addItem(pg.InfiniteLine(at, angle=0, pen=pen), ignoreBounds=True)
         self._values.append(np.array([value]))
+
+    def span(self, values: FloatArray) -> None:
+        """Extend the vertical range to these values."""
+        self._values.append(values)
 
     def shade(self, begin: float, end: float) -> None:
         """Shade a time range behind the curves."""

@@ -1,0 +1,247 @@
+"""Observability of a stage as a heat map of states over steps, from a result, a preview or the run in progress."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QPoint, QRectF, Qt
+from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter
+from PySide6.QtWidgets import QToolTip, QWidget
+
+from calstation.gui.engineer.shared_views import StageCombo
+from calstation.gui.text import say, short_step, step_sentence, term
+from calstation.gui.widgets import EmptyState, ThemedPlot, column, label, row, scroll_area, theme
+from calstation.physics import OBSERVABLE, FloatArray
+from calstation.sequencer import StageRanked
+
+#: Strength above which a state counts as observable.
+_OBSERVED = 1.0 / OBSERVABLE
+#: Range of the colour scale in decades: strengths from 1 to 100 000.
+_DECADES = 5
+_NAMES_WIDTH, _ROW, _AXIS = 25 * theme.GRID, 13, 13 * theme.GRID
+#: Size of the font of states and steps, and least width of a step that is named, px.
+_FONT, _STEP_WIDTH = 11, 14
+
+#: Label of a move, from the plan.
+StepLabel = tuple[str | float, ...]
+
+
+class StepAxis(pg.AxisItem):  # type: ignore[misc]
+    """The axis above a map, with the names of the steps upright, and elided if they are too long."""
+
+    def __init__(self) -> None:
+        super().__init__("top", showValues=False)
+        self.setHeight(_AXIS)
+        self._names: list[str] = []
+
+    def set_names(self, names: Sequence[str]) -> None:
+        """Name the steps, the first at 0.5."""
+        self._names = list(names)
+        self.picture = None
+        self.update()
+
+    def drawPicture(self, p: QPainter, axisSpec: Any, tickSpecs: Any, textSpecs: Any) -> None:
+        """Draw the axis, and the names of as many steps as the width allows."""
+        super().drawPicture(p, axisSpec, [], [])
+        low, high = self.range
+        step = self.size().width() / (high - low)
+        font = theme.font(_FONT)
+        metrics, length = QFontMetricsF(font), _AXIS - 20
+        p.setFont(font)
+        p.setPen(self.textPen())
+        p.rotate(-90.0)
+        for k in range(0, len(self._names), max(1, int(np.ceil(_STEP_WIDTH / step)))):
+            centre = (k + 0.5 - low) * step
+            if 0.0 <= centre <= self.size().width():
+                centre = min(max(centre, _STEP_WIDTH / 2), self.size().width() - _STEP_WIDTH / 2)  # not beyond the axis
+                box = QRectF(4.0 - _AXIS, centre - _STEP_WIDTH, length, 2 * _STEP_WIDTH)
+                shown = metrics.elidedText(self._names[k], Qt.TextElideMode.ElideRight, length)
+                p.drawText(box, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter, shown)
+
+
+class ObservabilityView(QWidget):
+    """Heat map of a stage's observability, with a list of the states that the stage does not determine."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._stages: dict[str, Mapping[str, Any]] = {}
+        self._labels: Mapping[int, StepLabel] = {}
+        #: Latest ranking of each stage of the run that is followed; empty for a result or a preview.
+        self._live: dict[str, StageRanked] = {}
+        self._stage_combo = StageCombo("observability_stage_combo")
+        self._stage_combo.currentIndexChanged.connect(self._show)
+        self._caption = label(lambda: self.tr("Stage"), buddy=self._stage_combo)
+        self._lost = label(name="unobservable_label", wrap=True)
+        self.map = HeatMap()
+        self._scroll = scroll_area(self.map)
+        self._empty = EmptyState()
+        column(
+            row(self._caption, self._stage_combo, 2 * theme.GRID, (self._lost, 1)),
+            (self._scroll, 1),
+            (self._empty, 1),
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        theme.on_appearance_change(self, self._show_texts)
+
+    def show_stages(self, stages: Mapping[str, Mapping[str, Any]], labels: Mapping[int, StepLabel] = {}) -> None:
+        """Show the observability of stages from a result or a preview; `labels` names the moves by step."""
+        self._live, self._labels = {}, labels
+        self._stages = {name: found for name, found in stages.items() if found.get("segments")}
+        self._stage_combo.offer(list(self._stages))
+        self._show()
+
+    def follow(self, ranked: StageRanked, labels: Mapping[int, StepLabel] = {}) -> None:
+        """Add the observability after a step of the running stage; the first call drops what was shown before."""
+        self._labels = labels
+        if not self._live:
+            self._stages = {}
+        stage, step = ranked.stage, ranked.step
+        before: Mapping[str, Any] = self._stages.get(stage, {"segments": [], "states": {}})
+        kept = sum(segment["step"] < step for segment in before["segments"])  # the latest step may grow
+        states = {}
+        for name, strength in ranked.strength.items():
+            earlier = before["states"].get(name, {"step": None, "by_step": []})
+            seen = earlier["step"] if earlier["step"] is not None else step if strength > _OBSERVED else None
+            states[name] = {"step": seen, "by_step": [*earlier["by_step"][:kept], strength]}
+        self._stages[stage] = {"segments": [*before["segments"][:kept], {"step": step}], "states": states}
+        if stage not in self._live:
+            self._stage_combo.offer(list(self._stages), stage)
+        self._live[stage] = ranked
+        if self._stage_combo.stage == stage:
+            self._show()
+
+    def _show_texts(self) -> None:
+        self._empty.say(
+            self.tr("No observability to show"),
+            self.tr("Only stages solved by the filter report it: the excitation and the azimuth flips."),
+        )
+        self._show()
+
+    def _show(self) -> None:
+        found = self._stages.get(self._stage_combo.stage)
+        for widget in (self._scroll, self._caption, self._stage_combo, self._lost):
+            widget.setVisible(found is not None)
+        self._empty.setVisible(found is None)
+        if found is None:
+            return
+        # The unit is fixed to the table, so no observation depends on the position error.
+        states = {n: state for n, state in found["states"].items() if not n.startswith("position_error")}
+        self.map.show_strengths(
+            tuple(states),
+            tuple(int(segment["step"]) for segment in found["segments"]),
+            np.array([state["by_step"] for state in states.values()], dtype=np.float64),
+            self._labels,
+        )
+        self.map.setLabel("top", self.tr("{0}: after step").format(term("stage", self._stage_combo.stage)))
+        lost = [self.map.state_name(name) for name, state in states.items() if state["step"] is None]
+        if (ranked := self._live.get(self._stage_combo.stage)) is not None:
+            key = "observed_so_far" if lost else "observed_all"
+            self._lost.setText(say(f"engineer.{key}", step=ranked.step, rank=ranked.rank, lost=lost))
+            return
+        self._lost.setText(
+            self.tr("Not determined by this stage: {0}").format(", ".join(lost))
+            if lost
+            else self.tr("Every state is determined by this stage.")
+        )
+
+
+class HeatMap(ThemedPlot):
+    """Strengths on a logarithmic colour scale; a dot marks an unobservable cell, and tooltips show the values."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._axis = StepAxis()
+        self.getPlotItem().setAxisItems({"top": self._axis})
+        self.hideAxis("bottom")
+        self._names: tuple[str, ...] = ()
+        self._steps: tuple[int, ...] = ()
+        self._labels: Mapping[int, StepLabel] = {}
+        self._strength: FloatArray = np.empty((0, 0))
+        self._image = pg.ImageItem(axisOrder="row-major")
+        self._dots = pg.ScatterPlotItem(size=2, pxMode=True, pen=None)
+        for item in (self._image, self._dots):
+            self.addItem(item)
+        colours = pg.colormap.get("viridis")
+        bar = pg.ColorBarItem(values=(0, _DECADES), colorMap=colours, interactive=False, width=2 * theme.GRID)
+        self._scale = bar.axis
+        bar.setImageItem(self._image, insert_in=self.getPlotItem())
+        bar.axis.setTicks([[(k, f"{10**k}") for k in range(_DECADES)]])  # the top one would be cut
+        bar.axis.setStyle(tickFont=theme.font())
+        bar.axis.setWidth(11 * theme.GRID)
+        self.getViewBox().invertY()
+        self.getAxis("left").setWidth(_NAMES_WIDTH)
+        self.getAxis("left").setStyle(tickFont=theme.font(_FONT), tickLength=0)
+        for axis in (self._axis, self._scale):
+            axis.label.setFont(theme.font())
+
+    def show_strengths(
+        self,
+        names: tuple[str, ...],
+        steps: tuple[int, ...],
+        strength: FloatArray,
+        labels: Mapping[int, StepLabel] = {},
+    ) -> None:
+        """Show the strengths of states: prior sigma divided by the sigma after each step, shape (names, steps)."""
+        self._names, self._steps, self._strength, self._labels = names, steps, strength, labels
+        self.setMinimumHeight(_ROW * len(names) + _AXIS)
+        lost = strength <= _OBSERVED
+        decades = np.log10(np.maximum(strength, 1.0))
+        self._image.setImage(np.where(lost, np.nan, decades), levels=(0.0, _DECADES))
+        lines, columns = np.nonzero(lost)
+        self._dots.setData(columns + 0.5, lines + 0.5, brush=theme.colours().muted)
+        self.getAxis("left").setTicks([[(k + 0.5, self.state_name(name)) for k, name in enumerate(names)]])
+        short = {step: f"  {short_step(labels[step])}" if step in labels else "" for step in steps}
+        self._axis.set_names([f"{step}{short[step]}" for step in steps])
+        self._scale.setLabel(self.tr("prior σ / σ after the step, ×"))
+        for axis in (self._axis, self._scale):
+            axis.setPen(QColor(theme.colours().line))
+            axis.setTextPen(QColor(theme.colours().text))
+        self.setXRange(0.0, len(steps), padding=0.0)
+        self.setYRange(0.0, len(names), padding=0.0)
+
+    def write_csv(self, target: Path) -> None:
+        """Write the strengths, one row per state and one column per step."""
+        with target.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["state", *self._steps])
+            writer.writerows([name, *row] for name, row in zip(self._names, self._strength.tolist(), strict=True))
+
+    def describe(self, at: QPoint) -> str:
+        """Return a description of the cell, or of the step on the axis, at a point of the view, "" elsewhere."""
+        scene = self.mapToScene(at)
+        found = self.getViewBox().mapSceneToView(scene)
+        line, step = int(np.floor(found.y())), int(np.floor(found.x()))
+        if not 0 <= step < len(self._steps):
+            return ""
+        number = self._steps[step]
+        move = ""
+        if number in self._labels:
+            move = self.tr("Step {0}: {1}").format(number, step_sentence("move", self._labels[number]))
+        if self._axis.sceneBoundingRect().contains(scene):
+            return move
+        if not 0 <= line < len(self._names):
+            return ""
+        strength = float(self._strength[line, step])
+        if strength <= _OBSERVED:
+            text = self.tr("{0} after step {1}: not better known than before")
+        else:
+            text = self.tr("{0} after step {1}: {2:.3g} times better known than before the stage")
+        return "\n".join(filter(None, (text.format(self.state_name(self._names[line]), number, strength), move)))
+
+    def viewportEvent(self, event: QEvent) -> bool:
+        """Show the description of a cell or step as the tooltip."""
+        if event.type() == QEvent.Type.ToolTip and isinstance(event, QHelpEvent):
+            QToolTip.showText(event.globalPos(), self.describe(event.pos()), self)
+            return True
+        return bool(super().viewportEvent(event))
+
+    def state_name(self, state: str) -> str:
+        """Return the group and component of a state, such as "gyro bias x"."""
+        group, _, component = state.rpartition("_")
+        errors = {"attitude_error": self.tr("attitude"), "velocity_error": self.tr("velocity")}
+        directions = {"east": self.tr("east"), "north": self.tr("north"), "up": self.tr("up")}
+        return f"{errors.get(group) or term('group', group)} {directions.get(component, component)}"

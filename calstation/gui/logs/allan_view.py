@@ -1,0 +1,289 @@
+"""The Allan deviation of a range of a log at rest, and the noise read off it, which the IMU profile can take."""
+
+import csv
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt, Signal
+from PySide6.QtWidgets import QWidget
+
+from calstation.config import Version, computer_user, save_noise
+from calstation.gui.logs.methods import MethodPlot
+from calstation.gui.shell import AppContext
+from calstation.gui.text import duration_text, say
+from calstation.gui.widgets import (
+    Choice,
+    Column,
+    EmptyState,
+    JobRow,
+    JobWatch,
+    NoticeBar,
+    ParameterModel,
+    ParameterTable,
+    align_columns,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    stack,
+    theme,
+)
+from calstation.physics import CHANNELS, DEGREE_PER_HOUR, MICRO_G, NOISE_DISPLAY, FloatArray
+from calstation.results.plots import FLOOR, AllanCurve, AllanDeviation, allan_deviation
+
+#: Unit of the deviation of each sensor, and its size in SI.
+_UNITS = {"gyro": ("°/h", DEGREE_PER_HOUR), "accel": ("µg", MICRO_G)}
+#: Entries of `[noise]` of each sensor: its random walk and its bias instability.
+_ENTRIES = {
+    "gyro": ("gyro_arw", "gyro_bias_instability"),
+    "accel": ("accel_vrw", "accel_bias_instability"),
+}
+
+
+class AllanPlot(MethodPlot):
+    """The Allan deviations of the three axes of a sensor with their 95 % bands, and the noise of the profile."""
+
+    def __init__(self, sensor: str) -> None:
+        super().__init__(log=True, log_x=True)
+        self._sensor = sensor
+        self._shown: AllanDeviation | None = None
+
+    def show_deviation(self, found: AllanDeviation) -> None:
+        """Draw the deviations."""
+        self._shown = found
+        self.empty()
+        unit, size = _UNITS[self._sensor]
+        c, walk, instability = theme.colours(), *(found.noise[name] / size for name in _ENTRIES[self._sensor])
+        curves = self._curves()
+        for axis, curve in curves.items():
+            low, high = (
+                pg.PlotCurveItem(np.log10(curve.tau), np.log10(bound / size)) for bound in (curve.low, curve.high)
+            )
+            self.addItem(pg.FillBetweenItem(low, high, brush=theme.faint(theme.AXIS_COLOURS[axis], 40)))
+        for axis, curve in curves.items():
+            self.line(curve.tau, curve.deviation / size, theme.AXIS_COLOURS[axis])
+        if curves:
+            tau = next(iter(curves.values())).tau
+            step = found.quantisation[self._sensor == "accel"] / size
+            for name, values, at, anchor in (
+                (self.tr("random walk"), walk / np.sqrt(tau), -1, (1.0, 0.0)),
+                (self.tr("bias instability"), np.full(len(tau), FLOOR * instability), 0, (0.0, 1.0)),
+                (self.tr("quantisation"), step / (2.0 * tau), len(tau) // 2, (1.0, 0.0)),
+            ):
+                if values[0] > 0.0:
+                    self._profile_line(name, tau, values, at, anchor)
+            self.span(np.array([walk / np.sqrt(tau[-1]), FLOOR * instability]))
+        self.setLabel("left", unit)
+        self.setLabel("bottom", self.tr("averaging time, s"))
+        title = self.tr("Gyro") if self._sensor == "gyro" else self.tr("Accel")
+        letters = [(f"<b>{axis}</b>", theme.axis_text(axis)) for axis in curves]
+        self.finish([(title, c.text), *letters, (self.tr("– – profile"), c.muted)])
+
+    def write_csv(self, target: Path) -> None:
+        """Write the deviations and their bounds, SI, in one row per averaging time."""
+        curves = self._curves()
+        names = ("deviation", "low", "high")
+        with target.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["tau_s", *(f"{self._sensor}_{axis}_{name}" for axis in curves for name in names)])
+            columns = [getattr(curve, name) for curve in curves.values() for name in names]
+            writer.writerows(np.column_stack([next(iter(curves.values())).tau, *columns]).tolist())
+
+    def _curves(self) -> dict[str, AllanCurve]:
+        assert self._shown is not None
+        found = {axis: self._shown.curves.get(f"{self._sensor}_{axis}") for axis in "xyz"}
+        return {axis: curve for axis, curve in found.items() if curve is not None}
+
+    def _profile_line(
+        self, name: str, tau: FloatArray, values: FloatArray, at: int, anchor: tuple[float, float]
+    ) -> None:
+        """Draw a line of the profile with its name at one of its points."""
+        colour = theme.colours().muted
+        pen = pg.mkPen(colour, width=1, style=Qt.PenStyle.DashLine)
+        self.addItem(pg.PlotDataItem(tau, values, pen=pen, name=name))
+        text = pg.TextItem(name, color=colour, anchor=anchor)
+        text.setFont(theme.font(11))
+        text.setPos(float(np.log10(tau[at])), float(np.log10(values[at])))
+        self.addItem(text, ignoreBounds=True)
+
+
+class AllanView(QWidget):
+    """Computes and shows Allan deviations; `closed` is emitted by its Back button."""
+
+    closed = Signal()
+
+    def __init__(self, app: AppContext, notice: NoticeBar) -> None:
+        super().__init__()
+        self._app, self._notice = app, notice
+        self.found: AllanDeviation | None = None
+        self._cells: dict[str, dict[str, str]] = {}
+        self.watch, self.saving = JobWatch(self, self._show), JobWatch(self, self._saved)
+        self._plots = AllanPlot("gyro"), AllanPlot("accel")
+        self._about = label(wrap=True, name="allan_label")
+        self._hint = label(kind="muted", wrap=True)
+        self._table = self._make_table()
+        self._take_button = button("take_noise_button", lambda: self.tr("Take these values…"), self._ask)
+        copy = button("copy_noise_button", lambda: self.tr("Copy table"), self._table.copy)
+        back = button("allan_back_button", lambda: self.tr("Back"), self.closed)
+        content, working = QWidget(), EmptyState(JobRow(self.watch, "allan_cancel_button"))
+        self._working = working
+        column(
+            row((self._about, 1), copy, self._take_button, back),
+            (row(*((plot, 1) for plot in self._plots)), 1),
+            self._table,
+            self._hint,
+            on=content,
+        )
+        self._stack = stack(content, working)
+        column(self._stack, on=self, margins=(theme.GRID, 0, 0, 0))
+        self.watch.cancelled.connect(self.closed)
+        self.saving.busy_changed.connect(self._update)
+        app.role.changed.connect(lambda _: self._update())
+        app.engine_link.running_changed.connect(lambda _: self._update())
+        notice.report_failures(self.saving, lambda: self.tr("Not saved"), self.setFocus)
+        theme.on_appearance_change(self, self._refresh)
+
+    def compute(self, path: Path, first_seq: int, last_seq: int) -> None:
+        """Compute the Allan deviations of a range of a log."""
+        self._stack.setCurrentWidget(self._working)
+        self.watch.watch(self._app.job_queue.submit(allan_deviation, path, first_seq, last_seq))
+
+    def _make_table(self) -> ParameterTable:
+        def cell(heading: Callable[[], str], key: str, number: bool = True) -> Column:
+            return Column(heading, lambda name: self._cells[name][key], number)
+
+        walk, instability = lambda: self.tr("Random walk"), lambda: self.tr("Bias instability")
+        columns = [Column(lambda: self.tr("Channel"), self._channel_text, number=False)]
+        for number, heading in enumerate((walk, instability)):
+            columns.append(cell(heading, f"value{number}"))
+            columns.append(cell(lambda: self.tr("Profile"), f"profile{number}", number=False))
+        table = ParameterTable(ParameterModel(columns))
+        table.setObjectName("allan_table")
+        table.verticalHeader().hide()
+        table.verticalHeader().setDefaultSectionSize(3 * theme.GRID)
+        return table
+
+    def _channel_text(self, channel: str) -> str:
+        sensor, _, axis = channel.partition("_")
+        return (self.tr("gyro {0}") if sensor == "gyro" else self.tr("accel {0}")).format(axis)
+
+    def _show(self, found: AllanDeviation) -> None:
+        self.found = found
+        self._cells = {name: _cells(found, name, curve) for name, curve in found.curves.items()}
+        align_columns(self._cells, ("value0", "value1"))
+        self._table.parameters.set_names([name for name in CHANNELS if name in found.curves])
+        header = self._table.horizontalHeader().sizeHint().height()
+        self._table.setFixedHeight(header + 3 * theme.GRID * len(found.curves) + theme.GRID // 2)
+        self._stack.setCurrentIndex(0)
+        self._refresh()
+
+    def _refresh(self) -> None:
+        self._working.say(self.tr("Computing the Allan deviation"), "")
+        self._hint.setText(
+            self.tr(
+                "–: no slope of −1/2, other noise hides the random walk. ≤: no flat minimum yet; needs a longer rest."
+            )
+        )
+        self._table.parameters.refresh()
+        found = self.found
+        if found is not None:
+            for plot in self._plots:
+                plot.show_deviation(found)
+            text = self.tr("{0}: {1} at rest, samples {2} to {3}")
+            self._about.setText(
+                text.format(found.serial, duration_text(found.seconds), found.first_seq, found.last_seq)
+            )
+        self._update()
+
+    # ---- values for the profile
+
+    @property
+    def _values(self) -> dict[str, float]:
+        """The entries of `[noise]` that all three axes have determined: the largest of them, SI."""
+        found = self.found
+        if found is None:
+            return {}
+        values = {}
+        for sensor, names in _ENTRIES.items():
+            curves = [found.curves[f"{sensor}_{axis}"] for axis in "xyz" if f"{sensor}_{axis}" in found.curves]
+            for name, key in zip(names, ("random_walk", "instability"), strict=True):
+                measured = [getattr(curve, key) for curve in curves]
+                if measured and None not in measured:
+                    values[name] = max(measured)
+        return values
+
+    def _why_not_take(self) -> str:
+        if not self._app.role.engineer:
+            return say("engineer.new_pin_needed" if self._app.role.new else "engineer.pin_needed")
+        if self._app.engine_link.running or self.saving.busy:
+            return say("window.busy_job")
+        if self.found is None or self.found.profile is None:
+            return self.tr("The log does not name an IMU profile.")
+        return "" if self._values else self.tr("This rest determines none of the values; take a longer one.")
+
+    def _update(self) -> None:
+        enable(self._take_button, self._why_not_take(), self.tr("Stores them in the IMU profile as a new version"))
+
+    def _change_text(self) -> str:
+        """Return the values before and after, and what stays."""
+        assert self.found is not None
+        names = {
+            "gyro_arw": self.tr("angle random walk"),
+            "accel_vrw": self.tr("velocity random walk"),
+            "gyro_bias_instability": self.tr("gyro bias instability"),
+            "accel_bias_instability": self.tr("accelerometer bias instability"),
+        }
+        parts = []
+        for name, value in self._values.items():
+            _, unit, size = NOISE_DISPLAY[name]
+            parts.append(f"{names[name]} {self.found.noise[name] / size:.3g} → {value / size:.3g} {unit}")
+        text = "; ".join(parts) + "\n" + self.tr("Each is the largest of its three axes.")
+        kept = [word for name, word in names.items() if name not in self._values]
+        return text + (" " + self.tr("Not determined, so unchanged: {0}.").format(", ".join(kept)) if kept else "")
+
+    def _ask(self) -> None:
+        found = self.found
+        assert found is not None
+        save = partial(self._save, found, self._values)
+        self._notice.ask(
+            "caution",
+            lambda: self.tr("Save as a new version of the IMU profile {0}?").format(found.profile),
+            self._change_text,
+            (
+                Choice("cancel_noise_button", lambda: self.tr("Cancel"), self.setFocus),
+                Choice("save_noise_button", lambda: self.tr("Save"), save, primary=True),
+            ),
+        )
+
+    def _save(self, found: AllanDeviation, values: dict[str, float]) -> None:
+        assert found.profile is not None
+        author = str(self._app.settings.value("author", "")).strip() or computer_user() or "engineer"
+        source = f"Allan deviation of {found.serial}, {found.seconds:.0f} s"
+        job = self._app.job_queue.submit(save_noise, found.profile, values, source, author, cancellable=False)
+        self.saving.watch(job)
+
+    def _saved(self, version: Version) -> None:
+        self._app.product_changed.emit()
+        self._notice.inform(
+            "good",
+            lambda: self.tr("Saved: version {0} of the IMU profile {1}").format(version.number, version.name),
+            lambda: self.tr("The next runs use it. Station, Profiles and products, restores earlier versions."),
+            self.setFocus,
+        )
+
+
+def _cells(found: AllanDeviation, channel: str, curve: AllanCurve) -> dict[str, str]:
+    """Return the texts of a channel's row: each value read off the curve, and that of the profile with the unit."""
+    cells = {}
+    bound = f"≤ {curve.largest_instability / _UNITS[channel.partition('_')[0]][1]:.2g}"
+    for number, (name, value, other) in enumerate(
+        zip(_ENTRIES[channel.partition("_")[0]], (curve.random_walk, curve.instability), ("–", bound), strict=True)
+    ):
+        _, unit, size = NOISE_DISPLAY[name]
+        cells[f"value{number}"] = other if value is None else f"{value / size:.3g}"
+        cells[f"profile{number}"] = f"{found.noise[name] / size:.3g} {unit}" if found.noise[name] else f"– {unit}"
+    return cells

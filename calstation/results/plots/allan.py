@@ -1,0 +1,179 @@
+"""Allan deviation of the output of an IMU at rest, and the noise read off it (IEEE Std 952-2020, annex C)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from calstation.errors import InsufficientDataError
+from calstation.estimation.common import SampleBlock, StageData, find_stillness, stage_data
+from calstation.jobs import ProgressCallback
+from calstation.physics import CHANNELS, FloatArray
+from calstation.records import LogMeta, context_from_meta, open_log
+
+#: Number of averaging times per decade, and shortest stretch, s.
+_PER_DECADE, SHORTEST = 12, 10.0
+#: Fraction of the stretch that the longest averaging time takes: a longer one would leave hardly any differences.
+_LONGEST = 0.2
+#: Probability of the confidence band.
+_CONFIDENCE = 0.95
+#: Difference of a slope from −1/2 at which noise still counts as white, and number of slopes needed in a row.
+_WHITE_SLOPE, _FEWEST_WHITE = 0.1, 4
+#: Allan deviation of a bias instability B at its flat minimum, in units of B.
+FLOOR = 0.664
+#: Mean output over `_WINDOW` s that differs more than this from its median shows that the table moves, rad/s and m/s²,
+#: as do encoder angles that differ more than this, rad.
+_WINDOW, _MOVING_RATE, _MOVING_FORCE, _MOVING_ANGLE = 1.0, np.deg2rad(0.2), 0.05, np.deg2rad(0.2)
+#: Shortest rest that is found, s.
+_SHORTEST_REST = 1.0
+
+
+@dataclass(frozen=True)
+class AllanCurve:
+    """Overlapping Allan deviation of a channel, rad/s or m/s², and the noise read off it."""
+
+    tau: FloatArray  #: Averaging times, s, shape (k,).
+    deviation: FloatArray  #: Shape (k,).
+    low: FloatArray  #: Lower end of the 95 % confidence interval, shape (k,).
+    high: FloatArray  #: Upper end of the 95 % confidence interval, shape (k,).
+    random_walk: float | None  #: Line of slope −1/2 at 1 s, rad/√s or m/s/√s; None where the curve has no such slope.
+    instability: float | None  #: Bias instability from the flat minimum, rad/s or m/s²; None if there is none yet.
+    #: Upper end of the confidence interval of the bias instability that the lowest point allows.
+    largest_instability: float
+
+
+@dataclass(frozen=True)
+class AllanDeviation:
+    """Allan deviations of a stretch of a log."""
+
+    serial: str
+    first_seq: int
+    last_seq: int
+    seconds: float
+    curves: Mapping[str, AllanCurve]  #: By channel; without gyros only the accelerometers.
+    noise: Mapping[str, float]  #: `[noise]` of the IMU profile as the log has it, SI.
+    #: Step to which angle (rad) and velocity (m/s) increments are rounded; 0 for rates, whose rounding is white noise.
+    quantisation: tuple[float, float]
+    profile: str | None  #: Name of the IMU profile; None if the log does not say.
+
+
+def longest_rest(report: ProgressCallback, path: Path) -> tuple[int, int]:
+    """Job: return the first and last sequence number of the longest rest of a log.
+
+    Raises InputError if the log cannot be read, or InsufficientDataError if the unit never rests.
+    """
+    log = open_log(path)
+    data = _read(report, list(log.blocks()), log.meta)
+    rests = find_stillness(data, context_from_meta(log.meta).imu, _SHORTEST_REST).rests
+    if not rests:
+        error = InsufficientDataError("solution.never_at_rest", shortest=_SHORTEST_REST, seconds=len(data) * data.dt)
+        raise InsufficientDataError("solution.in_log", file=path, what=error.as_text)
+    start, stop = max(rests, key=lambda rest: rest[1] - rest[0])
+    return int(data.seq[start]), int(data.seq[stop - 1])
+
+
+def allan_deviation(report: ProgressCallback, path: Path, first_seq: int, last_seq: int) -> AllanDeviation:
+    """Job: compute the Allan deviations of a static range of a log, of its longest part without a gap.
+
+    Raises InputError if the log cannot be read, or InsufficientDataError if the table moves or the range is too short.
+    """
+    log = open_log(path)
+    imu = context_from_meta(log.meta).imu
+    data = _read(report, list(log.blocks(first_seq, last_seq)), log.meta)
+    start, stop = max(data.segments, key=lambda segment: segment[1] - segment[0], default=(0, 0))
+    seconds = (stop - start) * data.dt
+    values = {"file": path, "first": first_seq, "last": last_seq}
+    if seconds < SHORTEST:
+        raise InsufficientDataError("solution.allan_short", seconds=seconds, shortest=SHORTEST, **values)
+    if _moves(data):
+        raise InsufficientDataError("solution.allan_moves", **values)
+    output = np.hstack([data.gyro, data.accel])[start:stop]
+    present = [k for k in range(len(CHANNELS)) if np.isfinite(output[:, k]).all()]
+    curves = {}
+    for number, k in enumerate(present):
+        curves[CHANNELS[k]] = allan_curve(output[:, k], imu.sample_rate)
+        report(0.3 + 0.7 * (number + 1) / len(present))
+    section, run = log.meta.imu, log.meta.run
+    names = ("gyro_arw", "accel_vrw", "gyro_bias_instability", "accel_bias_instability")
+    increments = imu.output == "increment"
+    return AllanDeviation(
+        serial=imu.serial,
+        first_seq=int(data.seq[start]),
+        last_seq=int(data.seq[stop - 1]),
+        seconds=seconds,
+        curves=curves,
+        noise={name: getattr(section, name) for name in names},
+        quantisation=imu.quantisation if increments else (0.0, 0.0),
+        profile=run.files["imu"].name if run is not None and run.files and "imu" in run.files else None,
+    )
+
+
+def allan_curve(values: FloatArray, rate: float) -> AllanCurve:
+    """Return the Allan deviation of rates or specific forces, shape (n,), sampled `rate` times per second."""
+    import allantools  # takes a second, and only these jobs need it
+
+    longest = int(_LONGEST * len(values))
+    count = round(_PER_DECADE * np.log10(longest)) + 1
+    factors = np.unique(np.rint(np.geomspace(1, longest, count))).astype(np.int64)
+    tau, deviation, _, _ = allantools.oadev(values - values.mean(), rate=rate, data_type="freq", taus=factors / rate)
+    factors = np.rint(tau * rate).astype(np.int64)
+    slope = _slopes(np.log(tau), np.log(deviation))
+    freedom = np.array(
+        [
+            allantools.edf_greenhall(_power(s), 2, int(m), len(values) + 1, overlapping=True)
+            for s, m in zip(slope, factors, strict=True)
+        ]
+    )
+    bounds = np.array(
+        [allantools.confidence_interval(d, f, ci=_CONFIDENCE) for d, f in zip(deviation, freedom, strict=True)]
+    )
+    low, high = bounds.T
+    walk = _random_walk(tau, deviation, slope, freedom)
+    lowest = int(np.argmin(deviation))
+    white = 0.0 if walk is None else walk / np.sqrt(tau[lowest])
+    flat = low[lowest] > white and 0 < lowest < len(tau) - 1
+    instability = float(deviation[lowest] / FLOOR) if flat else None
+    return AllanCurve(tau, deviation, low, high, walk, instability, float(high[lowest] / FLOOR))
+
+
+def _slopes(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the slope at every point, over half a decade of averaging times."""
+    k, reach = np.arange(len(x)), _PER_DECADE // 4
+    first, last = np.maximum(k - reach, 0), np.minimum(k + reach, len(x) - 1)
+    return np.asarray((y[last] - y[first]) / (x[last] - x[first]))
+
+
+def _power(slope: float) -> int:
+    """Return the exponent of the power-law spectrum with this slope of its Allan deviation (NIST SP 1065, table 3)."""
+    return 2 if slope < -0.875 else round(float(np.clip(-2.0 * slope - 1.0, -2.0, 1.0)))
+
+
+def _random_walk(tau: FloatArray, deviation: FloatArray, slope: FloatArray, freedom: FloatArray) -> float | None:
+    """Return the deviation at 1 s of the line of slope −1/2 through the longest part of the curve with that slope."""
+    white = np.abs(slope + 0.5) < _WHITE_SLOPE
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], white, [False]]).astype(np.int8)))
+    start, stop = max(zip(edges[::2], edges[1::2], strict=True), key=lambda part: part[1] - part[0], default=(0, 0))
+    if stop - start < _FEWEST_WHITE:
+        return None
+    part = slice(start, stop)
+    return float(np.exp(np.average(np.log(deviation[part] * np.sqrt(tau[part])), weights=freedom[part])))
+
+
+def _read(report: ProgressCallback, blocks: list[SampleBlock], meta: LogMeta) -> StageData:
+    report(0.1)
+    data = stage_data(blocks, context_from_meta(meta).imu)
+    report(0.3)
+    return data
+
+
+def _moves(data: StageData) -> bool:
+    """Whether the table moves, according to its angles or, where it has none, the output of the unit."""
+    width = round(_WINDOW / data.dt)
+    count = len(data) // width
+    gyro, accel = (v[: count * width].reshape(count, width, 3).mean(axis=1) for v in (data.gyro, data.accel))
+    for mean, limit in ((gyro, _MOVING_RATE), (accel, _MOVING_FORCE)):
+        if np.any(np.abs(mean - np.median(mean, axis=0)) > limit):
+            return True
+    angles = data.angles[~np.isnan(data.angles).any(axis=1)]
+    return bool(len(angles)) and bool((np.ptp(angles, axis=0) > _MOVING_ANGLE).any())
