@@ -217,7 +217,7 @@ def _with(text: str, place: KeyPath, value: Any) -> str:
         table = table[key]
     key = place[-1]
     if isinstance(key, str) and key not in table:
-        if isinstance(value, dict) and len(place) < 3 and not inline:
+        if isinstance(value, dict) and len(place) < 3 and not (inline or isinstance(table, InlineTable)):
             return add_table(text, place, value)
         if isinstance(value, dict):
             members, value = value, tomlkit.inline_table()

@@ -336,7 +336,7 @@ def _unit_of_content(name: str) -> Unit:
 
 
 def new_register(profile: BaseModel | None) -> dict[str, Any]:
-    """Return an entry of the register map behind the last one, for a number that stays 0 until it gets a name."""
+    """Return a new entry of the register map, at the address after the last one; it stays 0 until it gets a name."""
     if not isinstance(profile, ImuProfile) or not profile.registers:
         return {"address": 0, "parameters": [""], "range": [-1.0, 1.0]}
     last = profile.registers[-1]

@@ -1,6 +1,7 @@
 """The operators of a station who sign in with a badge."""
 
 import re
+from typing import Annotated
 
 from pydantic import Field, model_validator
 
@@ -13,7 +14,7 @@ class SignInSection(StrictModel):
 
     badge_pattern: Pattern  #: Regular expression for the whole badge.
     #: Names by badge; if there are any, no other badge is accepted.
-    names: dict[str, str] = Field(default_factory=dict)
+    names: dict[str, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
     idle_minutes: float | None = Field(default=None, gt=0)  #: The window signs the operator out after this time.
 
     @model_validator(mode="after")

@@ -47,7 +47,7 @@ class RunSummary:
     joint_order: str = ""  #: Letters of a gimbal's joints from base to body; "" for a table.
     #: Unit vector of the direction of gravity in the body frame at every manual position.
     positions: tuple[tuple[float, float, float], ...] = ()
-    sign_in: SignInSection | None = None  #: How operators sign in; None where they need not.
+    sign_in: SignInSection | None = None  #: How operators sign in; None if the station does not ask for badges.
     shift_starts: tuple[str, ...] = ("00:00",)  #: Local times, ``HH:MM``.
     picture: Path | None = None  #: Drawing of the unit in its fixture.
     omitted: tuple[str, ...] = ()  #: Stages of the product that the run omits; a run that omits any is partial.

@@ -11,7 +11,7 @@ from calstation.errors import ConfigurationError, DeviceFaultError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import local_time, os_reason
 from calstation.records import write_atomic
-from calstation.results import Result, load_result
+from calstation.results import History, Result, load_result
 
 #: Longest time to connect to a printer and to send a label, host time, s.
 _TIMEOUT_S = 5.0
@@ -40,7 +40,7 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     """
     result = load_result(result_file)
     template = label_template(result)
-    if template is None:
+    if template is None or _failed_later(result, result_file.parent):
         raise InputError("label.not_passed", serial=result.serial)
     if template.suffix == ".zpl":
         _send(_filled(template, result), station)
@@ -53,6 +53,13 @@ def print_label(report: ProgressCallback, result_file: Path, station: Path | Non
     except OSError as exc:
         raise InputError("label.unwritable", file=pdf, reason=os_reason(exc)) from exc
     return pdf
+
+
+def _failed_later(result: Result, folder: Path) -> bool:
+    history = History(folder)
+    history.refresh()
+    runs = [run for run in history.of(result.serial) if run.verdict in ("passed", "failed")]
+    return bool(runs) and runs[0].verdict == "failed" and runs[0].started_utc > (result.started_utc or "")
 
 
 def label_fields(result: Result) -> dict[str, str]:

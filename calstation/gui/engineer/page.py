@@ -104,6 +104,7 @@ class EngineerPage(Page):
         app.run.changed.connect(self._run_changed)
         app.role.changed.connect(self._role_changed)
         app.choice_changed.connect(self._choice_undone)
+        self.app.operator_changed.connect(self._update)
         app.station_changed.connect(self._read_options)
         app.product_changed.connect(self._read_options)
         app.open_run.connect(self.analysis.open)
@@ -279,10 +280,13 @@ class EngineerPage(Page):
         )
 
     def _run(self) -> None:
-        if self.app.job_queue.at_device:
+        request, badge = self._request(), self.app.badge
+        if self.app.badge_required:
+            self._update()
+        elif self.app.job_queue.at_device:
             self.notice.ask("caution", lambda: say("engineer.communicating"), lambda: say("engineer.start_again"))
         else:
-            self.app.engine_link.start(self._request())
+            self.app.engine_link.start(request if badge is None else replace(request, operator=badge))
 
     def _run_changed(self) -> None:
         """Update only when a fault occurs or is cleared, because this slot is called many times per second."""
@@ -335,7 +339,8 @@ class EngineerPage(Page):
         self._header.show_partial(partial=found is not None and bool(stages) and not set(found.stages) <= set(stages))
         for edit in (self._header.serial_edit, self._header.engineer_edit):
             enable(edit, busy)
-        enable(self._header.start_button, problem or busy or device or choice or self._why_no_unit())
+        badge = say("operator.sign_in") if self.app.badge_required else ""
+        enable(self._header.start_button, problem or busy or device or choice or badge or self._why_no_unit())
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         enable(self.preview.button, problem or choice)
         self.registers.table = "" if found is None or found.by_hand else found.station

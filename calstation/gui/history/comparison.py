@@ -60,7 +60,10 @@ class RunComparison(QWidget):
     def show_runs(self, runs: Sequence[RunRecord], results: Sequence[Result]) -> None:
         """Show runs and their results; differences are those to the first."""
         self._runs = runs
-        self.table.show_sets([Compared(self._heading(k), result.parameters) for k, result in enumerate(results)])
+        one = {run.serial for run in runs}
+        self.table.show_sets(
+            [Compared(self._heading(k), result.parameters, marked=len(one) == 1) for k, result in enumerate(results)]
+        )
         self.plot.show_results(self.table.names, results)
         self._refresh()
 
@@ -78,7 +81,9 @@ class RunComparison(QWidget):
         if len(serials) > 2:
             runs = self.tr("{0} runs of {1} units").format(len(self._runs), len(serials))
         self._title.setText(runs)
-        lines = [self.tr("Differences are those to the first run, in sigmas of the difference; beyond 3 σ is marked.")]
+        lines = [self.tr("Differences are those to the first run, in sigmas of the difference.")]
+        if len(serials) == 1:
+            lines.append(self.tr("Those beyond 3 σ are marked."))
         if self._runs and not self.plot.has_limits:
             lines.append(self.tr("No run has limits, so no value is drawn."))
         show_text(self._note, " ".join(lines))

@@ -15,7 +15,7 @@ from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
 from calstation.gui.operator import LabelButton
 from calstation.gui.shell import AppContext, Page
-from calstation.gui.text import bind, on_language_change
+from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
@@ -215,7 +215,10 @@ class HistoryPage(Page):
             self.notice.ask("none", lambda: self.tr("Folder of this run"), lambda: folder, choices)
 
     def _close_run(self) -> None:
-        if self.table.run is not None:
+        if self.app.badge_required:
+            title, reason = lambda: self.tr("The run was not closed"), lambda: say("operator.sign_in")
+            self.notice.inform("caution", title, reason, self.table.setFocus)
+        elif self.table.run is not None:
             job = self.app.job_queue.submit(
                 close_incomplete_job, self.table.run.log, self.app.operator or computer_user()
             )

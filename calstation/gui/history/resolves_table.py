@@ -84,7 +84,9 @@ class ResolvesTable(QWidget):
         if not found.parameter:
             return self.tr("no parameter in common")
         size = "∞" if found.sigmas is None else f"{found.sigmas:.2f}"
-        return self.tr("{0} σ, {1}").format(size, parameter_text(found.parameter))
+        text = self.tr("{0} σ, {1}").format(size, parameter_text(found.parameter))
+        added = self.tr(", ").join(term("group", state) for state in record.states_added)
+        return self.tr("trial with {0}: {1}").format(added, text) if added else text
 
     def _hint(self, record: ResolveRecord) -> str:
         lines = [local_time(record.utc, zone=True)]

@@ -3,10 +3,19 @@
 import math
 from dataclasses import dataclass
 
-from calstation.gui.text import check_name, check_text, of_parameter, of_product, parameter_text, say, show, with_minus
+from calstation.gui.text import (
+    check_name,
+    check_text,
+    of_parameter,
+    of_product,
+    parameter_text,
+    rendered,
+    say,
+    with_minus,
+)
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
-from calstation.results import Parameter, Result, cause_text
+from calstation.results import Parameter, Result, cause_text, missing_state
 
 #: Maximum number of figures that fit below the verdict on a small screen, with and without a long reason above them.
 _MAX_FIGURES, _MAX_BELOW_REASON = 10, 7
@@ -49,6 +58,8 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
 
 def next_action(outcome: str, result: Result | None) -> str:
     """Return what to do with the unit next."""
+    if outcome == "failed" and result is not None and missing_state(result) is not None:
+        return say("advice.ask_engineer")
     advised = None if result is None else result.advice
     if outcome == "passed":
         return say("advice.next_unit")
@@ -108,7 +119,7 @@ def failed_check_text(check: Check, result: Result) -> str:
         return say("advice.undetermined", names=names)
     cause = cause_text(check)
     if cause is not None:
-        return show(cause)
+        return rendered(cause).text
     row, name = check_text(check), parameter_text(check.subject)
     if check.kind == "change":
         return say("advice.changed", name=parameter_text(check.where.parameter), value=row.value, limit=row.limit)

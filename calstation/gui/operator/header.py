@@ -36,6 +36,7 @@ class RunHeader(QWidget):
         self.operator_edit = self.badge_field.edit
         self.start_button = button("start_button", pressed=self.start_pressed, kind="primary")
         self.pause_button = button("pause_button", pressed=self.pause_pressed)
+        self.pause_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # the keys of a scan must not pause a run
         self._serial_caption = label()
         self._serial_note = ""
         self._symbol = StateIcon(_SYMBOL)
@@ -72,11 +73,6 @@ class RunHeader(QWidget):
     def serial(self) -> str:
         """The serial number entered, without surrounding spaces."""
         return self.serial_edit.text().strip()
-
-    @property
-    def operator(self) -> str | None:
-        """The operator for a request, see `BadgeField.operator`."""
-        return self.badge_field.operator
 
     @property
     def product(self) -> Path | None:

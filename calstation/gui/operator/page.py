@@ -4,6 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QWidget
 
@@ -59,6 +60,9 @@ class OperatorPage(Page):
     def __init__(self, app: AppContext) -> None:
         super().__init__(app)
         self.setObjectName("operator_page")
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # during a run the keys of a scan go to no button
+        #: Whether the field is for the next unit, although the engine of the last run may still be ending.
+        self._next_awaited = True
         self._problem: Text | None = None
         self._opened = False
         self._products: list[tuple[str, Path]] = []
@@ -122,7 +126,10 @@ class OperatorPage(Page):
 
     def _operator_changed(self) -> None:
         field = self.header.badge_field
-        self.app.operator = None if field.section is None else field.name
+        signing = field.section is not None
+        self.app.operator, self.app.badge = (field.name, field.operator) if signing else (None, None)
+        self.app.badge_required = field.required
+        self.app.operator_changed.emit()
         self._refresh()
 
     def _choose_product(self, path: Path) -> None:
@@ -248,17 +255,23 @@ class OperatorPage(Page):
             self.notice.dismiss()
             if request is not None and not self.app.run.register_operation:
                 self.header.set_serial(request.serial)
+            self._next_awaited = False
+            self.setFocus()
             self._live.start()
         else:
             self.closing.dismiss()
             self._live.stop()
             self._refresh()
             self._shift.count()
-            self._await_next()
+            if not self._next_awaited:
+                self._await_next()
+            elif self.app.run.state == "idle":
+                self._starting.check()  # the next unit was scanned while the engine was ending
 
     def _await_next(self) -> None:
         """Clear the serial number of the unit that was calibrated; the field is for the next unit."""
         run = self.app.run
+        self._next_awaited = True
         if not run.register_operation:
             self.header.set_serial("")
             self._starting.suggest()
@@ -287,7 +300,10 @@ class OperatorPage(Page):
         run, header = self.app.run, self.header
         busy = self.app.engine_link.running
         why_busy = say("window.busy_registers" if run.register_operation else "window.busy_run") if busy else ""
-        header.set_running(why_busy)
+        judged = run.state in ("passed", "failed")
+        if judged and busy and not self._next_awaited:
+            self._await_next()
+        header.set_running("" if busy and self._next_awaited else why_busy)
         planned = self._starting.run_summary
         header.show_partial(partial=planned is not None and bool(planned.omitted))
         if self._problem is not None:

@@ -8,7 +8,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject
 
-from calstation.config import RunRequest, RunSummary, library, load_product
+from calstation.config import RunRequest, RunSummary, computer_user, library, load_product
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
@@ -67,12 +67,12 @@ class RunStarter(QObject):
     def scan(self) -> None:
         """Check the serial number that has been entered; if its run was interrupted, offer to resume it.
 
-        A badge that was scanned into the field signs in the operator.
+        A badge that was scanned into the field signs in the operator: one of the station's list, or any text of the
+        form of a badge that is no serial number.
         """
-        header = self._header
+        header, badge = self._header, self._header.serial
         sign_in = header.badge_field.section
-        if sign_in is not None and sign_in.is_badge(header.serial) and not self._valid(header.serial):
-            badge = header.serial
+        if sign_in is not None and (badge in sign_in.names or (sign_in.is_badge(badge) and not self._valid(badge))):
             header.set_serial("")
             self.suggest()
             header.badge_field.sign_in(badge)
@@ -154,10 +154,7 @@ class RunStarter(QObject):
 
     def run(self, request: RunRequest) -> None:
         """Start a run; ask for confirmation before a real table moves."""
-        if self._header.badge_field.required:
-            ask(self._notice, "caution", Text("station.badge_missing"), {})
-            self._header.focus_scan()
-        elif self.run_summary is not None and self.run_summary.virtual:
+        if self.run_summary is not None and self.run_summary.virtual:
             self._launch(request)
         else:
             station = self.run_summary.station if self.run_summary is not None else ""
@@ -165,11 +162,15 @@ class RunStarter(QObject):
             self._ask(question, {"clear": lambda: self._launch(request)})
 
     def _launch(self, request: RunRequest) -> None:
-        """Start the engine, unless a job uses a device, for which the user has to wait."""
-        if self._app.job_queue.at_device:
+        """Start the engine for the present operator, unless a badge is missing or a job uses a device."""
+        badge_field = self._header.badge_field
+        if badge_field.required:
+            ask(self._notice, "caution", Text("station.badge_missing"), {})
+            self._header.focus_scan()
+        elif self._app.job_queue.at_device:
             self._ask(Text.of("question.device_busy"), {"clear": lambda: self._launch(request)})
         else:
-            self._app.engine_link.start(request)
+            self._app.engine_link.start(replace(request, operator=badge_field.operator))
 
     def ask_transfer(self, request: RunRequest) -> None:
         """Ask whether to restore the old registers or to finish an interrupted transfer, then start the run."""
@@ -255,12 +256,16 @@ class RunStarter(QObject):
         self.run(self._request(run.serial, product, run.stages, resume=run.log))
 
     def _close(self, run: Resumable, others: list[Resumable]) -> None:
-        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, self._header.badge_field.name))
+        if self._app.badge_required:
+            ask(self._notice, "caution", Text("station.badge_missing"), {})
+            return
+        operator = self._app.operator or computer_user()
+        self._closing.watch(self._app.job_queue.submit(close_incomplete_job, run.log, operator))
         self._offer(others)
 
     def _request(self, serial: str, product: Path | None, stages: tuple[str, ...] | None, **more: Any) -> RunRequest:
         app = self._app
-        return RunRequest(serial, app.station_path, product, stages, app.runs_folder, self._header.operator, **more)
+        return RunRequest(serial, app.station_path, product, stages, app.runs_folder, **more)
 
     def _history(self) -> History | None:
         """Return the history of earlier runs, or None if there is no runs folder."""

@@ -141,7 +141,7 @@ class FiguresTable(QWidget):
 class VerdictPanel(QFrame):
     """Replaces the plots when a run has ended; `acknowledged()` : the operator has acknowledged the fault.
 
-    `notice` shows what became of a label, and `then` is called afterwards.
+    `notice` shows whether a label was printed, and `then` is called afterwards.
     """
 
     acknowledged = Signal()

@@ -237,12 +237,14 @@ class FormView(QWidget):
         draft = self._draft
         assert draft is not None
         if self.form.listed:
-            self._arrange([*range(len(self.model.rows)), new_register(draft.model)])
+            number = len(self.model.rows)
+            self._arrange([*range(number), new_register(draft.model)])
         else:
-            draft.set({(*self.form.roots[0], self._offer.value()): {}})
-        last = self.model.rows[-1]
-        first = next(i for i, cell in enumerate(last.cells) if isinstance(cell, FormCell))
-        self.table.setCurrentIndex(self.model.index(len(self.model.rows) - 1, first))
+            name = self._offer.value()
+            draft.set({(*self.form.roots[0], name): {}})
+            number = next(i for i, each in enumerate(self.model.rows) if each.name == name)
+        first = next(i for i, cell in enumerate(self.model.rows[number].cells) if isinstance(cell, FormCell))
+        self.table.setCurrentIndex(self.model.index(number, first))
         self.table.setFocus()
 
     def _remove(self) -> None:

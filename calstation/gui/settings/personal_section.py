@@ -15,7 +15,7 @@ from calstation.gui.widgets import button, column, enable, label, row, theme
 
 
 class PersonalSection(QWidget):
-    """Edits the settings of this computer, which take effect immediately; only PIN and name need the engineer role."""
+    """Edits the settings of this computer, which take effect at once; PIN, name and folder need the engineer role."""
 
     def __init__(self, app: AppContext) -> None:
         super().__init__()
@@ -35,6 +35,7 @@ class PersonalSection(QWidget):
         self._author.textEdited.connect(lambda text: app.settings.setValue("author", text.strip()))
         self._runs = label(name="runs_folder_label", wrap=True)
         self._runs.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._folder_button = button("runs_folder_button", lambda: self.tr("Choose a folder"), self._choose_runs)
         left = column(
             label(lambda: self.tr("This computer"), "section"),
             Row(self._language, "language"),
@@ -43,7 +44,7 @@ class PersonalSection(QWidget):
             Row(self._author, "author"),
             Row(self._runs, "runs_folder"),
             Row(label(lambda: say("setting.about_runs"), "muted", wrap=True)),
-            Row(button("runs_folder_button", lambda: self.tr("Choose a folder"), self._choose_runs)),
+            Row(self._folder_button),
             None,
         )
         row(left, (self._make_pin_panel(), 1), on=self, spacing=3 * theme.GRID)
@@ -73,7 +74,7 @@ class PersonalSection(QWidget):
 
     def lock(self, reason: str) -> None:
         """Disable the inputs that need the engineer role, with `reason` as their tooltip; "" enables them."""
-        for widget in (self._author, *self._pins, self._pin_button):
+        for widget in (self._author, self._folder_button, *self._pins, self._pin_button):
             enable(widget, reason)
         self.refresh()
 

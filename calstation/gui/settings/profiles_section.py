@@ -368,7 +368,7 @@ class ProfilesSection(QWidget):
         if draft is None:
             return
         text: str | None = draft.saved
-        name = self.tr("as saved")
+        name = self.tr("the saved text")
         if self._compared is not None:
             text, name = self._text_of(self._compared), self.tr("version {0}").format(self._compared.number)
         if text is None:

@@ -28,6 +28,7 @@ class AppContext(QObject):
     station_changed = Signal()
     product_changed = Signal()
     choice_changed = Signal()
+    operator_changed = Signal()
     open_log = Signal(object)
     open_run = Signal(object)
     resume_run = Signal(object)
@@ -46,8 +47,10 @@ class AppContext(QObject):
         #: Station file; None selects the default, the virtual bench.
         self.station_path = station or self._last_station()
         self.product_path: Path | None = None
-        #: Name of the operator who has signed in; None where nobody has.
+        #: Name and badge of the operator who has signed in; None if nobody has.
         self.operator: str | None = None
+        self.badge: str | None = None
+        self.badge_required = False  #: Whether a run needs a badge and nobody has signed in.
         #: Stages and schedule chosen by an engineer instead of the product's; None selects those of the product.
         self.stages: tuple[str, ...] | None = None
         self.schedule: Mapping[str, Mapping[str, Any]] | None = None

@@ -101,6 +101,7 @@ class MainWindow(QMainWindow):
             app.run.stop,
             tip=lambda: self.tr("Stops the run safely; Esc does the same. It is no emergency stop."),
         )
+        self.stop_button.setFocusPolicy(Qt.FocusPolicy.NoFocus)  # Esc stops; the keys of a scan must not
         self.stop_button.setFixedSize(18 * theme.GRID, theme.BIG_BUTTON)
         row((self._headers, 1), self.stop_button, on=self._strip, spacing=2 * theme.GRID, margins=PANEL)
         self._tabs = {name: _Tab(app, make) for name, (make, _) in _PAGES.items()}

@@ -245,6 +245,10 @@
         <translation>{0} σ，{1}</translation>
     </message>
     <message>
+        <source>trial with {0}: {1}</source>
+        <translation>试算（加入{0}）：{1}</translation>
+    </message>
+    <message>
         <source>States added: {0}</source>
         <translation>增加的状态：{0}</translation>
     </message>
@@ -277,8 +281,12 @@
         <translation>{1} 个产品的 {0} 次标定</translation>
     </message>
     <message>
-        <source>Differences are those to the first run, in sigmas of the difference; beyond 3 σ is marked.</source>
-        <translation>差值均相对于第一次标定，以差值的标准差 σ 为单位；超过 3 σ 的已标记。</translation>
+        <source>Differences are those to the first run, in sigmas of the difference.</source>
+        <translation>差值为与首次标定之差，以差值的标准差为单位。</translation>
+    </message>
+    <message>
+        <source>Those beyond 3 σ are marked.</source>
+        <translation>超过 3 σ 的已标出。</translation>
     </message>
     <message>
         <source>No run has limits, so no value is drawn.</source>

@@ -5,7 +5,7 @@
     <name>BadgeField</name>
     <message>
         <source>Sign out</source>
-        <extracomment>Events that count as activity of the operator.</extracomment>
+        <extracomment>Events that count as activity of the operator. Width for a name beside the button to sign out, px.</extracomment>
         <translation>退出登录</translation>
     </message>
     <message>

@@ -216,7 +216,7 @@
         <translation>把该版本放回编辑器；保存后成为新版本。</translation>
     </message>
     <message>
-        <source>as saved</source>
+        <source>the saved text</source>
         <translation>已保存的文本</translation>
     </message>
     <message>

@@ -40,7 +40,7 @@
     <name>ComparisonTable</name>
     <message>
         <source>unit</source>
-        <extracomment>Returns the symbol of a parameter&apos;s cell, or None. Difference to the first set in sigmas by parameter, for each further set.</extracomment>
+        <extracomment>Returns the symbol of a parameter&apos;s cell, or None. Whether notable differences to the first set are marked. Difference to the first set in sigmas by parameter, for each further set.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -169,7 +169,7 @@
     <name>ParameterTable</name>
     <message>
         <source>Copy</source>
-        <extracomment>Differences above this number of sigmas are highlighted. Whether cells are right-aligned. Symbol before the text, one of `badge.KINDS` or None. Tooltip.</extracomment>
+        <extracomment>Smallest width of an elided column, px. Differences above this number of sigmas are highlighted. Whether cells are right-aligned. Symbol before the text, one of `badge.KINDS` or None. Tooltip.</extracomment>
         <translation>复制</translation>
     </message>
     <message>

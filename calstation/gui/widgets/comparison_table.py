@@ -29,6 +29,7 @@ class Compared:
     parameters: Mapping[str, Parameter]
     value_state: State = None
     sigma_state: State = None
+    marked: bool = True  #: Whether notable differences to the first set are marked.
 
 
 class ComparisonTable(ParameterTable):
@@ -67,8 +68,7 @@ class ComparisonTable(ParameterTable):
         columns = [Column(lambda: self.tr("unit"), self._text("unit"), number=False)]
         for k, each in enumerate(sets):
             columns += self._columns(k, each)
-        self.parameters.set_columns(columns)
-        self.parameters.set_names(self.names)
+        self.parameters.show(columns, self.names)
 
     def _columns(self, k: int, shown: Compared) -> list[Column]:
         columns = [
@@ -78,7 +78,13 @@ class ComparisonTable(ParameterTable):
         if k and self._differences:
             columns.append(Column(lambda: self.tr("diff."), self._text(f"difference{k}")))
         if k:
-            columns.append(Column(lambda: self.tr("in σ"), self._text(f"in_sigma{k}"), state=self._notable(k)))
+            columns.append(
+                Column(
+                    lambda: self.tr("in σ"),
+                    self._text(f"in_sigma{k}"),
+                    state=self._notable(k) if shown.marked else None,
+                )
+            )
         return columns
 
     def _text(self, key: str) -> Callable[[str], str]:

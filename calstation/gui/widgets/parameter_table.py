@@ -77,7 +77,12 @@ class ParameterModel(QAbstractTableModel):
 
     def set_names(self, names: Sequence[str]) -> None:
         """Show these parameters."""
+        self.show(self._columns, names)
+
+    def show(self, columns: Sequence[Column], names: Sequence[str]) -> None:
+        """Show other columns of other parameters."""
         self.beginResetModel()
+        self._columns = tuple(columns)
         self._names = tuple(names)
         groups = [name.rpartition("_")[0] for name in self._names]
         order = list(dict.fromkeys(groups))

@@ -43,8 +43,7 @@ class AnswerTable(ParameterTable):
         align_columns(self._cells, _NUMBERS)
         self._unobservable = frozenset(result.undetermined)
         self._outside = frozenset(check.subject for check in result.failed_checks)
-        self._parameters.set_columns(self._columns(bool(other), bool(truth)))
-        self._parameters.set_names(list(self._cells))
+        self._parameters.show(self._columns(bool(other), bool(truth)), list(self._cells))
 
     def _columns(self, other: bool, truth: bool) -> list[Column]:
         columns = [

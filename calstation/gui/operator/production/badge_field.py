@@ -47,7 +47,7 @@ class BadgeField(QWidget):
 
     @property
     def section(self) -> SignInSection | None:
-        """How operators of the station sign in; None where they need not."""
+        """How operators of the station sign in; None if it does not ask for badges."""
         return self._section
 
     @property

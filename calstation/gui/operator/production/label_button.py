@@ -16,7 +16,7 @@ from calstation.results import Result
 
 
 class LabelButton(QPushButton):
-    """Visible for a run that passed with a product that has a label; the notice bar shows what became of the label.
+    """Visible for a run that passed with a product that has a label; the notice bar shows whether it was printed.
 
     `then` is called after a label has been printed, or after its notice has been closed.
     """
