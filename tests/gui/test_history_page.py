@@ -292,7 +292,7 @@ def test_narrow_table_hides_other_columns_before_the_stages(
 ) -> None:
     shown(page, qtbot)
     table = page.findChild(QTableView, "history_table")
-    for width, hidden in ((1366, True), (2400, False)):
+    for width, hidden in ((1440, True), (2400, False)):
         page.resize(width, 640)
         qtbot.waitUntil(lambda wanted=hidden: table.isColumnHidden(4) == wanted, timeout=WAIT)
         qtbot.waitUntil(lambda: table.columnWidth(7) >= 200, timeout=WAIT)

@@ -217,7 +217,7 @@ def test_start_waits_while_another_page_uses_a_device(operator: Operator, monkey
     assert started == []
     monkeypatch.setattr(JobQueue, "at_device", False)
     operator.press("clear_choice")
-    assert started == [request]
+    assert started == [replace(request, operator=operator.window.operator_page.header.badge_field.operator)]
 
 
 def test_failures_with_earlier_runs_are_reported(operator: Operator) -> None:

@@ -19,6 +19,8 @@ from calstation.config import library
 from calstation.gui.operator import starting
 from calstation.gui.operator.loading import Loading
 from calstation.gui.operator.production import shift_counter
+from calstation.gui.shell.engine_link import EngineLink
+from calstation.jobs.queue import JobQueue
 from tests.gui.conftest import RESULT, SERIAL, Operator
 from tests.site_folder import STATION
 
@@ -171,11 +173,62 @@ def test_an_idle_operator_is_signed_out(operator: Operator) -> None:
     assert operator.message == "Scan your badge first."
 
 
-def test_a_run_is_not_resumed_without_a_badge(operator: Operator) -> None:
-    use_station(operator, sign_in={"badge_pattern": r"B\d{4}"})
-    operator.window.operator_page._starting.run(operator.window.operator_page._starting._request(SERIAL, None, None))
+def test_an_answer_after_signing_out_starts_nothing(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
+    started: list[Any] = []
+    monkeypatch.setattr(EngineLink, "start", lambda _, request: started.append(request))
+    monkeypatch.setattr(JobQueue, "at_device", True)
+    sign_in(operator, "B1234")
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    assert "then press START again" in operator.says()
+    monkeypatch.setattr(JobQueue, "at_device", False)
+    operator.window.operator_page.header.badge_field.sign_out()
+    operator.press("clear_choice")
     assert "signs in with a badge" in operator.says()
-    assert not operator.window.app.engine_link.running
+    assert started == []
+    sign_in(operator, "B5678")
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    assert [request.operator for request in started] == ["B5678"]
+
+
+def test_the_engineer_page_starts_no_run_without_a_badge(operator: Operator, monkeypatch: pytest.MonkeyPatch) -> None:
+    use_station(operator, ONE_STAGE, sign_in={"badge_pattern": r"B\d{4}", "names": NAMES})
+    started: list[Any] = []
+    monkeypatch.setattr(EngineLink, "start", lambda _, request: started.append(request))
+    operator.window.show_page("engineer_page")
+    start = operator.widget("engineer_start_button", QPushButton)
+    edit = operator.widget("engineer_serial_edit", QLineEdit)
+    edit.clear()
+    operator.qtbot.keyClicks(edit, SERIAL)
+    assert not start.isEnabled()
+    assert start.toolTip() == "Scan your badge first."
+    operator.window.show_page("operator_page")
+    sign_in(operator, "B1234")
+    operator.window.show_page("engineer_page")
+    operator.press("engineer_start_button")
+    assert [request.operator for request in started] == ["B1234"]
+
+
+# ---- scans at any time
+
+
+def test_a_scan_during_a_run_stops_nothing_and_the_next_one_is_kept(operator: Operator) -> None:
+    use_station(operator, ONE_STAGE)
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(operator.in_a_stage)
+    for key in (Qt.Key.Key_Space, Qt.Key.Key_Return):
+        operator.qtbot.keyClick(operator.window.focusWidget() or operator.window, key)
+    assert operator.run.state == "running"
+    operator.until(lambda: operator.verdict)
+    assert operator.verdict == "PASS"
+    operator.scan("SN-000077")
+    operator.until_ended()
+    assert operator.widget("serial_edit", QLineEdit).text() == "SN-000077"
+    assert operator.widget("start_button").isEnabled()
+    assert operator.window.focusWidget() is operator.widget("start_button")
 
 
 # ---- shift counter

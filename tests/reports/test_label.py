@@ -126,8 +126,18 @@ def test_a_printer_that_is_off_is_a_device_fault(site: Path) -> None:
 def test_only_a_unit_that_passed_all_stages_has_a_label(site: Path, changes: dict[str, Any]) -> None:
     assert label_template(load_result(write_result(site))) == site / "products" / "label.zpl"
     assert label_template(load_result(write_result(site, **changes))) is None
-    with pytest.raises(InputError, match="SN-000042 has no label"):
+    with pytest.raises(InputError, match="SN-000042 gets no label"):
         printed(site, **changes)
+
+
+def test_a_unit_that_failed_later_gets_no_label(site: Path) -> None:
+    passed = write_result(site)
+    name = "SN-000042_20990101T000000"
+    later = {"outcome": "failed", "started_utc": "2099-01-01T00:00:00+00:00", "log": {"file": f"{name}.h5"}}
+    failed = {**json.loads(passed.read_text(encoding="utf-8")), **later}
+    (passed.parent / f"{name}.json").write_text(json.dumps(failed), encoding="utf-8")
+    with pytest.raises(InputError, match="latest run of all stages has not passed"):
+        print_label(lambda *args, **more: None, passed, None)
 
 
 def test_every_shipped_template_uses_known_fields() -> None:
