@@ -184,11 +184,6 @@ class RunIndex:
         query = query.order_by(_runs.c.started_utc.desc(), _runs.c.name.desc())
         return self._found(query)
 
-    def ended(self, since: str) -> list[RunRecord]:
-        """Return the runs with outcome ``passed`` or ``failed`` from a start `since` (ISO 8601) on, latest first."""
-        query = select(_runs).where(_runs.c.started_utc >= since, _runs.c.verdict.in_(("passed", "failed")))
-        return [run.record for run in self._found(query.order_by(_runs.c.started_utc.desc()))]
-
     def attempts(self, serial: str) -> int:
         """Return the number of runs started for a unit; a resumed run counts once."""
         query = select(func.count()).select_from(_runs).where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))

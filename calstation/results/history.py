@@ -98,10 +98,6 @@ class History:
         """Return the unit's latest run that passed and was not partial, or None."""
         return next((run for run in self.passed(serial) if not run.partial), None)
 
-    def ended(self, since: str) -> list[RunRecord]:
-        """Return the runs that passed or failed and began at `since` (ISO 8601 in UTC) or later, the latest first."""
-        return self._ask(lambda: self._index.ended(since))
-
     def result(self, record: RunRecord) -> Result:
         """Return the result of a run in the index, from its log if there is no result file. Raises InputError."""
         if record.result is not None:

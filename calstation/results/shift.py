@@ -6,6 +6,7 @@ from datetime import UTC, datetime, time, timedelta
 from pathlib import Path
 
 from calstation.jobs import ProgressCallback
+from calstation.records import RunFilter
 from calstation.results.history import History
 
 
@@ -43,8 +44,8 @@ def count_shift(report: ProgressCallback, folder: Path, station: str, since: dat
     """
     history = History(folder)
     history.refresh()
-    found = history.ended(since.astimezone(UTC).isoformat(timespec="seconds"))
-    runs = [run for run in found if run.station == station and not run.partial]
+    begun = RunFilter(station=station, since=f"{since.astimezone(UTC):%Y-%m-%dT%H:%M:%S}")
+    runs = [run for run in history.runs(begun, limit=None) if run.verdict in ("passed", "failed") and not run.partial]
     passed = sum(run.outcome == "passed" for run in runs)
     mean = sum(run.duration for run in runs) / len(runs) if runs else None
     return ShiftCount(passed, len(runs) - passed, mean)
