@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from calstation.records.locks import locked
+from calstation.records.files import locked
 from calstation.sequencer.events import Verdict
 from tests.site_folder import SiteFolder
 

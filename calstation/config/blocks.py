@@ -72,7 +72,8 @@ def add_value(text: str, path: KeyPath, key: str, value: Any) -> str:
 def arrange_entries(text: str, key: str, order: Sequence[int | Mapping[str, Any]]) -> str:
     """Arrange the entries of a list of tables: each is the number of a present entry, or the values of a new one.
 
-    A present entry keeps its lines and the comments directly above it. A list in brackets becomes tables with headers.
+    A present entry keeps its lines and the comments directly above it. A list in brackets becomes tables with headers;
+    the comments inside the brackets are lost.
     """
     blocks = _blocks(text)
     entries = [block for block in blocks if block.inside((key,))]

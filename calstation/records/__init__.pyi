@@ -1,5 +1,3 @@
-from .atomic import sync_folder as sync_folder
-from .atomic import write_atomic as write_atomic
 from .checked_lines import DamagedLineError as DamagedLineError
 from .checked_lines import Line as Line
 from .checked_lines import Lines as Lines
@@ -18,6 +16,10 @@ from .convert import partial_path as partial_path
 from .convert import write_log as write_log
 from .csv_log import is_text as is_text
 from .facts import LogFacts as LogFacts
+from .files import locked as locked
+from .files import sync_folder as sync_folder
+from .files import take as take
+from .files import write_atomic as write_atomic
 from .limits import NEAR as NEAR
 from .limits import Check as Check
 from .limits import CheckKind as CheckKind
@@ -29,8 +31,6 @@ from .limits import estimated_stage as estimated_stage
 from .limits import not_compared as not_compared
 from .limits import undetermined as undetermined
 from .limits import unobservable as unobservable
-from .locks import locked as locked
-from .locks import take as take
 from .log import Log as Log
 from .log import estimated_rows as estimated_rows
 from .log import open_log as open_log

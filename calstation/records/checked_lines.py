@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from calstation.messages import Text
-from calstation.records.atomic import sync_folder
+from calstation.records.files import sync_folder
 
 _CHECKED = re.compile(rb'(\{.*), "chain": "([0-9a-f]{8})"\}', re.DOTALL)
 

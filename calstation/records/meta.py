@@ -28,8 +28,8 @@ from calstation.physics import (
     further_parameter,
     group_indices,
 )
-from calstation.records.atomic import write_atomic
 from calstation.records.checks import ChecksSection
+from calstation.records.files import write_atomic
 from calstation.records.limits import Limit, check_limit_names
 from calstation.schema import EntryError, StrictModel, load, near_miss, validate
 

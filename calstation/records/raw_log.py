@@ -35,7 +35,7 @@ from calstation.errors import ConfigurationError
 from calstation.estimation.common import SampleBlock
 from calstation.messages import Text, os_reason
 from calstation.records.facts import FactsBuilder, LogFacts
-from calstation.records.locks import take
+from calstation.records.files import take
 from calstation.records.meta import LogMeta
 from calstation.records.superblock import SUPERBLOCK, superblock_end
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from calstation.errors import InputError
 from calstation.estimation.common import SampleBlock, runs
 from calstation.messages import os_reason
-from calstation.records.locks import held
+from calstation.records.files import held
 from calstation.records.meta import LogMeta, meta_from_json
 from calstation.records.raw_log import CHECK, CHUNK_ROWS, FORMAT, row_checks
 from calstation.records.superblock import SUPERBLOCK, AsClosed, left_open, sound, superblock_end

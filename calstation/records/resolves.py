@@ -8,7 +8,7 @@ from pydantic import TypeAdapter
 from calstation.errors import InputError
 from calstation.messages import os_reason
 from calstation.records.checked_lines import DamagedLineError, append_line, read_lines
-from calstation.records.locks import locked
+from calstation.records.files import locked
 
 #: Longest time to wait for another program that appends a line, s.
 _LOCKED_WITHIN = 5.0

@@ -82,6 +82,8 @@ def _filled(template: Path, result: Result) -> str:
     fields = {name: text.translate(_NO_COMMANDS) for name, text in label_fields(result).items()}
     try:
         return string.Template(template.read_text(encoding="utf-8")).substitute(fields)
+    except OSError as exc:
+        raise InputError("entry.unreadable", file=template, reason=os_reason(exc)) from exc
     except KeyError as exc:
         raise InputError("label.unknown_field", file=template, name=exc.args[0], known=list(fields)) from exc
     except ValueError as exc:  # a lone dollar sign, or a file that is not UTF-8

@@ -13,8 +13,11 @@ from .handover import HandOver as HandOver
 from .handover import deliver_pending as deliver_pending
 from .handover import register_pending as register_pending
 from .history import History as History
+from .history import ShiftCount as ShiftCount
+from .history import count_shift as count_shift
 from .history import load_results as load_results
 from .history import refresh_history as refresh_history
+from .history import shift_start as shift_start
 from .inspection import Inspection as Inspection
 from .inspection import inspect_recording as inspect_recording
 from .judgement import Ending as Ending
@@ -56,8 +59,5 @@ from .result import in_sigma as in_sigma
 from .result import load_result as load_result
 from .result import online_difference as online_difference
 from .result import write_json as write_json
-from .shift import ShiftCount as ShiftCount
-from .shift import count_shift as count_shift
-from .shift import shift_start as shift_start
 from .solver_chain import StageChain as StageChain
 from .solver_chain import one_blas_thread as one_blas_thread

@@ -7,7 +7,7 @@ import pytest
 
 from calstation.config import library, versions
 from calstation.errors import ConfigurationError
-from calstation.records import atomic
+from calstation.records import files
 from tests.helpers import raises_code
 
 SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
@@ -92,7 +92,7 @@ def test_a_failed_write_leaves_the_file_unchanged(home: Path, monkeypatch: pytes
     monkeypatch.setattr(versions, "write_atomic", full)
     with raises_code(ConfigurationError, "configuration.unwritable"):
         versions.save("products", "nav_a", SHIPPED, "wang")
-    monkeypatch.setattr(versions, "write_atomic", atomic.write_atomic)
+    monkeypatch.setattr(versions, "write_atomic", files.write_atomic)
     assert (home / "products" / "nav_a.toml").read_text("utf-8") == CHANGED
     assert versions.save("products", "nav_a", SHIPPED, "wang").number == 3
 

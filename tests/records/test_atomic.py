@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.records.atomic import write_atomic
+from calstation.records.files import write_atomic
 
 
 def test_content_is_replaced_and_nothing_else_remains(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from calstation.results.shift import ShiftCount, count_shift, shift_start
+from calstation.results.history import ShiftCount, count_shift, shift_start
 from tests.results.test_history import write
 
 THREE = ("06:00", "14:00", "22:00")

@@ -18,7 +18,7 @@ from calstation.records import Check
 from calstation.results import Parameter, Result, cause_text, missing_state
 
 #: Maximum number of figures that fit below the verdict on a small screen, with and without a long reason above them.
-_MAX_FIGURES, _MAX_BELOW_REASON = 10, 7
+_MAX_FIGURES, _MAX_BELOW_REASON = 9, 7
 
 
 @dataclass(frozen=True)

@@ -48,8 +48,7 @@ class FormModel(ParameterModel):
                 self._problems.setdefault(cell, problem)
         self._write_texts()
         if reshaped:
-            self.set_columns([self._column(i, each) for i, each in enumerate(columns)])
-            self.set_names(names)
+            self.show([self._column(i, each) for i, each in enumerate(columns)], names)
         self.refresh()
 
     def cell(self, index: Index) -> FormCell | str:

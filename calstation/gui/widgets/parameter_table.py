@@ -71,9 +71,7 @@ class ParameterModel(QAbstractTableModel):
 
     def set_columns(self, columns: Sequence[Column]) -> None:
         """Show other columns of the same parameters."""
-        self.beginResetModel()
-        self._columns = tuple(columns)
-        self.endResetModel()
+        self.show(columns, self._names)
 
     def set_names(self, names: Sequence[str]) -> None:
         """Show these parameters."""

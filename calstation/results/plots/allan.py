@@ -37,7 +37,7 @@ class AllanCurve:
     deviation: FloatArray  #: Shape (k,).
     low: FloatArray  #: Lower end of the 95 % confidence interval, shape (k,).
     high: FloatArray  #: Upper end of the 95 % confidence interval, shape (k,).
-    random_walk: float | None  #: Line of slope −1/2 at 1 s, rad/√s or m/s/√s; None where the curve has no such slope.
+    random_walk: float | None  #: Line of slope −1/2 at 1 s, rad/√s or m/s/√s; None if the curve has no such slope.
     instability: float | None  #: Bias instability from the flat minimum, rad/s or m/s²; None if there is none yet.
     #: Upper end of the confidence interval of the bias instability that the lowest point allows.
     largest_instability: float
