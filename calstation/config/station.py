@@ -275,6 +275,12 @@ def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, An
     values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
     if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in values:
         values["targets"] = dict(product.targets)
+    schedule = method(stage).schedule.model_fields
+    if "stop_at_limits" in schedule and values.get("stop_at_limits", True) and "targets" not in values:
+        margin = values.get("margin", schedule["margin"].default)
+        sigmas = {name: limit.sigma_below for name, limit in product.limits.items() if limit.sigma_below is not None}
+        if isinstance(margin, int | float):
+            values["targets"] = {name: margin * sigma for name, sigma in sigmas.items()}
     return values
 
 

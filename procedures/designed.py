@@ -1,0 +1,69 @@
+"""Designed: a list of moves of both joints, each followed by a rest; the 39-state filter estimates all.
+
+After every rest the stage may end: it does when every sigma is below its limit times a margin. A sigma depends on the
+motion and the noise of the profiles, not on the values found, so that this does not bias the result.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from calstation.estimation import Method, RepeatedSchedule
+from calstation.estimation.navigation import NavigationStage
+from calstation.physics import Dwell, Move, RoundEnd, Step, TableGeometry
+from procedures.excitation import estimates
+
+
+class Schedule(RepeatedSchedule):
+    """Angles of the joints (°) and rests (s) in order, rate and acceleration of moves (°/s, °/s²), and the stop rule.
+
+    A round is a move and its rest; `rounds` is at most the number of moves, and 0 means all.
+    """
+
+    moves: list[tuple[float, float, float]] = Field(
+        [
+            (0.0, 0.0, 8.0),
+            (90.0, 180.0, 2.0),
+            (180.0, 0.0, 2.0),
+            (90.0, -90.0, 2.0),
+            (-90.0, 90.0, 2.0),
+            (0.0, -90.0, 2.0),
+            (-90.0, 0.0, 2.0),
+            (90.0, 90.0, 2.0),
+            (180.0, 270.0, 2.0),
+            (0.0, 0.0, 5.0),
+        ],
+        min_length=2,
+        description="outer angle, inner angle and rest of every move",
+    )
+    rate_dps: float = Field(60.0, gt=0.0, le=1000.0, description="rate of every move")
+    acceleration_dps2: float = Field(60.0, gt=0.0, le=1000.0, description="acceleration of every move")
+    stop_at_limits: bool = Field(True, description="end when every sigma is below its limit times the margin")
+    margin: float = Field(0.8, gt=0.0, le=1.0, description="fraction of its limit that every sigma must reach")
+    rounds: int = Field(0, ge=0, description="largest number of moves; 0: all")
+
+    @model_validator(mode="after")
+    def _at_most_all(self) -> "Schedule":
+        count = len(self.moves)
+        self.rounds = min(self.rounds or count, count)
+        return self
+
+
+def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
+    """Plan every move and its rest, each followed by `RoundEnd`."""
+    rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
+    for number, (outer, inner, rest) in enumerate(schedule.moves, start=1):
+        label = ("start",) if number == 1 else ("position", outer, inner)
+        yield Move(float(np.deg2rad(outer)), float(np.deg2rad(inner)), rate, acceleration, label)
+        yield Dwell(rest)
+        yield RoundEnd(number)
+
+
+METHOD = Method(
+    "designed",
+    Schedule,
+    plan,
+    solver=lambda context, prior, schedule: NavigationStage("designed", context, prior, estimates(context)),
+    estimates=estimates,
+)
