@@ -3,7 +3,7 @@ from .relinearise import solve_navigation as solve_navigation
 from .stage import NavigationStage as NavigationStage
 from .stage import warm_up as warm_up
 from .velocity_group import BIAS as BIAS
-from .information import Gatherer as Gatherer
+from .information import InformationGatherer as InformationGatherer
 from .information import advanced as advanced
 from .information import joined as joined
-from .information import sigmas as sigmas
+from .information import parameter_sigmas as parameter_sigmas
