@@ -46,6 +46,8 @@ METHOD = Method(
     "azimuth_flip",
     Schedule,
     plan,
-    solver=lambda context, prior, schedule: NavigationStage("azimuth_flip", context, prior, ESTIMATED),
+    solver=lambda context, prior, schedule: NavigationStage(
+        "azimuth_flip", context, prior, ESTIMATED, schedule.targets
+    ),
     estimates=lambda context: ESTIMATED,
 )

@@ -64,6 +64,8 @@ METHOD = Method(
     "designed",
     Schedule,
     plan,
-    solver=lambda context, prior, schedule: NavigationStage("designed", context, prior, estimates(context)),
+    solver=lambda context, prior, schedule: NavigationStage(
+        "designed", context, prior, estimates(context), schedule.targets
+    ),
     estimates=estimates,
 )

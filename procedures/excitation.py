@@ -100,6 +100,8 @@ METHOD = Method(
     "excitation",
     Schedule,
     plan,
-    solver=lambda context, prior, schedule: NavigationStage("excitation", context, prior, estimates(context)),
+    solver=lambda context, prior, schedule: NavigationStage(
+        "excitation", context, prior, estimates(context), schedule.targets
+    ),
     estimates=estimates,
 )

@@ -18,8 +18,8 @@ from calstation.config.resolved import resolve_configuration
 from calstation.config.station import in_file
 from calstation.config.versions import Version
 from calstation.jobs import ProgressCallback
+from calstation.physics import named
 from calstation.schema import EntryError
-from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
 #: A float, an integer, a boolean, one of several strings, sigmas by parameter or group, or anything else.

@@ -15,14 +15,17 @@ from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
 from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSettings, load_imu_profile, load_table_profile
 from calstation.errors import CalstationError, ConfigurationError
-from calstation.physics import INDEX, PARAMETERS, further_parameter
+from calstation.estimation.effects import CONSTANT
+from calstation.physics import INDEX, PARAMETERS, further_parameter, named
 from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
-from calstation.sequencer import named
 from procedures import DEFAULT_STAGES, method
 
 #: Recommended action for a unit outside its limits: remount it, repeat the run unchanged, or set it aside.
 Advice = Literal["reseat", "repeat", "set_aside"]
+
+#: Effects outside the model that a schedule can be asked to show.
+_CAUSES = tuple(candidate.cause for candidate in CONSTANT)
 
 DEFAULT_STATION = "virtual_bench"
 DEFAULT_PRODUCT = "nav_a"
@@ -190,6 +193,8 @@ class ProductConfig(StrictModel):
     targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
+    #: Sizes of effects outside the model, SI, that a designed schedule must show, by cause.
+    diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()
     warm_up: WarmUpSection = WarmUpSection()
     operator_ends_stages: bool = False  #: Whether the operator page offers to end a repeated stage early.
@@ -205,6 +210,15 @@ class ProductConfig(StrictModel):
         if len(set(stages)) != len(stages):
             raise EntryError("product.stage_twice")
         return stages
+
+    @field_validator("diagnosis")
+    @classmethod
+    def _diagnosis(cls, sizes: dict[str, float]) -> dict[str, float]:
+        for cause in sizes:
+            if cause not in _CAUSES:
+                remedy = near_miss(cause, _CAUSES)
+                raise EntryError("entry.unknown_name", cause, name=cause, remedy=remedy)
+        return sizes
 
     @field_validator("limits")
     @classmethod

@@ -1,80 +1,93 @@
-"""The information of moves and rests of a table, computed once and joined to schedules."""
+"""Information of moves and rests of a table, computed once with the run's own filter and then joined to schedules."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import cached_property
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from calstation.estimation.common import Belief, PlannedSamples, SolveContext, stage_data, starts
-from calstation.estimation.navigation import Gatherer, NavigationFilter, advanced, joined
-from calstation.physics import Dwell, FloatArray, Move, TableGeometry
+from calstation.estimation.effects import Candidate
+from calstation.estimation.navigation import NavigationFilter, Segment, advanced, joined, segment_information
+from calstation.physics import Dwell, FloatArray, Move, Step, TableGeometry
 from calstation.sequencer import step_time
 
 #: Angles of the joints in a schedule are multiples of this, °.
 LATTICE_DEG = 45.0
-_LATTICE = np.deg2rad(LATTICE_DEG)
-_TURN = 8
-#: Rest before a segment that the filter needs to begin, s; it is not part of the segment.
+#: Rests are multiples of this, s.
+REST_UNIT = 0.5
+_LATTICE: Final = np.deg2rad(LATTICE_DEG)
+_TURN = round(360.0 / LATTICE_DEG)
+#: Rest from which the filter begins a segment, s; it is not part of the segment.
 _BEGIN = 2.0
 
+#: Angles of outer and inner joint, in units of the lattice.
 Position = tuple[int, int]
 
 
+@dataclass(frozen=True)
+class Conditions:
+    """What the information of a motion depends on."""
+
+    context: SolveContext
+    prior: Belief
+    geometry: TableGeometry
+    settle: float  #: Settling time after a move, s.
+    rate: float  #: Rate of all moves, rad/s.
+    acceleration: float  #: Acceleration of all moves, rad/s².
+    mount: FloatArray  #: Assumed mounting rotation, rad, shape (3,).
+    effects: tuple[Candidate, ...] = ()  #: Effects that the motion should show.
+
+
 class SegmentLibrary:
-    """Information of moves and rests on the lattice, for one table, unit and prior."""
+    """Information about parameters and effects, and durations, of moves and rests on the lattice."""
 
-    def __init__(
-        self,
-        context: SolveContext,
-        prior: Belief,
-        geometry: TableGeometry,
-        settle: float,
-        rate: float,
-        acceleration: float,
-        mount: FloatArray,
-    ) -> None:
-        self._context, self._prior, self._geometry = context, prior, geometry
-        self._settle, self._rate, self._acceleration, self._mount = settle, rate, acceleration, mount
+    def __init__(self, conditions: Conditions) -> None:
+        self._conditions = conditions
+        self.states = 0  #: Number of boundary states, once there is a segment.
         self._moves: dict[tuple[int, int, int, int], tuple[FloatArray, float]] = {}
-        self._rests: dict[Position, FloatArray] = {}
+        self._rests: dict[tuple[int, int, int], FloatArray] = {}
 
-    def begin(self, position: Position, seconds: float) -> FloatArray:
-        """Return the information about states and parameters after the first rest."""
-        start, matrix, _ = self._pass(position, [Dwell(seconds)])
-        return advanced(start, matrix)
+    def begin(self, position: Position, rest: int) -> FloatArray:
+        """Return the information about states and parameters, shape (m + 30, m + 30), after the first rest."""
+        found, _ = self._pass(position, [Dwell(rest * REST_UNIT)])
+        return np.asarray(advanced(found.start[None], found.motion[None])[0])
 
     def move(self, at: Position, to: Position) -> tuple[FloatArray, float]:
-        """Return information and duration, s, of a move with its settling."""
+        """Return information and duration, s, of a move with its settling and the shortest rest."""
         key = (at[0] % _TURN, at[1] % _TURN, to[0] - at[0], to[1] - at[1])
         if key not in self._moves:
-            begin = (key[0], key[1])
+            conditions = self._conditions
             target = ((key[0] + key[2]) * _LATTICE, (key[1] + key[3]) * _LATTICE)
-            _, matrix, seconds = self._pass(begin, [Move(*target, self._rate, self._acceleration)])
-            self._moves[key] = matrix, seconds
+            move = Move(*target, conditions.rate, conditions.acceleration)
+            segment, seconds = self._pass((key[0], key[1]), [move, Dwell(REST_UNIT)])
+            self._moves[key] = segment.motion, seconds
         return self._moves[key]
 
-    def rest(self, at: Position) -> FloatArray:
-        """Return the information of a rest of 1 s."""
-        key = (at[0] % _TURN, at[1] % _TURN)
+    def rest(self, at: Position, units: int) -> FloatArray:
+        """Return the information of a rest."""
+        key = (at[0] % _TURN, at[1] % _TURN, units)
         if key not in self._rests:
-            self._rests[key] = self._pass(key, [Dwell(1.0)])[1]
+            if units == 1:
+                self._rests[key] = self._pass((key[0], key[1]), [Dwell(REST_UNIT)])[0].motion
+            else:
+                half = self.rest(at, units // 2)
+                self._rests[key] = joined(half, self.rest(at, units - units // 2), self.states)
         return self._rests[key]
 
-    def _pass(self, at: Position, steps: Sequence[Move | Dwell]) -> tuple[FloatArray, FloatArray, float]:
-        joints = (at[0] * _LATTICE, at[1] * _LATTICE)
-        samples = PlannedSamples(self._context, self._prior.mean, self._geometry, self._mount)
-        samples._joints = joints
+    def _pass(self, at: Position, steps: Sequence[Step]) -> tuple[Segment, float]:
+        """Return the information of steps and their duration, s."""
+        c, joints = self._conditions, (at[0] * _LATTICE, at[1] * _LATTICE)
+        samples = PlannedSamples(c.context, c.prior.mean, c.geometry, c.mount, joints)
         blocks = list(samples.run(Dwell(_BEGIN), _BEGIN, "designed"))
         duration = 0.0
         for step in steps:
-            seconds = step_time(step, joints, self._settle)
-            blocks += list(samples.run(step, seconds, "designed"))
+            seconds = step_time(step, joints, c.settle)
+            blocks += samples.run(step, seconds, "designed")
             duration += seconds
-        data = stage_data(blocks, self._context.imu)
-        (start,) = starts(data, self._context, self._prior)
-        begin = round(_BEGIN / data.dt)
-        run, gathered = NavigationFilter(self._context, self._prior, self._prior.mean), Gatherer()
-        run.run(data, replace(start, begin=begin), start.attitude, smooth=False, watch=gathered)
-        assert gathered.start is not None and gathered.matrix is not None
-        return gathered.start, gathered.matrix, duration
+        data = stage_data(blocks, c.context.imu)
+        (start,) = starts(data, c.context, c.prior)
+        run, begin = NavigationFilter(c.context, c.prior, c.prior.mean), replace(start, begin=round(_BEGIN / data.dt))
+        segment = segment_information(run, data, begin, c.context, c.effects)
+        self.states = segment.states
+        return segment, duration

@@ -35,7 +35,9 @@ from .parameters import further_parameter as further_parameter
 from .parameters import group_indices as group_indices
 from .parameters import group_matrix as group_matrix
 from .parameters import group_vector as group_vector
+from .parameters import named as named
 from .parameters import pair_name as pair_name
+from .parameters import reached as reached
 from .rotation import axis_rotation as axis_rotation
 from .rotation import level_attitude as level_attitude
 from .rotation import rotation_matrix as rotation_matrix

@@ -6,6 +6,7 @@
 Values are relative to the nominal scale in the IMU's profile.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -130,6 +131,16 @@ GROUPS: tuple[str, ...] = tuple(dict.fromkeys(p.group for p in PARAMETERS))
 def group_indices(group: str) -> list[int]:
     """Return the indices of a group in the parameter vector."""
     return [i for i, p in enumerate(PARAMETERS) if p.group == group]
+
+
+def named(name: str) -> list[int]:
+    """Return the indices of a parameter or of all parameters of a group; empty for an unknown name."""
+    return [INDEX[name]] if name in INDEX else group_indices(name)
+
+
+def reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
+    """Whether every element of `sigma` (shape (30,), SI) with a target is at or below it."""
+    return all(sigma[i] <= limit for name, limit in targets.items() for i in named(name))
 
 
 def group_matrix(values: FloatArray, *groups: str) -> FloatArray:

@@ -14,13 +14,13 @@ from calstation.errors import ConfigurationError, InputError, InsufficientDataEr
 from calstation.estimation.common import PlannedSamples, profile
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text
-from calstation.physics import JOINTS, NAMES, Carry, Finish, FloatArray, GimbalTurn, Move, RoundEnd, Step
+from calstation.physics import JOINTS, NAMES, Carry, Finish, FloatArray, GimbalTurn, Move, RoundEnd, Step, named
 from calstation.records import LogMeta, context_from_meta
 from calstation.results.calibration import current_calibration
 from calstation.results.history import History
 from calstation.results.judgement import is_partial
 from calstation.results.solver_chain import StageChain, one_blas_thread
-from calstation.sequencer import StagePlan, check_limits, move_time, named, planned, step_time
+from calstation.sequencer import StagePlan, check_limits, move_time, planned, step_time
 from procedures import method
 
 #: Maximum number of rounds of a stage that ends only when its targets are reached.

@@ -51,7 +51,6 @@ from .guard import check_power as check_power
 from .plan import StagePlan as StagePlan
 from .plan import StopRule as StopRule
 from .plan import move_time as move_time
-from .plan import named as named
 from .plan import plan_time as plan_time
 from .plan import planned as planned
 from .plan import step_time as step_time

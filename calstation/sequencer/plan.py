@@ -8,7 +8,6 @@ import numpy as np
 
 from calstation.physics import (
     GROUPS,
-    INDEX,
     Carry,
     Dwell,
     Finish,
@@ -19,6 +18,7 @@ from calstation.physics import (
     RoundEnd,
     Step,
     group_indices,
+    reached,
 )
 from calstation.sequencer.events import StageProgress
 
@@ -92,16 +92,6 @@ class StageTrack:
         done = self._done + min(max(now - self._begun, 0.0), self._step)
         fraction = min(done / self._duration, 1.0) if self._duration > 0.0 else 1.0
         return StageProgress(self._stage, fraction, max(self._duration - done, 0.0), self._sigma)
-
-
-def reached(sigma: FloatArray, targets: Mapping[str, float]) -> bool:
-    """Whether every element of `sigma` (shape (30,), SI) with a target is at or below it."""
-    return all(sigma[i] <= limit for name, limit in targets.items() for i in named(name))
-
-
-def named(name: str) -> list[int]:
-    """Return the indices of a parameter or of all parameters of a group; empty for an unknown name."""
-    return [INDEX[name]] if name in INDEX else group_indices(name)
 
 
 def move_time(start: tuple[float, float], move: Move) -> float:

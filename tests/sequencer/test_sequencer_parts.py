@@ -8,11 +8,12 @@ import pytest
 
 from calstation.devices.profiles.frame import Span
 from calstation.estimation.common.samples import SampleBlock
+from calstation.physics import named, reached
 from calstation.physics.motion import Dwell, Finish, Move, Prepare, RoundEnd
 from calstation.physics.parameters import COUNT, INDEX
 from calstation.sequencer.acquisition import INTERRUPTION, Acquisition
 from calstation.sequencer.context import LastSample, StatusMasks
-from calstation.sequencer.plan import StopRule, move_time, named, plan_time, planned, reached
+from calstation.sequencer.plan import StopRule, move_time, plan_time, planned
 from tests.sequencer.fakes import MODEL, RATE, UNIT, FakeClock, FakeImu, FakeTable, endless
 
 

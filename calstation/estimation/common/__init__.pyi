@@ -38,6 +38,7 @@ from .model_test import stage_agreement as stage_agreement
 from .noise import BIAS_DRIFT_PER_INSTABILITY as BIAS_DRIFT_PER_INSTABILITY
 from .noise import BIAS_DRIFT_TIME as BIAS_DRIFT_TIME
 from .noise import FilterNoise as FilterNoise
+from .noise import RestNoise as RestNoise
 from .noise import filter_noise as filter_noise
 from .noise import noise_tests as noise_tests
 from .noise import rest_mean_variance as rest_mean_variance

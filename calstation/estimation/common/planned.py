@@ -27,11 +27,17 @@ LONGEST_BLOCK = 20_000
 class PlannedSamples:
     """Simulates an ideal table and unit through steps; time, joints, counter and step number carry over.
 
-    An unknown azimuth is taken as north. `mount` is the rotation vector of the unit on the inner platform, rad.
+    An unknown azimuth is taken as north. `mount` is the rotation vector of the unit on the inner platform, rad;
+    `joints` are the angles of the joints at the start, rad.
     """
 
     def __init__(
-        self, context: SolveContext, parameters: FloatArray, geometry: TableGeometry, mount: FloatArray
+        self,
+        context: SolveContext,
+        parameters: FloatArray,
+        geometry: TableGeometry,
+        mount: FloatArray,
+        joints: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         site, imu = context.site, context.imu
         self._geometry = geometry
@@ -49,7 +55,7 @@ class PlannedSamples:
         self._levers = tuple(group_vector(parameters, f"{kind}_lever") for kind in ("outer", "inner"))
         per_count = self._dt if imu.output == "increment" else 1.0
         self._per_count = per_count / np.repeat([imu.gyro_lsb, imu.accel_lsb], 3)
-        self._joints = (0.0, 0.0)
+        self._joints = joints
         self._produced = 0
         self._step = 0
 

@@ -3,6 +3,7 @@ from .candidates import Candidate as Candidate
 from .candidates import Motion as Motion
 from .candidates import changing as changing
 from .candidates import effect_errors as effect_errors
+from .score import MOST_EXCESS as MOST_EXCESS
 from .score import EffectFound as EffectFound
 from .score import EffectLimit as EffectLimit
 from .score import EffectTests as EffectTests
@@ -11,3 +12,4 @@ from .score import effect_tests as effect_tests
 from .sensitivity import Sensitivity as Sensitivity
 from .sensitivity import all_errors as all_errors
 from .sensitivity import batch_sensitivity as batch_sensitivity
+from .sensitivity import mean_errors as mean_errors

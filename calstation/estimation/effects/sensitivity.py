@@ -35,9 +35,14 @@ def all_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray
 
     They are averaged over k groups of `counts` intervals, shape (k,).
     """
+    return mean_errors(motion, (*CONSTANT, *candidates), counts)
+
+
+def mean_errors(motion: Motion, candidates: Sequence[Candidate], counts: IntArray) -> FloatArray:
+    """Return the same as `all_errors` for `candidates` alone."""
     first = np.cumsum(counts) - counts
-    means = [np.add.reduceat(c.errors(motion), first) / counts[:, None, None] for c in (*CONSTANT, *candidates)]
-    return np.concatenate(means, axis=2)
+    means = [np.add.reduceat(c.errors(motion), first) / counts[:, None, None] for c in candidates]
+    return np.concatenate([np.zeros((len(counts), 6, 0)), *means], axis=2)
 
 
 def batch_sensitivity(

@@ -1,9 +1,10 @@
 from .filter import NavigationFilter as NavigationFilter
+from .information import Segment as Segment
+from .information import advanced as advanced
+from .information import joined as joined
+from .information import segment_information as segment_information
+from .information import sigmas as sigmas
 from .relinearise import solve_navigation as solve_navigation
 from .stage import NavigationStage as NavigationStage
 from .stage import warm_up as warm_up
 from .velocity_group import BIAS as BIAS
-from .information import InformationGatherer as InformationGatherer
-from .information import advanced as advanced
-from .information import joined as joined
-from .information import parameter_sigmas as parameter_sigmas

@@ -1,14 +1,24 @@
-"""Information that a motion gives about the parameters, from the filter's own linearisation.
+"""Information that a motion gives about parameters and effects, from the filter's own linearisation.
 
 A segment begins and ends at rest. Its observations depend on the boundary states (φ, δv and the drift of the biases) at
-both ends and on the 30 parameters; all states between are eliminated. Segments that follow each other are joined by
-eliminating the boundary states between them, so that a schedule is evaluated without another pass over its samples.
-The covariance equals that of the filter.
+both ends, the 30 parameters, and the sizes of effects outside the model; all states between are eliminated. Segments
+that follow each other are joined by eliminating the boundary states between them, so that a schedule is evaluated
+without another pass over its samples. The covariance equals that of the filter.
+
+With m boundary states and c columns of parameters and effects, information about the end of a motion has shape
+(m + c, m + c), and that of a segment, about m states at its begin and m at its end, (2 m + c, 2 m + c). All is in SI.
 """
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
+from calstation.estimation.common import SolveContext, StageData, Start
+from calstation.estimation.effects import Candidate, mean_errors
 from calstation.estimation.navigation.filter import NavigationFilter
+from calstation.estimation.navigation.response import motion_between_observations
+from calstation.estimation.navigation.velocity_group import BIAS
 from calstation.physics import COUNT, PARAMETER_START, STATES, FloatArray, IntArray
 
 #: Number of navigation states at a boundary: φ and δv; nothing depends on δp.
@@ -16,23 +26,46 @@ _OBSERVED = 6
 _PARAMETERS = np.arange(PARAMETER_START, STATES)
 
 
-class InformationGatherer:
-    """Collects the information of a pass of `NavigationFilter`, which calls it at the start and after every group.
+class Segment(NamedTuple):
+    """Information about the start of a motion, and that of the motion; the start gives none about effects."""
 
-    Information about m boundary states and the parameters has shape (m + 30, m + 30); that of a segment, about m states
-    at its begin, m at its end and the parameters, (2 m + 30, 2 m + 30). Both are in SI.
-    """
+    start: FloatArray
+    motion: FloatArray
+    states: int  #: m.
+
+
+def segment_information(
+    run: NavigationFilter, data: StageData, start: Start, context: SolveContext, effects: Sequence[Candidate]
+) -> Segment:
+    """Pass a new filter over samples from `start`; return their information."""
+    gatherer = _Gatherer()
+    run.run(data, start, start.attitude, smooth=False, watch=gatherer)
+    counts = np.array([group.rows // 3 for group in gatherer.groups])
+    moved = motion_between_observations(run.history, data, (start,), context, run.belief.mean)
+    return gatherer.segment(mean_errors(moved, effects, counts))
+
+
+class _Group(NamedTuple):
+    """What `_Gatherer` keeps of a group of observations."""
+
+    jacobian: FloatArray  #: Of the equations of motion and of the observations, shape (m + rows, 2 m + 30).
+    bias: FloatArray  #: The same for the biases alone, shape (m + rows, 6).
+    noise: FloatArray  #: Covariance of these equations.
+    rows: int  #: Number of observations.
+
+
+class _Gatherer:
+    """Collects the equations of a pass of `NavigationFilter`, which calls it at the start and after every group."""
 
     def __init__(self) -> None:
-        self.start: FloatArray | None = None  #: Information at the start.
-        self.segment: FloatArray | None = None  #: Information of all groups together.
+        self._start: FloatArray | None = None
+        self.groups: list[_Group] = []
 
     def __call__(self, run: NavigationFilter) -> None:
-        """Add what the filter has just processed."""
         kf, states = run.kf, _boundary(run)
-        if self.start is None:
+        if self._start is None:
             both = np.r_[states, _PARAMETERS]
-            self.start = np.linalg.inv(kf.P[np.ix_(both, both)])
+            self._start = np.linalg.inv(kf.P[np.ix_(both, both)])
             return
         m, rows = len(states), len(kf.H)
         jacobian = np.zeros((m + rows, 2 * m + COUNT))
@@ -42,47 +75,67 @@ class InformationGatherer:
         jacobian[m:, m : 2 * m] = -kf.H[:, states]
         jacobian[m:, 2 * m :] = -kf.H[:, _PARAMETERS]
         noise = np.block([[kf.Q[np.ix_(states, states)], kf.M[states]], [kf.M[states].T, kf.R]])
-        scale = 1.0 / np.sqrt(np.diag(noise))
-        white = np.linalg.solve(np.linalg.cholesky(noise * np.outer(scale, scale)), jacobian * scale[:, None])
-        group = white.T @ white
-        self.segment = group if self.segment is None else joined(self.segment, group)
+        bias = -np.vstack([kf.F[np.ix_(states, BIAS)], kf.H[:, BIAS]])
+        self.groups.append(_Group(jacobian, bias, noise, rows))
+
+    def segment(self, errors: FloatArray) -> Segment:
+        """Return the information; `errors` of the channels due to effects have shape (groups, 6, effects)."""
+        assert self._start is not None
+        m = len(self._start) - COUNT
+        total: FloatArray | None = None
+        for group, error in zip(self.groups, errors, strict=True):
+            scale = 1.0 / np.sqrt(np.diag(group.noise))
+            root = np.linalg.cholesky(group.noise * np.outer(scale, scale))
+            jacobian = np.hstack([group.jacobian, group.bias @ error])
+            white = np.linalg.solve(root, jacobian * scale[:, None])
+            information = white.T @ white
+            total = information if total is None else joined(total, information, m)
+        assert total is not None
+        start = np.zeros((m + COUNT + errors.shape[2],) * 2)
+        start[: m + COUNT, : m + COUNT] = self._start
+        return Segment(start, total, m)
 
 
 def _boundary(run: NavigationFilter) -> IntArray:
     """Return the indices of the boundary states in the filter's state."""
-    return np.r_[0:_OBSERVED, STATES : len(run.kf.x)]
+    return np.asarray(np.r_[0:_OBSERVED, STATES : len(run.kf.x)])
 
 
-def joined(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return the information of two segments, the second following the first."""
-    m = (len(first) - COUNT) // 2
-    begin, middle, end, parameters = np.split(np.arange(3 * m + COUNT), [m, 2 * m, 3 * m])
-    total = np.zeros((3 * m + COUNT,) * 2)
-    for segment, at in ((first, (begin, middle, parameters)), (second, (middle, end, parameters))):
+def joined(first: FloatArray, second: FloatArray, states: int) -> FloatArray:
+    """Return the information of two segments, the second following the first, with m boundary states."""
+    m, columns = states, len(first) - 2 * states
+    begin, middle, end, common = np.split(np.arange(3 * m + columns), [m, 2 * m, 3 * m])
+    total = np.zeros((3 * m + columns,) * 2)
+    for segment, at in ((first, (begin, middle, common)), (second, (middle, end, common))):
         total[np.ix_(np.concatenate(at), np.concatenate(at))] += segment
-    kept = np.concatenate([begin, end, parameters])
+    kept = np.concatenate([begin, end, common])
     cross = total[np.ix_(kept, middle)]
-    return np.asarray(
-        total[np.ix_(kept, kept)] - cross @ np.linalg.solve(total[np.ix_(middle, middle)], cross.T)
-    )
+    return np.asarray(total[np.ix_(kept, kept)] - cross @ np.linalg.solve(total[np.ix_(middle, middle)], cross.T))
 
 
 def advanced(before: FloatArray, segments: FloatArray) -> FloatArray:
-    """Return the information at the ends of segments, shape (n, m + 30, m + 30), from that at their begins.
-
-    `before` has the same shape, and `segments` (n, 2 m + 30, 2 m + 30).
-    """
-    m = (segments.shape[-1] - COUNT) // 2
+    """Return the information at the ends of n segments from that at their begins, both of shape (n, ...)."""
+    m = segments.shape[-1] - before.shape[-1]
     total = segments.copy()
-    at = np.r_[0:m, 2 * m : 2 * m + COUNT]
+    at = np.r_[0:m, 2 * m : segments.shape[-1]]
     total[:, at[:, None], at] += before
     cross = total[:, m:, :m]
     return np.asarray(total[:, m:, m:] - cross @ np.linalg.solve(total[:, :m, :m], cross.transpose(0, 2, 1)))
 
 
-def parameter_sigmas(information: FloatArray) -> FloatArray:
-    """Return the sigmas of the parameters, SI, shape (n, 30), from information of shape (n, m + 30, m + 30)."""
-    scale = 1.0 / np.sqrt(np.diagonal(information, axis1=1, axis2=2))
-    covariance = np.linalg.inv(information * scale[:, :, None] * scale[:, None, :])
-    variances = np.diagonal(covariance, axis1=1, axis2=2)
-    return np.asarray(np.sqrt(variances[:, -COUNT:]) * scale[:, -COUNT:])
+def sigmas(information: FloatArray, states: int) -> FloatArray:
+    """Return the sigmas of the parameters and of each effect alone, shape (n, c), from information (n, m + c, m + c).
+
+    The parameters are estimated without the effects, and an effect beside all parameters, but without other effects.
+    """
+    known = states + COUNT
+    scale = 1.0 / np.sqrt(np.diagonal(information[:, :known, :known], axis1=1, axis2=2))
+    covariance = np.linalg.inv(information[:, :known, :known] * scale[:, :, None] * scale[:, None, :])
+    variances = np.diagonal(covariance, axis1=1, axis2=2)[:, -COUNT:]
+    found = np.sqrt(variances) * scale[:, -COUNT:]
+    if information.shape[-1] == known:
+        return np.asarray(found)
+    cross = information[:, :known, known:] * scale[:, :, None]
+    own = np.diagonal(information[:, known:, known:], axis1=1, axis2=2)
+    left = own - np.einsum("nik,nij,njk->nk", cross, covariance, cross, optimize=True)
+    return np.hstack([found, 1.0 / np.sqrt(np.maximum(left, 1e-12 * own + 1e-300))])

@@ -46,7 +46,7 @@ def filter_sensitivity(
     candidates = tuple(changing(duration))
     parameters = np.zeros((STATES + (len(BIAS) if updates[0].H.shape[1] > STATES else 0), COUNT))
     parameters[PARAMETER_START:STATES] = np.eye(COUNT)
-    motion = _motion(history, data, starts, context, point)
+    motion = motion_between_observations(history, data, starts, context, point)
     rows = [len(u.innovation) // 3 for u in updates]
     counts = np.array([n for n in rows if n])
     errors = all_errors(motion, candidates, counts)
@@ -78,7 +78,7 @@ def filter_sensitivity(
     return Sensitivity(score, information, left, candidates, float(data.time[0]), duration)
 
 
-def _motion(
+def motion_between_observations(
     history: History, data: StageData, starts: Sequence[Start], context: SolveContext, point: FloatArray
 ) -> Motion:
     """Return the motion in every interval between observations.

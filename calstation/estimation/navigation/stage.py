@@ -1,7 +1,9 @@
 """Solver of excitation and azimuth flips: stores the stage, updates sigmas live and solves by MAP at the end."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from calstation.estimation.common import (
     Belief,
     ImuModel,
     PlannedSamples,
+    RestNoise,
     SampleBlock,
     Site,
     SolveContext,
@@ -33,7 +36,7 @@ from calstation.estimation.navigation.observability import ObservabilityAnalysis
 from calstation.estimation.navigation.relinearise import NavigationResult
 from calstation.estimation.navigation.response import filter_sensitivity
 from calstation.estimation.navigation.table_noise import judged, solve_with_table_noise
-from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, group_indices
+from calstation.physics import COUNT, NAMES, PARAMETERS, BoolArray, Dwell, FloatArray, group_indices, reached
 
 #: Duration of data after a start that the live filter needs for alignment, s.
 LIVE_ALIGNMENT = 5.0
@@ -83,8 +86,16 @@ class LiveFilter:
 class NavigationStage:
     """A `StageSolver` with the 39-state filter; parameters outside `estimated` are consider states."""
 
-    def __init__(self, stage: str, context: SolveContext, prior: Belief, estimated: tuple[str, ...]) -> None:
+    def __init__(
+        self,
+        stage: str,
+        context: SolveContext,
+        prior: Belief,
+        estimated: tuple[str, ...],
+        targets: Mapping[str, float] = MappingProxyType({}),
+    ) -> None:
         self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
+        self._targets = targets
         self._spool = Spool()
         self._live = LiveFilter(context, prior)
 
@@ -94,8 +105,15 @@ class NavigationStage:
         self._live.feed(block)
 
     def sigma(self) -> FloatArray:
-        """Return the current standard deviations of the 30 parameters, SI, shape (30,)."""
-        return self._live.sigma()
+        """Return the current standard deviations of the 30 parameters, SI, shape (30,).
+
+        Once they are all within their targets, they are those with the noise at rest in the data, if that is larger.
+        """
+        sigma = self._live.sigma()
+        if not self._targets or not reached(sigma, self._targets):
+            return sigma
+        measured = self._rest_noise(self._data())
+        return np.asarray(sigma * max(measured.worst()[0], float(measured.velocity.excess[0])))
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None before the first observation."""
@@ -103,10 +121,9 @@ class NavigationStage:
 
     def finish(self, progress: Progress | None = None) -> Solution:
         """Solve the stored stage. Raises InsufficientDataError if it has no rest for alignment."""
-        data = stage_data(list(self._spool.blocks()), self.context.imu)
+        data = self._data()
         mask = np.array([name in self.estimated for name in NAMES])
-        bias = group_indices("gyro_bias")
-        measured = rest_noise(data, self.context, self.prior.mean[bias], float(self.prior.sigma[bias].max()))
+        measured = self._rest_noise(data)
         before = widened(self.context, measured)
         result, context = solve_with_table_noise(self.stage, data, before, self.prior, mask, progress)
         nis = result.history.nis
@@ -132,6 +149,13 @@ class NavigationStage:
             local_scores=partial(local_scores, updates=result.updates, index=result.history.index),
         )
         return with_misfit(solution, data, self.context)
+
+    def _data(self) -> StageData:
+        return stage_data(list(self._spool.blocks()), self.context.imu)
+
+    def _rest_noise(self, data: StageData) -> RestNoise:
+        bias = group_indices("gyro_bias")
+        return rest_noise(data, self.context, self.prior.mean[bias], float(self.prior.sigma[bias].max()))
 
     def _sensitivity(
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult

@@ -1,0 +1,316 @@
+"""Designs a schedule for a product on a station: sets up the search, and tries its answer with the run's own solver."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Never
+
+import numpy as np
+
+from calstation.config import RunRequest, resolve_configuration
+from calstation.design.design import STAGE, Design, DesignRequest
+from calstation.design.search import (
+    FIRST_REST,
+    Beam,
+    Exchange,
+    Front,
+    Problem,
+    Stop,
+    Stops,
+    durations,
+    reachable,
+    states,
+)
+from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
+from calstation.design.trial import MORE_NOISE, Trial
+from calstation.devices.profiles import span
+from calstation.errors import ConfigurationError
+from calstation.estimation.effects import CONSTANT, MOST_EXCESS
+from calstation.jobs import ProgressCallback
+from calstation.physics import COUNT, DISPLAY, NAMES, PARAMETERS, FloatArray
+from calstation.records import context_from_meta, prior_from_meta
+from calstation.results import compute_preview, one_blas_thread
+from calstation.sequencer import plan_time
+from procedures import method
+
+#: Stands for any unit of the product.
+_SERIAL = "design"
+#: Fractions of the table's limits that a schedule uses.
+_RATE, _ACCELERATION = 0.85, 0.75
+#: Fraction of the range of the gyros that a move may reach.
+_RANGE = 0.8
+#: A joint turns at most this far from home, even if its travel is longer, because of cables and the way back, °.
+_FARTHEST_DEG = 360.0
+#: Width of the first beam, largest width, and number of beams if no time limit is given.
+_WIDTH, _WIDEST, _BEAMS = 24, 192, 2
+#: Width of the beam that adds the reserve.
+_RESERVE_WIDTH = 8
+#: Steps of the exchanges after each beam.
+_EXCHANGES = 1500
+#: Largest number of corrections for the difference between segments and filter.
+_CORRECTIONS = 4
+#: Shares of the work up to the first beam, and up to the checks.
+_PROBED, _SEARCHED = 0.02, 0.9
+#: Steps of the search for the best sigmas in a given time: each asks for this much less.
+_LESS, _STEPS = 0.95, 8
+#: The first beam of this search cannot reach its targets and thus shows what the time allows.
+_OUT_OF_REACH = 0.05
+#: The reserve takes at most this many times the duration of the schedule.
+_LONGEST_RESERVE = 4.0
+
+
+def design_schedule(report: ProgressCallback, request: DesignRequest) -> Design:
+    """Job: find the shortest schedule that reaches the limits of a product, or the best one for a given duration.
+
+    Raises ConfigurationError if the limits cannot be reached within an hour, naming the parameter and what is possible.
+    """
+    with one_blas_thread():
+        return _Designer(report, request).run()
+
+
+class _Designer:
+    def __init__(self, report: ProgressCallback, request: DesignRequest) -> None:
+        self._report, self._request = report, request
+        self._begun = time.monotonic()
+        present = RunRequest(_SERIAL, request.station, request.product)
+        schedule = {STAGE: {"stop_at_limits": False}}
+        setup = resolve_configuration(replace(present, stages=(STAGE,), schedule=schedule))
+        self._meta = setup.log_meta()
+        self._geometry, self._settle = setup.table.geometry(), setup.table.settle_s
+        self._context = context_from_meta(self._meta)
+        self._product, self._reach = setup.product, span(setup.imu.frame)
+        self._rate_dps, self._acceleration_dps2 = self._speeds()
+        self._effects = tuple(c for c in CONSTANT if c.cause in self._product.diagnosis)
+        trial = Trial(self._meta, self._geometry, self._settle, self._rate_dps, self._acceleration_dps2)
+        self._trial = trial
+        rate, acceleration = np.deg2rad(self._rate_dps), np.deg2rad(self._acceleration_dps2)
+        self._library = SegmentLibrary(
+            Conditions(
+                self._context,
+                prior_from_meta(self._meta),
+                self._geometry,
+                self._settle,
+                float(rate),
+                float(acceleration),
+                trial.mount,
+                self._effects,
+            )
+        )
+        self._limits = self._present_sigmas(present) if request.as_present else self._sigma_limits(setup.sigma_limits())
+        self._front = Front()
+        self._present = sum(
+            plan_time(s.steps(), s.rule, (0.0, 0.0), self._settle) for s in resolve_configuration(present).task().stages
+        )
+
+    def _speeds(self) -> tuple[float, float]:
+        """Return rate, °/s, and acceleration, °/s², of the moves."""
+        limits, imu, request = self._geometry.limits, self._context.imu, self._request
+        per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
+        reach = float(np.min(np.minimum(-self._reach.low[:3], self._reach.high[:3]))) * per_count
+        rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach))
+        acceleration = _ACCELERATION * np.rad2deg(min(limits.acceleration))
+        return request.rate_dps or _rounded(rate), request.acceleration_dps2 or _rounded(acceleration)
+
+    def _sigma_limits(self, limits: dict[str, float]) -> FloatArray:
+        estimated = method(STAGE).estimates(self._context)
+        wanted = np.array([limits.get(name, np.inf) if name in estimated else np.inf for name in NAMES])
+        if not np.isfinite(wanted).any():
+            raise ConfigurationError("design.no_limits", product=self._product.name)
+        return wanted
+
+    def _present_sigmas(self, present: RunRequest) -> FloatArray:
+        """Return the sigmas that the product's stages reach."""
+        self._report(0.0, note="present")
+        last = compute_preview(lambda *_, **__: None, replace(present, out=Path("nowhere"))).stages[-1]
+        if last.sigma is None:
+            raise ConfigurationError("design.no_present", product=self._product.name)
+        estimated = method(STAGE).estimates(self._context)
+        return np.where([name in estimated for name in NAMES], last.sigma, np.inf)
+
+    def _problem(self, margin: float) -> Problem:
+        """Return the problem with a margin to the limits, without the error of gravity, which no motion reduces."""
+        gravity = np.zeros(COUNT)
+        gravity[[name.startswith("accel_scale") for name in NAMES]] = self._context.site.relative_gravity_sigma
+        square = (margin * self._limits) ** 2 - gravity**2
+        for i in np.flatnonzero(square <= 0.0):
+            self._refuse("design.gravity", int(i), float(gravity[i]) / margin)
+        low, high = (
+            self._lattice(self._geometry.limits.low, up=True),
+            self._lattice(self._geometry.limits.high, up=False),
+        )
+        whole = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
+        turns = (-8, -4, -2, 0, 2, 4, 8) if whole else (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
+        sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]
+        targets = np.concatenate([np.sqrt(square), np.array(sizes) / np.sqrt(MOST_EXCESS + 1.0)])
+        return Problem(self._library, targets, low, high, turns, margin)
+
+    @staticmethod
+    def _lattice(ends: tuple[float, float], *, up: bool) -> Position:
+        outer, inner = (float(np.clip(np.rad2deg(x), -_FARTHEST_DEG, _FARTHEST_DEG)) / LATTICE_DEG for x in ends)
+        rounded = np.ceil if up else np.floor
+        return int(rounded(outer)), int(rounded(inner))
+
+    def _refuse(self, code: str, index: int, least: float) -> Never:
+        unit, size = DISPLAY[PARAMETERS[index].group]
+        limit = self._limits[index] / size
+        raise ConfigurationError(code, parameter=NAMES[index], limit=limit, least=least / size, unit=unit)
+
+    def run(self) -> Design:
+        """Search, correct the answer, add the reserve, and check everything."""
+        request = self._request
+        if request.duration is None:
+            margin = request.margin
+            stops = self._corrected(self._shortest(margin), margin)
+        else:
+            stops, margin = self._best(request.duration)
+        planned = len(stops)
+        if request.duration is None:
+            stops = self._with_reserve(stops, margin)
+        self._report(_SEARCHED, note="checking")
+        goal, moves = margin * self._limits, _moves(stops)
+        times = [(seconds, sigma) for seconds, sigma in self._trial.after_moves(moves)]
+        solved = self._trial.solve(moves[:planned])
+        consistency, latitude = solved.solution.consistency, solved.solution.latitude
+        targets = {name: float(s) for name, s in zip(NAMES, goal, strict=True) if np.isfinite(s)}
+        return Design(
+            moves=moves,
+            planned=planned,
+            rate_dps=self._rate_dps,
+            acceleration_dps2=self._acceleration_dps2,
+            duration=times[planned - 1][0],
+            longest=times[-1][0],
+            margin=margin,
+            sigma=solved.solution.belief.sigma,
+            limits=self._limits,
+            stop_targets=targets if request.as_present and request.duration is None else None,
+            present=self._present,
+            front=tuple((seconds, worst) for seconds, worst, _ in self._front.points()),
+            variations=tuple(self._trial.variations(moves, goal)),
+            hidden=solved.hidden,
+            rests=tuple(stop.rest * REST_UNIT for stop in stops[:planned]),
+            latitude_sigma=None if latitude is None else latitude.sigma,
+            noise_seen=float(np.sqrt(consistency.nis_high / 3.0) - 1.0),
+            seconds=time.monotonic() - self._begun,
+        )
+
+    def _shortest(self, margin: float) -> Stops:
+        """Return the shortest schedule found."""
+        problem = self._problem(margin)
+        best, ratios = reachable(problem, self._request.seed)
+        if best is None:
+            self._refuse_unreachable(ratios, margin)
+        for number in self._beams():
+            longest = durations(self._library, best)[-1]
+            for stops in self._attempt(problem, number, longest):
+                if durations(self._library, stops)[-1] < durations(self._library, best)[-1]:
+                    best = stops
+        return best
+
+    def _refuse_unreachable(self, ratios: FloatArray, margin: float) -> Never:
+        """Refuse targets that an hour does not reach, given the ratios of the sigmas to them."""
+        parameter = int(np.argmax(ratios[:COUNT]))
+        if ratios[parameter] > 1.0:
+            self._refuse("design.unreachable", parameter, float(ratios[parameter] * self._limits[parameter]))
+        names = [f"{c.cause}_{component}".rstrip("_") for c in self._effects for component in c.components]
+        worst = int(np.argmax(ratios[COUNT:]))
+        raise ConfigurationError("design.effect_unreachable", effect=names[worst], times=float(ratios[COUNT + worst]))
+
+    def _beams(self) -> Iterator[int]:
+        """Yield the number of the next beam while there is time."""
+        number = 0
+        while not self._over() and (self._request.time_limit is not None or number < _BEAMS):
+            yield number
+            number += 1
+
+    def _over(self) -> bool:
+        """Whether the search should end."""
+        stop, limit = self._request.stop, self._request.time_limit
+        return (stop is not None and stop.exists()) or (limit is not None and time.monotonic() - self._begun > limit)
+
+    def _attempt(self, problem: Problem, number: int, longest: float) -> Iterator[Stops]:
+        """Yield the answers of a beam, and of the exchanges after it."""
+        answer: Stops | None = None
+        for seconds, stops in Beam(problem, min(_WIDTH * 2**number, _WIDEST), longest, self._front).run():
+            self._progress(number, 0.6 * seconds / longest, longest)
+            answer = stops
+            if self._over():
+                break
+        if answer is None:
+            return
+        yield answer
+        exchange = Exchange(problem, answer, self._request.seed + number)
+        for share in exchange.run(_EXCHANGES):
+            self._progress(number, 0.6 + 0.4 * share, exchange.time)
+            if self._over():
+                break
+        yield exchange.best
+
+    def _progress(self, number: int, share: float, best: float) -> None:
+        """Report the share of a beam that is done, and the duration of the best schedule so far, s."""
+        limit = self._request.time_limit
+        spent = time.monotonic() - self._begun
+        done = (number + share) / _BEAMS if limit is None else min(spent / limit, 1.0)
+        self._report(_PROBED + (_SEARCHED - _PROBED) * done, note=f"{best:.1f}")
+
+    def _corrected(self, stops: Stops, margin: float) -> Stops:
+        """Return a schedule that also reaches the targets in the filter, which differs slightly from the segments."""
+        tightened = margin
+        for _ in range(_CORRECTIONS):
+            *_, (_, sigma) = self._trial.after_moves(_moves(stops))
+            worst = float(np.max(sigma / (margin * self._limits)))
+            if worst <= 1.0:
+                break
+            tightened /= worst * 1.002
+            stops = self._continued(stops, tightened, _RESERVE_WIDTH)
+        return stops
+
+    def _with_reserve(self, stops: Stops, margin: float) -> Stops:
+        """Return a schedule that goes on until more noise does not matter."""
+        return self._continued(stops, margin / MORE_NOISE, _RESERVE_WIDTH)
+
+    def _continued(self, stops: Stops, margin: float, width: int) -> Stops:
+        """Return a schedule with more moves, which reach a smaller margin."""
+        problem, seconds = self._problem(margin), durations(self._library, stops)[-1]
+        before = stops, states(self._library, stops)[-1], seconds
+        for _, found in Beam(problem, width, _LONGEST_RESERVE * seconds).run(before):
+            if found is not None:
+                return found
+        return stops
+
+    def _best(self, duration: float) -> tuple[Stops, float]:
+        """Return the schedule with the smallest worst ratio within a duration, s, and this ratio."""
+        margin, width = _OUT_OF_REACH, _WIDTH
+        worst = np.inf
+        best: Stops = (Stop((0, 0), FIRST_REST),)
+        for step in range(_STEPS):
+            for seconds, _ in Beam(self._problem(margin), width, duration, self._front).run():
+                self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=f"{worst:.3f}")
+                if self._over():
+                    break
+            found = min((point for point in self._front.points() if point[0] <= duration), key=lambda point: point[1])
+            if found[1] > _LESS * worst or self._over():
+                break
+            _, worst, best = found
+            margin = _LESS * worst
+        for step in range(_STEPS):
+            exchange = Exchange(self._problem(_LESS * worst), best, self._request.seed)
+            for share in exchange.run(_EXCHANGES // 3):
+                self._report(_SEARCHED * (0.5 + (step + share) / (2 * _STEPS)), note=f"{worst:.3f}")
+                if self._over():
+                    break
+            if not exchange.found:
+                break
+            best, worst = exchange.best, _LESS * worst
+            self._front.add(exchange.time, worst, best)
+        return best, worst
+
+
+def _rounded(value: float) -> float:
+    """Return a number of degrees per second or per second squared, rounded down to two digits."""
+    size = 10.0 ** np.floor(np.log10(value) - 1.0)
+    return float(np.floor(value / size + 1e-9) * size)
+
+
+def _moves(stops: Stops) -> tuple[tuple[float, float, float], ...]:
+    return tuple((s.position[0] * LATTICE_DEG, s.position[1] * LATTICE_DEG, s.rest * REST_UNIT) for s in stops)

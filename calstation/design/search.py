@@ -1,0 +1,351 @@
+"""Search for the shortest schedule that reaches target sigmas: a beam over time, then exchanges of single moves.
+
+Every state of the beam is a schedule that ends at a time and a position; of those that end within the same half second
+only the best are continued. What is left to reach, the sum over the parameters of ln(sigma / target) where that is
+positive, ranks them. The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from calstation.design.segments import REST_UNIT, Position, SegmentLibrary
+from calstation.estimation.navigation import advanced, joined, sigmas
+from calstation.physics import FloatArray
+
+#: Largest sum of the angles of both joints in a move, in units of the lattice.
+_LONGEST = 10
+#: Additional rests that the beam tries, in units of `REST_UNIT`.
+_RESTS = (1, 3, 8, 24)
+#: The first rest, for alignment, in units of `REST_UNIT`.
+FIRST_REST = 12
+#: Number of moves of the walk that shows what can be reached, and time that it may take, s.
+_WALK, _HOUR = 30, 3600.0
+#: Number of schedules per step of the exchanges.
+_BATCH = 48
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A position and the rest there, in units of `REST_UNIT`."""
+
+    position: Position
+    rest: int
+
+
+Stops = tuple[Stop, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Moves that a table allows, and the sigmas to reach."""
+
+    library: SegmentLibrary
+    targets: FloatArray  #: Of parameters and effects, SI, shape (c,); infinite where there is none.
+    low: Position  #: Lowest angles of the joints.
+    high: Position  #: Highest angles of the joints.
+    turns: tuple[int, ...]  #: Angles by which a joint turns in a move.
+    margin: float = 1.0  #: Targets over limits.
+
+    def ratios(self, information: FloatArray) -> FloatArray:
+        """Return sigmas over targets, shape (n, c), from information at the ends of n schedules."""
+        return sigmas(information, self.library.states) / self.targets
+
+    def allowed(self, position: Position) -> bool:
+        """Whether a position is within the travel."""
+        return all(a <= x <= b for a, x, b in zip(self.low, position, self.high, strict=True))
+
+    def next_positions(self, at: Position) -> Iterator[Position]:
+        """Yield the positions that a move can reach."""
+        for outer in self.turns:
+            for inner in self.turns:
+                to = (at[0] + outer, at[1] + inner)
+                if (outer or inner) and abs(outer) + abs(inner) <= _LONGEST and self.allowed(to):
+                    yield to
+
+
+@dataclass(slots=True)
+class _Node:
+    """A schedule of the beam: its last stop, and the one before."""
+
+    information: FloatArray | None
+    position: Position
+    time: float
+    missing: float
+    worst: float
+    before: "_Node | None" = None
+    rest: int = 1
+
+    def stops(self) -> Stops:
+        """Return the schedule."""
+        found: list[Stop] = []
+        node: _Node | None = self
+        while node is not None:
+            if found and found[-1].position == node.position:
+                found[-1] = Stop(node.position, found[-1].rest + node.rest)
+            else:
+                found.append(Stop(node.position, node.rest))
+            node = node.before
+        return tuple(reversed(found))
+
+
+@dataclass
+class Front:
+    """The smallest worst ratio of a sigma to its limit that was found for each duration, and its schedule."""
+
+    _best: dict[int, tuple[float, float, Stops]] = field(default_factory=dict)
+
+    def add(self, time: float, worst: float, stops: Stops) -> None:
+        """Add a schedule."""
+        key = round(time)
+        if key not in self._best or worst < self._best[key][1]:
+            self._best[key] = (time, worst, stops)
+
+    def points(self) -> list[tuple[float, float, Stops]]:
+        """Return durations, s, with ratios that no shorter schedule reaches, and the schedules."""
+        found: list[tuple[float, float, Stops]] = []
+        for key in sorted(self._best):
+            if not found or self._best[key][1] < found[-1][1]:
+                found.append(self._best[key])
+        return found
+
+
+def missing(ratios: FloatArray) -> FloatArray:
+    """Return how much is left to reach, shape (n,), for ratios of sigmas to targets, shape (n, c)."""
+    return np.asarray(np.log(np.maximum(ratios, 1.0)).sum(axis=1))
+
+
+class Beam:
+    """The search from a first rest, or from the end of another schedule."""
+
+    def __init__(self, problem: Problem, width: int, longest: float, front: Front | None = None) -> None:
+        self._problem, self._width, self._longest, self._front = problem, width, longest, front
+        self._waiting: dict[int, list[_Node]] = {}
+        self._begun: Stops = (Stop((0, 0), FIRST_REST),)
+
+    def run(self, before: tuple[Stops, FloatArray, float] | None = None) -> Iterator[tuple[float, Stops | None]]:
+        """Yield the time reached, s, with None, and at last that of the answer and its stops, or None if there is none.
+
+        `before` are the stops to continue, the information after them and their duration.
+        """
+        if before is None:
+            state, time = self._problem.library.begin((0, 0), FIRST_REST), FIRST_REST * REST_UNIT
+        else:
+            self._begun, state, time = before
+        first = _Node(state, self._begun[-1].position, time, np.inf, np.inf)
+        self._waiting = {self._key(time): [first]}
+        at = self._key(time)
+        while self._waiting:
+            nodes = self._best(self._waiting.pop(at, []))
+            if nodes and nodes[0].missing <= 0.0:
+                yield nodes[0].time, self._whole(nodes[0])
+                return
+            self._extend(nodes)
+            at += 1
+            yield at * REST_UNIT, None
+        yield self._longest, None
+
+    @staticmethod
+    def _key(time: float) -> int:
+        return int(np.ceil(time / REST_UNIT - 1e-9))
+
+    def _best(self, nodes: list[_Node]) -> list[_Node]:
+        """Return the best nodes of a time, of equal ones only one."""
+        nodes.sort(key=lambda node: node.missing)
+        kept: list[_Node] = []
+        seen: set[tuple[int, int, float]] = set()
+        for node in nodes:
+            same = (node.position[0] % 8, node.position[1] % 8, round(node.missing, 3))
+            if same not in seen:
+                seen.add(same)
+                kept.append(node)
+            if len(kept) == self._width:
+                break
+        if self._front is not None and kept and np.isfinite(kept[0].worst):
+            best = min(kept, key=lambda node: node.worst)
+            self._front.add(best.time, self._problem.margin * best.worst, self._whole(best))
+        return kept
+
+    def _whole(self, node: _Node) -> Stops:
+        """Return the schedule of a node with the stops before the first node, which is the last of them."""
+        *before, last = self._begun
+        first, *others = node.stops()
+        return (*before, Stop(last.position, last.rest + first.rest - 1), *others)
+
+    def _extend(self, nodes: list[_Node]) -> None:
+        library = self._problem.library
+        before: list[_Node] = []
+        segments: list[FloatArray] = []
+        after: list[tuple[Position, float, int]] = []
+        for node in nodes:
+            for to in self._problem.next_positions(node.position):
+                segment, seconds = library.move(node.position, to)
+                if node.time + seconds <= self._longest:
+                    before.append(node)
+                    segments.append(segment)
+                    after.append((to, node.time + seconds, 1))
+            for rest in _RESTS:
+                time = node.time + rest * REST_UNIT
+                if time <= self._longest:
+                    before.append(node)
+                    segments.append(library.rest(node.position, rest))
+                    after.append((node.position, time, rest))
+        if not before:
+            return
+        states = advanced(np.array([node.information for node in before]), np.array(segments))
+        ratios = self._problem.ratios(states)
+        left, worst = missing(ratios), ratios.max(axis=1)
+        for node in nodes:
+            node.information = None
+        for k, (to, time, rest) in enumerate(after):
+            node = _Node(states[k], to, time, float(left[k]), float(worst[k]), before[k], rest)
+            self._waiting.setdefault(self._key(time), []).append(node)
+        for key, waiting in self._waiting.items():
+            if len(waiting) > 8 * self._width:
+                waiting.sort(key=lambda node: node.missing)
+                self._waiting[key] = waiting[: 4 * self._width]
+
+
+def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
+    """Return a schedule that reaches all targets within `_HOUR`, and the ratios after it, shape (c,); None without one.
+
+    It repeats a random walk, so that its information is joined quickly.
+    """
+    rng, library = np.random.default_rng(seed), problem.library
+    walk = [(0, 0)]
+    for _ in range(_WALK):
+        near = list(problem.next_positions(walk[-1]))
+        walk.append(near[int(rng.integers(len(near)))])
+    home = [to for to in ((0, walk[-1][1]), (0, 0)) if to != walk[-1]]
+    if len(home) == 2 and home[0] == home[1]:
+        del home[0]
+    loop = tuple(Stop(position, 2) for position in [*walk[1:], *home])
+    first = Stop((0, 0), FIRST_REST)
+    state = library.begin(first.position, first.rest)
+    segment: FloatArray | None = None
+    for a, b in pairwise((first, *loop)):
+        for part in (library.move(a.position, b.position)[0], library.rest(b.position, b.rest - 1)):
+            segment = part if segment is None else joined(segment, part, library.states)
+    assert segment is not None
+    times, seconds = 1, durations(library, (first, *loop))[-1] - first.rest * REST_UNIT
+    while True:
+        ratios = problem.ratios(advanced(state[None], segment[None]))[0]
+        if ratios.max() <= 1.0:
+            return (first, *(times * loop)), ratios
+        if times * seconds > _HOUR:
+            return None, ratios
+        times, segment = 2 * times, joined(segment, segment, library.states)
+
+
+def durations(library: SegmentLibrary, stops: Stops) -> list[float]:
+    """Return the time at the end of every stop, s."""
+    times = [stops[0].rest * REST_UNIT]
+    for a, b in pairwise(stops):
+        times.append(times[-1] + library.move(a.position, b.position)[1] + (b.rest - 1) * REST_UNIT)
+    return times
+
+
+def states(library: SegmentLibrary, stops: Stops) -> list[FloatArray]:
+    """Return the information at the end of every stop."""
+    found = [library.begin(stops[0].position, stops[0].rest)]
+    for a, b in pairwise(stops):
+        found.append(_after(library, found[-1], a, b))
+    return found
+
+
+def _after(library: SegmentLibrary, state: FloatArray, a: Stop, b: Stop) -> FloatArray:
+    state = advanced(state[None], library.move(a.position, b.position)[0][None])[0]
+    return state if b.rest == 1 else advanced(state[None], library.rest(b.position, b.rest - 1)[None])[0]
+
+
+class Exchange:
+    """Improves a schedule by changes of single moves and rests; deterministic for a seed."""
+
+    def __init__(self, problem: Problem, stops: Stops, seed: int) -> None:
+        self._problem, self._rng = problem, np.random.default_rng(seed)
+        self._library = problem.library
+        self._take(stops)
+        self.best, self.time = stops, self._times[-1]
+        self.found = bool(missing(problem.ratios(self._states[-1][None]))[0] <= 0.0)  #: Whether `best` reaches all.
+
+    def _take(self, stops: Stops) -> None:
+        self._stops = stops
+        self._states, self._times = states(self._library, stops), durations(self._library, stops)
+
+    def run(self, steps: int) -> Iterator[float]:
+        """Yield the share done; `best` and `time` are the best answer so far."""
+        problem, rng = self._problem, self._rng
+        price = 2.0 * self.time  # of what is missing, s
+        cost = self.time + price * float(missing(problem.ratios(self._states[-1][None]))[0])
+        for step in range(steps):
+            heat = 0.01 * self.time * (1.0 - step / steps) ** 2
+            cut = int(rng.integers(1, len(self._stops)))
+            tried = [t for t in (self._changed(cut) for _ in range(_BATCH)) if t is not None]
+            if not tried:
+                continue
+            ends, times = self._ends(cut, tried)
+            left = missing(problem.ratios(ends))
+            costs = times + price * left
+            chosen = int(np.argmin(costs))
+            reached = np.flatnonzero((left <= 0.0) & (times < self.time + (-1e-9 if self.found else 1e-9)))
+            if len(reached):
+                self.found = True
+                first = int(reached[np.argmin(times[reached])])
+                self.best, self.time = tried[first], float(times[first])
+            if costs[chosen] < cost + heat * rng.exponential():
+                cost = float(costs[chosen])
+                self._take(tried[chosen])
+            yield (step + 1) / steps
+
+    def _changed(self, cut: int) -> Stops | None:
+        """Return the schedule with a random change at or after stop `cut`, or None if the table cannot do it."""
+        rng, stops = self._rng, list(self._stops)
+        k = cut + int(rng.integers(0, min(3, len(stops) - cut)))
+        kind = int(rng.integers(0, 6))
+        if kind == 0:
+            stops[k] = Stop(self._random_position(stops[k - 1].position), stops[k].rest)
+        elif kind == 1:
+            change = int(rng.choice([-8, -4, -2, -1, 1, 2, 4, 8]))
+            stops[k] = Stop(stops[k].position, max(stops[k].rest + change, 1))
+        elif kind == 2:
+            stops.insert(k, Stop(self._random_position(stops[k - 1].position), int(rng.integers(1, 4))))
+        elif kind == 3 and len(stops) > 2:
+            del stops[k]
+        elif kind == 4 and k + 1 < len(stops):
+            stops[k], stops[k + 1] = stops[k + 1], stops[k]
+        else:  # all stops after it are moved by the same angles
+            new = self._random_position(stops[k - 1].position)
+            shift = new[0] - stops[k].position[0], new[1] - stops[k].position[1]
+            stops[k:] = [Stop((s.position[0] + shift[0], s.position[1] + shift[1]), s.rest) for s in stops[k:]]
+        for a, b in pairwise(stops[cut - 1 :]):
+            turn = b.position[0] - a.position[0], b.position[1] - a.position[1]
+            if (
+                a.position == b.position
+                or not self._problem.allowed(b.position)
+                or abs(turn[0]) + abs(turn[1]) > _LONGEST
+            ):
+                return None
+        return tuple(stops)
+
+    def _random_position(self, at: Position) -> Position:
+        near = list(self._problem.next_positions(at))
+        return near[int(self._rng.integers(len(near)))]
+
+    def _ends(self, cut: int, tried: Sequence[Stops]) -> tuple[FloatArray, FloatArray]:
+        """Return the information at the ends of schedules that agree before stop `cut`, and their durations, s."""
+        library = self._library
+        state = np.repeat(self._states[cut - 1][None], len(tried), axis=0)
+        times = np.full(len(tried), self._times[cut - 1])
+        for k in range(cut, max(len(stops) for stops in tried)):
+            active = [i for i, stops in enumerate(tried) if k < len(stops)]
+            moves = [library.move(tried[i][k - 1].position, tried[i][k].position) for i in active]
+            state[active] = advanced(state[active], np.array([segment for segment, _ in moves]))
+            times[active] += [seconds for _, seconds in moves]
+            longer = [i for i in active if tried[i][k].rest > 1]
+            if longer:
+                rests = [library.rest(tried[i][k].position, tried[i][k].rest - 1) for i in longer]
+                state[longer] = advanced(state[longer], np.array(rests))
+                times[longer] += [(tried[i][k].rest - 1) * REST_UNIT for i in longer]
+        return state, times

@@ -1,0 +1,123 @@
+"""Drives a schedule through the plan and the filter of a run, without devices, under planned and other conditions."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calstation.design.design import STAGE, Variation
+from calstation.estimation import Solution
+from calstation.estimation.common import PlannedSamples, SampleBlock, SolveContext
+from calstation.estimation.effects import MOST_EXCESS, EffectLimit
+from calstation.physics import Dwell, FloatArray, Move, RoundEnd, TableGeometry
+from calstation.records import LogMeta, context_from_meta, prior_from_meta
+from calstation.results import StageChain
+from calstation.sequencer import step_time
+from procedures import method
+
+Moves = Sequence[tuple[float, float, float]]
+
+#: A schedule reaches its targets even with this much more noise than that of the profiles.
+MORE_NOISE = 1.5
+#: Assumed mounting error about each axis in units of the profile's mount sigma.
+_MOUNT = 0.3
+#: Other mountings, in the same units.
+_MOUNTS = ((1.0, -1.0, 1.0), (-1.0, 1.0, 1.0))
+#: Other headings of the table, rad.
+_HEADINGS = tuple(np.deg2rad([90.0, 200.0]))
+
+
+@dataclass(frozen=True)
+class Solved:
+    """What a run would know after some moves."""
+
+    solution: Solution
+    hidden: tuple[EffectLimit, ...]  #: How much of each effect outside the model the moves hide.
+
+
+class Trial:
+    """Drives the moves of a schedule."""
+
+    def __init__(self, meta: LogMeta, geometry: TableGeometry, settle: float, rate: float, acceleration: float) -> None:
+        """Begin with the configuration of a log; `settle` is in s, `rate` and `acceleration` in °/s and °/s²."""
+        self._meta, self._geometry, self._settle = meta, geometry, settle
+        self._rate, self._acceleration = rate, acceleration
+        self._context, self._prior = context_from_meta(meta), prior_from_meta(meta)
+        sigma = self._context.table.mount_sigma
+        self.mount = np.full(3, _MOUNT * sigma)
+        self._mounts = [np.array(m) * sigma for m in _MOUNTS]
+
+    def after_moves(
+        self, moves: Moves, context: SolveContext | None = None, mount: FloatArray | None = None
+    ) -> Iterator[tuple[float, FloatArray]]:
+        """Yield time, s, and sigmas, SI, shape (30,), after every move and its rest."""
+        context = context or self._context
+        schedule = self._schedule(moves)
+        solver = method(STAGE).solver(context, self._prior, schedule)
+        for time, block in self._blocks(moves, context, self.mount if mount is None else mount):
+            if block is None:
+                yield time, solver.sigma()
+            else:
+                solver.feed(block)
+
+    def _schedule(self, moves: Moves) -> "object":
+        speeds = {"rate_dps": self._rate, "acceleration_dps2": self._acceleration}
+        return method(STAGE).schedule(moves=[tuple(m) for m in moves], stop_at_limits=False, **speeds)
+
+    def _blocks(
+        self, moves: Moves, context: SolveContext, mount: FloatArray
+    ) -> Iterator[tuple[float, SampleBlock | None]]:
+        """Yield time and samples, and None after every move and its rest."""
+        samples = PlannedSamples(context, self._prior.mean, self._geometry, mount)
+        time = 0.0
+        for step in method(STAGE).plan(self._geometry, self._schedule(moves)):
+            if isinstance(step, RoundEnd):
+                yield time, None
+            elif isinstance(step, Move | Dwell):
+                seconds = step_time(step, samples.joints, self._settle)
+                time += seconds
+                for block in samples.run(step, seconds, STAGE):
+                    yield time, block
+
+    def solve(self, moves: Moves) -> Solved:
+        """Solve the moves as a run does."""
+        chain = StageChain(self._meta)
+        chain.start(STAGE)
+        for _, block in self._blocks(moves, self._context, self.mount):
+            if block is not None:
+                chain.feed(block)
+        solution = chain.finish()
+        return Solved(solution, tuple(_worst(chain.hidden(MOST_EXCESS + 1.0))))
+
+    def variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:
+        """Yield when the sigmas `goal`, SI, shape (30,), are reached under other conditions."""
+        site, imu, table = self._context.site, self._context.imu, self._context.table
+        for mount in self._mounts:
+            yield self._variation("mounting", float(np.linalg.norm(mount)), moves, goal, self._context, mount)
+        for heading in _HEADINGS if site.azimuth is not None else ():
+            context = replace(self._context, site=replace(site, azimuth=site.azimuth + heading))
+            yield self._variation("heading", float(heading), moves, goal, context, self.mount)
+        noisy = replace(imu, gyro_arw=MORE_NOISE * imu.gyro_arw, accel_vrw=MORE_NOISE * imu.accel_vrw)
+        shaken = replace(table, velocity_sigma=MORE_NOISE * table.velocity_sigma)
+        context = replace(self._context, imu=noisy, table=shaken)
+        yield self._variation("noise", MORE_NOISE, moves, goal, context, self.mount)
+
+    def _variation(
+        self, name: str, value: float, moves: Moves, goal: FloatArray, context: SolveContext, mount: FloatArray
+    ) -> Variation:
+        worst = np.inf
+        for time, sigma in self.after_moves(moves, context, mount):
+            worst = float(np.max(sigma / goal))
+            if worst <= 1.0:
+                return Variation(name, value, time, worst)
+        return Variation(name, value, None, worst)
+
+
+def _worst(limits: Sequence[EffectLimit]) -> Iterator[EffectLimit]:
+    """Yield for every effect that lasts throughout a run, and every group that it changes, the largest hidden size."""
+    found: dict[tuple[str, str], EffectLimit] = {}
+    for limit in limits:
+        key = limit.cause, limit.parameter.rpartition("_")[0]
+        if not limit.stage and (key not in found or limit.size > found[key].size):
+            found[key] = limit
+    yield from found.values()
