@@ -5,6 +5,7 @@ from . import versions as versions
 from .blocks import arrange_entries as arrange_entries
 from .editing import check as check
 from .editing import detect_kind as detect_kind
+from .editing import edit_toml as edit_toml
 from .editing import line_of as line_of
 from .editing import read_text as read_text
 from .forms import FORMS as FORMS

@@ -62,6 +62,7 @@ class Design:
     variations: tuple[Variation, ...]
     hidden: tuple[EffectLimit, ...]  #: How much of each effect the planned moves hide.
     rests: tuple[float, ...]  #: Durations of the planned rests, s.
+    gravity_rest: float | None  #: Shortest rest, s, that the product's check of gravity can judge; None without it.
     latitude_sigma: float | None  #: Sigma of the latitude seen by the gyros, rad; None if they do not resolve it.
     noise_seen: float  #: Smallest relative error of the assumed noise that the innovations show.
     seconds: float  #: Duration of the search, s.
@@ -113,6 +114,7 @@ class Design:
             "sigma_over_limit": ratios,
             "front": [list(point) for point in self.front],
             "variations": [vars(variation) for variation in self.variations],
+            "gravity_rest_s": self.gravity_rest,
             "latitude_sigma_rad": self.latitude_sigma,
             "noise_seen": self.noise_seen,
             "hidden": [vars(limit) for limit in self.hidden],

@@ -26,6 +26,7 @@ from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Posit
 from calstation.design.trial import MORE_NOISE, Trial
 from calstation.devices.profiles import span
 from calstation.errors import ConfigurationError
+from calstation.estimation.common import rest_mean_variance
 from calstation.estimation.effects import CONSTANT, MOST_EXCESS
 from calstation.jobs import ProgressCallback
 from calstation.physics import COUNT, DISPLAY, NAMES, PARAMETERS, FloatArray
@@ -50,6 +51,8 @@ _RESERVE_WIDTH = 8
 _EXCHANGES = 1500
 #: Largest number of corrections for the difference between segments and filter.
 _CORRECTIONS = 4
+#: Number of rests that the product's check of gravity judges, and its limit in sigmas of the force at these rests.
+_GRAVITY_RESTS, _GRAVITY_SIGMAS = 3, 4.0
 #: Shares of the work up to the first beam, and up to the checks.
 _PROBED, _SEARCHED = 0.02, 0.9
 #: Steps of the search for the best sigmas in a given time: each asks for this much less.
@@ -99,6 +102,7 @@ class _Designer:
         )
         self._limits = self._present_sigmas(present) if request.as_present else self._sigma_limits(setup.sigma_limits())
         self._front = Front()
+        self._gravity_rest = self._shortest_gravity_rest()
         self._present = sum(
             plan_time(s.steps(), s.rule, (0.0, 0.0), self._settle) for s in resolve_configuration(present).task().stages
         )
@@ -161,7 +165,7 @@ class _Designer:
         request = self._request
         if request.duration is None:
             margin = request.margin
-            stops = self._corrected(self._shortest(margin), margin)
+            stops = self._corrected(self._with_long_rests(self._shortest(margin)), margin)
         else:
             stops, margin = self._best(request.duration)
         planned = len(stops)
@@ -188,11 +192,32 @@ class _Designer:
             front=tuple((seconds, worst) for seconds, worst, _ in self._front.points()),
             variations=tuple(self._trial.variations(moves, goal)),
             hidden=solved.hidden,
+            gravity_rest=None if self._gravity_rest is None else self._gravity_rest * REST_UNIT,
             rests=tuple(stop.rest * REST_UNIT for stop in stops[:planned]),
             latitude_sigma=None if latitude is None else latitude.sigma,
             noise_seen=float(np.sqrt(consistency.nis_high / 3.0) - 1.0),
             seconds=time.monotonic() - self._begun,
         )
+
+    def _with_long_rests(self, stops: Stops) -> Stops:
+        """Return the schedule with its longest rests made long enough for the product's check of gravity."""
+        if self._gravity_rest is None:
+            return stops
+        longest = sorted(range(len(stops)), key=lambda k: -stops[k].rest)[:_GRAVITY_RESTS]
+        return tuple(
+            replace(stop, rest=max(stop.rest, self._gravity_rest)) if k in longest else stop
+            for k, stop in enumerate(stops)
+        )
+
+    def _shortest_gravity_rest(self) -> int | None:
+        """Return the shortest rest that the product's check of gravity can judge, in units of `REST_UNIT`."""
+        check = self._product.checks.gravity_at_rest if self._product.checks is not None else None
+        if check is None:
+            return None
+        longest = round(check.shortest_rest_s / REST_UNIT)
+        enough = (check.within / _GRAVITY_SIGMAS) ** 2
+        rests = range(round(1.0 / REST_UNIT), longest)
+        return next((n for n in rests if rest_mean_variance(self._context, n * REST_UNIT) < enough), longest)
 
     def _shortest(self, margin: float) -> Stops:
         """Return the shortest schedule found."""

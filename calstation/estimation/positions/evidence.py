@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calstation.estimation.common import SolveContext, StageData, find_stillness, mean_angles
+from calstation.estimation.common import SolveContext, StageData, find_stillness, mean_angles, slope_weights
 from calstation.estimation.positions.rows import GYRO_COLUMNS, gyro_derivative, integrate_rotation
 from calstation.physics import (
     COUNT,
@@ -24,7 +24,7 @@ class RestEvidence:
     """A rest: its duration, s, and the means over it."""
 
     duration: float
-    force: FloatArray  #: Raw force, m/s², shape (3,).
+    force: FloatArray  #: Raw force, averaged with `slope_weights`, m/s², shape (3,).
     rate: FloatArray  #: Raw rate, rad/s, shape (3,).
     angles: FloatArray | None  #: Encoder angles, rad, shape (2,); None if they were not polled.
 
@@ -68,10 +68,11 @@ class Evidence:
 def gather(stage: str, data: StageData, context: SolveContext, before: FloatArray, found: FloatArray) -> Evidence:
     """Collect the evidence of a stage with the parameters to compare with and those found, SI, shape (30,) each."""
     still = find_stillness(data, context.imu, SHORTEST_REST)
+    stride = max(round(context.table.velocity_interval / data.dt), 1)
     rests = tuple(
         RestEvidence(
             (b - a) * data.dt,
-            data.accel[a:b].mean(axis=0),
+            np.asarray(slope_weights(b - a, stride) @ data.accel[a:b]),
             data.gyro[a:b].mean(axis=0),
             mean_angles(data, a, b),
         )
