@@ -264,6 +264,40 @@ def study(
 
 
 @app.command()
+def design(
+    out: Annotated[
+        Path, typer.Option("-o", "--out", help="Write the product with the schedule to this file.", metavar="FILE.toml")
+    ],
+    product: ProductOption = None,
+    station: StationOption = None,
+    margin: Annotated[float, typer.Option(min=0.05, max=1.0, help="Fraction of its limit for every sigma.")] = 0.8,
+    duration: Annotated[
+        float | None, typer.Option(min=20.0, help="Find the best sigmas for this time of the stage, s.")
+    ] = None,
+    as_present: Annotated[
+        bool, typer.Option("--as-present", help="Reach the sigmas of the present stages, not the limits.")
+    ] = False,
+    keep_stages: Annotated[
+        bool, typer.Option("--keep-stages", help="Shorten the present stages instead of replacing them.")
+    ] = False,
+    rate: Annotated[float | None, typer.Option(min=1.0, help="Rate of moves, deg/s; default: from the table.")] = None,
+    acceleration: Annotated[
+        float | None, typer.Option(min=1.0, help="Acceleration of moves, deg/s2; default: from the table.")
+    ] = None,
+    time_limit: Annotated[float | None, typer.Option(min=1.0, help="Time for the search, s.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the search.")] = 0,
+    json: JsonOption = None,
+) -> None:
+    """Find the shortest schedule that reaches the limits of a product. Ctrl-C: the best so far."""
+    from calstation.cli.design import design_command, shorten_command
+    from calstation.design import DesignRequest
+
+    request = DesignRequest(station, product, margin, duration, as_present, time_limit, seed, rate, acceleration)
+    command = shorten_command if keep_stages else design_command
+    raise typer.Exit(command(request, product, out, json))
+
+
+@app.command()
 def soak(
     runs: Annotated[int, typer.Option(min=1, help="Calibrations.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Of units, faults and their moments.")] = 1,

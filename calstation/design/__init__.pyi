@@ -5,3 +5,6 @@ from .design import Variation as Variation
 from .designer import design_schedule as design_schedule
 from .product import designed_product as designed_product
 from .product import save_design as save_design
+from .stages import ShorterStages as ShorterStages
+from .stages import shorten_stages as shorten_stages
+from .stages import shorter_product as shorter_product

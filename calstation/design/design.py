@@ -89,13 +89,12 @@ class Design:
             "rate_dps": self.rate_dps,
             "acceleration_dps2": self.acceleration_dps2,
             "stop_at_limits": stops,
-            "moves": [list(move) for move in self.moves],
         }
         if stops:
             values["margin"] = round(self.margin, 4)
         if self.stop_targets:
             values["targets"] = self.stop_targets
-        return values
+        return {**values, "moves": [list(move) for move in self.moves]}
 
     def to_json(self) -> dict[str, Any]:
         """Return the design as JSON data."""

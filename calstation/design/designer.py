@@ -9,6 +9,7 @@ from typing import Never
 import numpy as np
 
 from calstation.config import RunRequest, resolve_configuration
+from calstation.design.allowed import SERIAL, speeds, stages_duration
 from calstation.design.design import STAGE, Design, DesignRequest
 from calstation.design.search import (
     FIRST_REST,
@@ -24,7 +25,6 @@ from calstation.design.search import (
 )
 from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
 from calstation.design.trial import MORE_NOISE, Trial
-from calstation.devices.profiles import span
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import rest_mean_variance
 from calstation.estimation.effects import CONSTANT, MOST_EXCESS
@@ -32,17 +32,14 @@ from calstation.jobs import ProgressCallback
 from calstation.physics import COUNT, DISPLAY, NAMES, PARAMETERS, FloatArray
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.results import compute_preview, one_blas_thread
-from calstation.sequencer import plan_time
 from procedures import method
 
-#: Stands for any unit of the product.
-_SERIAL = "design"
-#: Fractions of the table's limits that a schedule uses.
-_RATE, _ACCELERATION = 0.85, 0.75
-#: Fraction of the range of the gyros that a move may reach.
-_RANGE = 0.8
 #: A joint turns at most this far from home, even if its travel is longer, because of cables and the way back, °.
 _FARTHEST_DEG = 360.0
+#: Angles by which a joint turns in a move, in units of the lattice: of whole turns, and of shorter travel.
+_TURNS, _SHORT_TURNS = (-8, -4, -2, 0, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
+#: Effects that only rests between two body axes show.
+_OBLIQUE = ("accel_cubic", "accel_cross", "accel_asymmetry")
 #: Width of the first beam, largest width, and number of beams if no time limit is given.
 _WIDTH, _WIDEST, _BEAMS = 24, 192, 2
 #: Width of the beam that adds the reserve.
@@ -59,6 +56,8 @@ _PROBED, _SEARCHED = 0.02, 0.9
 _LESS, _STEPS = 0.95, 8
 #: The first beam of this search cannot reach its targets and thus shows what the time allows.
 _OUT_OF_REACH = 0.05
+#: Factor of the margin that makes up for the difference between segments and filter.
+_TIGHTER = 0.97
 #: The reserve takes at most this many times the duration of the schedule.
 _LONGEST_RESERVE = 4.0
 
@@ -76,45 +75,27 @@ class _Designer:
     def __init__(self, report: ProgressCallback, request: DesignRequest) -> None:
         self._report, self._request = report, request
         self._begun = time.monotonic()
-        present = RunRequest(_SERIAL, request.station, request.product)
+        present = RunRequest(SERIAL, request.station, request.product)
         schedule = {STAGE: {"stop_at_limits": False}}
         setup = resolve_configuration(replace(present, stages=(STAGE,), schedule=schedule))
         self._meta = setup.log_meta()
         self._geometry, self._settle = setup.table.geometry(), setup.table.settle_s
         self._context = context_from_meta(self._meta)
-        self._product, self._reach = setup.product, span(setup.imu.frame)
-        self._rate_dps, self._acceleration_dps2 = self._speeds()
+        self._product = setup.product
+        self._rate_dps, self._acceleration_dps2 = speeds(setup, request)
         self._effects = tuple(c for c in CONSTANT if c.cause in self._product.diagnosis)
         trial = Trial(self._meta, self._geometry, self._settle, self._rate_dps, self._acceleration_dps2)
         self._trial = trial
-        rate, acceleration = np.deg2rad(self._rate_dps), np.deg2rad(self._acceleration_dps2)
-        self._library = SegmentLibrary(
-            Conditions(
-                self._context,
-                prior_from_meta(self._meta),
-                self._geometry,
-                self._settle,
-                float(rate),
-                float(acceleration),
-                trial.mount,
-                self._effects,
-            )
+        rate, acceleration = float(np.deg2rad(self._rate_dps)), float(np.deg2rad(self._acceleration_dps2))
+        prior = prior_from_meta(self._meta)
+        self._conditions = Conditions(
+            self._context, prior, self._geometry, self._settle, rate, acceleration, trial.mount, self._effects
         )
+        self._library = SegmentLibrary(self._conditions)
         self._limits = self._present_sigmas(present) if request.as_present else self._sigma_limits(setup.sigma_limits())
         self._front = Front()
         self._gravity_rest = self._shortest_gravity_rest()
-        self._present = sum(
-            plan_time(s.steps(), s.rule, (0.0, 0.0), self._settle) for s in resolve_configuration(present).task().stages
-        )
-
-    def _speeds(self) -> tuple[float, float]:
-        """Return rate, °/s, and acceleration, °/s², of the moves."""
-        limits, imu, request = self._geometry.limits, self._context.imu, self._request
-        per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
-        reach = float(np.min(np.minimum(-self._reach.low[:3], self._reach.high[:3]))) * per_count
-        rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach))
-        acceleration = _ACCELERATION * np.rad2deg(min(limits.acceleration))
-        return request.rate_dps or _rounded(rate), request.acceleration_dps2 or _rounded(acceleration)
+        self._present = stages_duration(resolve_configuration(present))
 
     def _sigma_limits(self, limits: dict[str, float]) -> FloatArray:
         estimated = method(STAGE).estimates(self._context)
@@ -144,7 +125,9 @@ class _Designer:
             self._lattice(self._geometry.limits.high, up=False),
         )
         whole = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
-        turns = (-8, -4, -2, 0, 2, 4, 8) if whole else (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
+        turns = _TURNS if whole else _SHORT_TURNS
+        if any(c.cause in _OBLIQUE for c in self._effects):
+            turns = tuple(sorted({*turns, -1, 1}))
         sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]
         targets = np.concatenate([np.sqrt(square), np.array(sizes) / np.sqrt(MOST_EXCESS + 1.0)])
         return Problem(self._library, targets, low, high, turns, margin)
@@ -173,7 +156,8 @@ class _Designer:
             stops = self._with_reserve(stops, margin)
         self._report(_SEARCHED, note="checking")
         goal, moves = margin * self._limits, _moves(stops)
-        times = [(seconds, sigma) for seconds, sigma in self._trial.after_moves(moves)]
+        times = list(self._trial.after_moves(moves))
+        planned = next((k for k, (_, sigma) in enumerate(times, 1) if np.all(sigma <= goal)), planned)
         solved = self._trial.solve(moves[:planned])
         consistency, latitude = solved.solution.consistency, solved.solution.latitude
         targets = {name: float(s) for name, s in zip(NAMES, goal, strict=True) if np.isfinite(s)}
@@ -190,7 +174,7 @@ class _Designer:
             stop_targets=targets if request.as_present and request.duration is None else None,
             present=self._present,
             front=tuple((seconds, worst) for seconds, worst, _ in self._front.points()),
-            variations=tuple(self._trial.variations(moves, goal)),
+            variations=tuple(self._trial.under(c, moves, goal) for c in self._trial.conditions()),
             hidden=solved.hidden,
             gravity_rest=None if self._gravity_rest is None else self._gravity_rest * REST_UNIT,
             rests=tuple(stop.rest * REST_UNIT for stop in stops[:planned]),
@@ -287,18 +271,25 @@ class _Designer:
             if worst <= 1.0:
                 break
             tightened /= worst * 1.002
-            stops = self._continued(stops, tightened, _RESERVE_WIDTH)
+            stops = self._continued(stops, tightened)
         return stops
 
     def _with_reserve(self, stops: Stops, margin: float) -> Stops:
-        """Return a schedule that goes on until more noise does not matter."""
-        return self._continued(stops, margin / MORE_NOISE, _RESERVE_WIDTH)
+        """Return a schedule that goes on until the targets are reached with more noise and under other conditions."""
+        stops = self._continued(stops, margin / MORE_NOISE)
+        for condition in self._trial.conditions():
+            if self._trial.under(condition, _moves(stops), margin * self._limits).duration is None:
+                other = replace(self._conditions, context=condition.context, mount=condition.mount)
+                stops = self._continued(stops, _TIGHTER * margin, SegmentLibrary(other))
+        return stops
 
-    def _continued(self, stops: Stops, margin: float, width: int) -> Stops:
-        """Return a schedule with more moves, which reach a smaller margin."""
-        problem, seconds = self._problem(margin), durations(self._library, stops)[-1]
-        before = stops, states(self._library, stops)[-1], seconds
-        for _, found in Beam(problem, width, _LONGEST_RESERVE * seconds).run(before):
+    def _continued(self, stops: Stops, margin: float, library: SegmentLibrary | None = None) -> Stops:
+        """Return a schedule with more moves, which reach a smaller margin; by default under the planned conditions."""
+        library = library or self._library
+        problem = replace(self._problem(margin), library=library)
+        seconds = durations(library, stops)[-1]
+        before = stops, states(library, stops)[-1], seconds
+        for _, found in Beam(problem, _RESERVE_WIDTH, _LONGEST_RESERVE * seconds).run(before):
             if found is not None:
                 return found
         return stops
@@ -329,12 +320,6 @@ class _Designer:
             best, worst = exchange.best, _LESS * worst
             self._front.add(exchange.time, worst, best)
         return best, worst
-
-
-def _rounded(value: float) -> float:
-    """Return a number of degrees per second or per second squared, rounded down to two digits."""
-    size = 10.0 ** np.floor(np.log10(value) - 1.0)
-    return float(np.floor(value / size + 1e-9) * size)
 
 
 def _moves(stops: Stops) -> tuple[tuple[float, float, float], ...]:

@@ -35,6 +35,16 @@ class Solved:
     hidden: tuple[EffectLimit, ...]  #: How much of each effect outside the model the moves hide.
 
 
+@dataclass(frozen=True)
+class Condition:
+    """A condition that differs from the planned one; `name` and `value` as in `Variation`."""
+
+    name: str
+    value: float
+    context: SolveContext
+    mount: FloatArray  #: Mounting rotation, rad, shape (3,).
+
+
 class Trial:
     """Drives the moves of a schedule."""
 
@@ -89,28 +99,26 @@ class Trial:
         solution = chain.finish()
         return Solved(solution, tuple(_worst(chain.hidden(MOST_EXCESS + 1.0))))
 
-    def variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:
-        """Yield when the sigmas `goal`, SI, shape (30,), are reached under other conditions."""
+    def conditions(self) -> Iterator[Condition]:
+        """Yield conditions that differ from the planned ones."""
         site, imu, table = self._context.site, self._context.imu, self._context.table
         for mount in self._mounts:
-            yield self._variation("mounting", float(np.linalg.norm(mount)), moves, goal, self._context, mount)
+            yield Condition("mounting", float(np.linalg.norm(mount)), self._context, mount)
         for heading in _HEADINGS if site.azimuth is not None else ():
             context = replace(self._context, site=replace(site, azimuth=site.azimuth + heading))
-            yield self._variation("heading", float(heading), moves, goal, context, self.mount)
+            yield Condition("heading", float(heading), context, self.mount)
         noisy = replace(imu, gyro_arw=MORE_NOISE * imu.gyro_arw, accel_vrw=MORE_NOISE * imu.accel_vrw)
         shaken = replace(table, velocity_sigma=MORE_NOISE * table.velocity_sigma)
-        context = replace(self._context, imu=noisy, table=shaken)
-        yield self._variation("noise", MORE_NOISE, moves, goal, context, self.mount)
+        yield Condition("noise", MORE_NOISE, replace(self._context, imu=noisy, table=shaken), self.mount)
 
-    def _variation(
-        self, name: str, value: float, moves: Moves, goal: FloatArray, context: SolveContext, mount: FloatArray
-    ) -> Variation:
+    def under(self, condition: Condition, moves: Moves, goal: FloatArray) -> Variation:
+        """Return when the sigmas `goal`, SI, shape (30,), are reached under a condition."""
         worst = np.inf
-        for time, sigma in self.after_moves(moves, context, mount):
+        for time, sigma in self.after_moves(moves, condition.context, condition.mount):
             worst = float(np.max(sigma / goal))
             if worst <= 1.0:
-                return Variation(name, value, time, worst)
-        return Variation(name, value, None, worst)
+                return Variation(condition.name, condition.value, float(time), worst)
+        return Variation(condition.name, condition.value, None, worst)
 
 
 def _worst(limits: Sequence[EffectLimit]) -> Iterator[EffectLimit]:

@@ -1,0 +1,37 @@
+"""What table and unit allow: speeds, and the duration of a product's present stages."""
+
+import numpy as np
+
+from calstation.config import ResolvedConfiguration
+from calstation.design.design import DesignRequest
+from calstation.devices.profiles import span
+from calstation.sequencer import plan_time
+
+#: Stands for the serial number of any unit of the product.
+SERIAL = "design"
+#: Fractions of the table's limits that a schedule uses.
+_RATE, _ACCELERATION = 0.85, 0.75
+#: Fraction of the range of the gyros that a move may reach.
+_RANGE = 0.8
+
+
+def speeds(setup: ResolvedConfiguration, request: DesignRequest) -> tuple[float, float]:
+    """Return rate, °/s, and acceleration, °/s², of all moves: those of the request, or fractions of the limits."""
+    limits, imu = setup.table.geometry().limits, setup.solve_context().imu
+    per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
+    ends = span(setup.imu.frame)
+    reach = float(np.min(np.minimum(-ends.low[:3], ends.high[:3]))) * per_count
+    rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach))
+    acceleration = _ACCELERATION * np.rad2deg(min(limits.acceleration))
+    return request.rate_dps or _rounded(rate), request.acceleration_dps2 or _rounded(acceleration)
+
+
+def _rounded(value: float) -> float:
+    """Return a positive number rounded down to two digits."""
+    size = 10.0 ** np.floor(np.log10(value) - 1.0)
+    return float(np.floor(value / size + 1e-9) * size)
+
+
+def stages_duration(setup: ResolvedConfiguration) -> float:
+    """Return the duration of all stages without targets, s."""
+    return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in setup.task().stages)

@@ -1,0 +1,165 @@
+"""Shortens the stages that a product has: faster moves, shorter rests, fewer turns and rounds, within its limits."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calstation.config import RunRequest, edit_toml, resolve_configuration, schedule_fields
+from calstation.design.allowed import SERIAL, speeds, stages_duration
+from calstation.design.design import DesignRequest
+from calstation.errors import ConfigurationError
+from calstation.jobs import ProgressCallback
+from calstation.physics import NAMES, FloatArray
+from calstation.results import Preview, compute_preview
+from calstation.schema import KeyPath
+
+#: Factors by which the search reduces a value, one after the other.
+_FACTORS = (0.5, 0.7, 0.85)
+#: Rests are multiples of this, s.
+_UNIT = 0.5
+
+#: Values of schedules that the search changes, by stage.
+Values = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class ShorterStages:
+    """Shorter schedules of the same stages. Sigmas and limits are SI, shape (30,); a missing limit is infinite."""
+
+    schedule: Values  #: Changed values, by stage.
+    duration: float  #: s
+    present: float  #: Duration before, s.
+    sigma: FloatArray  #: Sigmas after the last stage.
+    limits: FloatArray
+    seconds: float  #: Duration of the search, s.
+
+    @property
+    def worst(self) -> float:
+        """Largest ratio of a sigma to its limit."""
+        return float(np.max(self.sigma / self.limits))
+
+    @property
+    def limiting(self) -> str:
+        """Name of the parameter with that ratio."""
+        return NAMES[int(np.argmax(self.sigma / self.limits))]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return JSON data."""
+        return {
+            "schema": "calstation.stages/1",
+            "duration_s": self.duration,
+            "default_duration_s": self.present,
+            "worst_sigma_over_limit": self.worst,
+            "limiting": self.limiting,
+            "schedule": self.schedule,
+            "search_s": self.seconds,
+        }
+
+
+def shorten_stages(report: ProgressCallback, request: DesignRequest) -> ShorterStages:
+    """Job: shorten the stages of a product as long as all sigmas stay within their limits times the margin.
+
+    Raises ConfigurationError if the present stages do not reach them.
+    """
+    return _Shortening(report, request).run()
+
+
+def shorter_product(text: str, found: ShorterStages) -> str:
+    """Return the text of a product file with the shorter stages."""
+    changes: dict[KeyPath, Any] = {
+        ("schedule", stage, name): value for stage, values in found.schedule.items() for name, value in values.items()
+    }
+    return edit_toml(text, changes)
+
+
+class _Shortening:
+    def __init__(self, report: ProgressCallback, request: DesignRequest) -> None:
+        self._report, self._request = report, request
+        self._begun = time.monotonic()
+        self._run = RunRequest(SERIAL, request.station, request.product, out=Path("nowhere"))
+        setup = resolve_configuration(self._run)
+        self._schedules = setup.schedules
+        self._speeds = dict(zip(("rate_dps", "acceleration_dps2"), speeds(setup, request), strict=True))
+        first = self._preview({})
+        self._present = first.duration
+        limits = setup.sigma_limits()
+        sigma = _last_sigma(first)
+        reached = first.before if sigma is None else sigma
+        estimated = np.array([any(name in stage.estimated for stage in first.stages) for name in NAMES])
+        wanted = reached if request.as_present else np.array([limits.get(name, np.inf) for name in NAMES])
+        self._limits = np.where(estimated, wanted, np.inf)
+
+    def run(self) -> ShorterStages:
+        """Reduce one value at a time, the one that saves most time first."""
+        values = self._fastest()
+        best = self._preview(values)
+        if not self._reached(best):
+            sigma = _last_sigma(best)
+            worst = NAMES[int(np.argmax((best.before if sigma is None else sigma) / self._limits))]
+            raise ConfigurationError("design.stages_miss", parameter=worst)
+        for number, factor in enumerate(_FACTORS):
+            tried: set[tuple[str, str, float]] = set()
+            while (better := self._better(values, factor, tried)) is not None:
+                values, best = better
+                saved = 1.0 - best.duration / self._present
+                self._report((number + saved) / len(_FACTORS), note=f"{best.duration:.1f}")
+        sigma = _last_sigma(best)
+        assert sigma is not None
+        spent = time.monotonic() - self._begun
+        return ShorterStages(values, best.duration, self._present, sigma, self._limits, spent)
+
+    def _fastest(self) -> Values:
+        """Return the speeds of all stages that have some."""
+        found: Values = {}
+        for stage in self._schedules:
+            names = {field.name for field in schedule_fields(stage)}
+            found[stage] = {name: speed for name, speed in self._speeds.items() if name in names}
+        return found
+
+    def _better(
+        self, values: Values, factor: float, tried: set[tuple[str, str, float]]
+    ) -> tuple[Values, Preview] | None:
+        """Return the values with one reduced that saves most time and keeps the limits; None if there is none."""
+        reduced = sorted(self._reduced(values, factor), key=lambda found: self._duration(found[1]))
+        for change, new in reduced:
+            if change in tried:
+                continue
+            tried.add(change)
+            preview = self._preview(new)
+            if self._reached(preview):
+                return new, preview
+        return None
+
+    def _reduced(self, values: Values, factor: float) -> Iterator[tuple[tuple[str, str, float], Values]]:
+        """Yield every change of one rest or count by a factor, and the values with it."""
+        for stage, schedule in self._schedules.items():
+            for field in schedule_fields(stage):
+                rest = field.name.endswith("dwell_s")
+                if not rest and field.name not in ("turns", "rounds"):
+                    continue
+                old = values[stage].get(field.name, float(getattr(schedule, field.name)))
+                step = _UNIT if rest else 1.0
+                least = max(float(field.low or 0.0), step)
+                new = max(float(np.floor(old * factor / step) * step), least)
+                if new < old:
+                    value = new if rest else int(new)
+                    changed = {**values, stage: {**values[stage], field.name: value}}
+                    yield (stage, field.name, new), changed
+
+    def _duration(self, values: Values) -> float:
+        return stages_duration(resolve_configuration(replace(self._run, schedule=values)))
+
+    def _preview(self, values: Values) -> Preview:
+        return compute_preview(lambda *_, **__: None, replace(self._run, schedule=values))
+
+    def _reached(self, preview: Preview) -> bool:
+        sigma = _last_sigma(preview)
+        return sigma is not None and bool(np.all(sigma <= self._request.margin * self._limits))
+
+
+def _last_sigma(preview: Preview) -> FloatArray | None:
+    return preview.stages[-1].sigma
