@@ -41,6 +41,7 @@ class Schedule(RepeatedSchedule):
     acceleration_dps2: float = Field(60.0, gt=0.0, le=1000.0, description="acceleration of every move")
     stop_at_limits: bool = Field(True, description="end when every sigma is below its limit times the margin")
     margin: float = Field(0.8, gt=0.0, le=1.0, description="fraction of its limit that every sigma must reach")
+    least_moves: int = Field(1, ge=1, description="number of moves before the sigmas may end the stage")
     rounds: int = Field(0, ge=0, description="largest number of moves; 0: all")
 
     @model_validator(mode="after")
@@ -51,13 +52,14 @@ class Schedule(RepeatedSchedule):
 
 
 def plan(geometry: TableGeometry, schedule: Schedule) -> Iterator[Step]:
-    """Plan every move and its rest, each followed by `RoundEnd`."""
+    """Plan every move and its rest, each followed by `RoundEnd` once the stage may end."""
     rate, acceleration = np.deg2rad(schedule.rate_dps), np.deg2rad(schedule.acceleration_dps2)
     for number, (outer, inner, rest) in enumerate(schedule.moves, start=1):
         label = ("start",) if number == 1 else ("position", outer, inner)
         yield Move(float(np.deg2rad(outer)), float(np.deg2rad(inner)), rate, acceleration, label)
         yield Dwell(rest)
-        yield RoundEnd(number)
+        if number >= schedule.least_moves:
+            yield RoundEnd(number)
 
 
 METHOD = Method(

@@ -76,11 +76,9 @@ def _following() -> Iterator[ProgressCallback]:
 
 def _lines(found: Design, out: Path) -> Iterator[str]:
     """Yield what a person wants to know of a design."""
-    parameter = found.limiting
-    yield say(
-        "design.found", seconds=found.duration, moves=found.planned, present=found.present, worst=found.worst,
-        parameter=parameter,
-    )  # fmt: skip
+    yield say("design.found", seconds=found.duration, moves=found.planned, worst=found.worst, parameter=found.limiting)
+    if found.present is not None:
+        yield say("design.present", seconds=found.present)
     if found.longest > found.duration:
         yield say("design.reserve", seconds=found.longest, moves=len(found.moves))
     for variation in found.variations:

@@ -5,6 +5,7 @@ import numpy as np
 from calstation.config import ResolvedConfiguration
 from calstation.design.design import DesignRequest
 from calstation.devices.profiles import span
+from calstation.errors import ConfigurationError
 from calstation.sequencer import plan_time
 
 #: Stands for the serial number of any unit of the product.
@@ -32,6 +33,9 @@ def _rounded(value: float) -> float:
     return float(np.floor(value / size + 1e-9) * size)
 
 
-def stages_duration(setup: ResolvedConfiguration) -> float:
-    """Return the duration of all stages without targets, s."""
-    return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in setup.task().stages)
+def stages_duration(setup: ResolvedConfiguration) -> float | None:
+    """Return the duration of all stages without targets, s; None if this table has no way for them."""
+    try:
+        return sum(plan_time(s.steps(), s.rule, (0.0, 0.0), setup.table.settle_s) for s in setup.task().stages)
+    except ConfigurationError:
+        return None

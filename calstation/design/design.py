@@ -49,6 +49,7 @@ class Design:
         tuple[float, float, float], ...
     ]  #: Outer and inner angle, °, and rest, s; the last ones are a reserve.
     planned: int  #: Number of moves after which the targets are reached.
+    least: int  #: Number of moves that always take place, because they show what the product's diagnosis asks for.
     rate_dps: float
     acceleration_dps2: float
     duration: float  #: Duration of the planned moves, s.
@@ -57,7 +58,7 @@ class Design:
     sigma: FloatArray  #: Sigmas after the planned moves.
     limits: FloatArray  #: Largest sigmas wanted, before the margin.
     stop_targets: dict[str, float] | None  #: Sigmas at which the stage ends, SI; None for the product's limits.
-    present: float  #: Duration of the product's present stages, s.
+    present: float | None  #: Duration of the product's present stages, s; None if this table has no way for them.
     front: tuple[tuple[float, float], ...]  #: Durations, s, and the smallest worst ratio that was found for each.
     variations: tuple[Variation, ...]
     hidden: tuple[EffectLimit, ...]  #: How much of each effect the planned moves hide.
@@ -92,6 +93,7 @@ class Design:
         }
         if stops:
             values["margin"] = round(self.margin, 4)
+            values["least_moves"] = self.least
         if self.stop_targets:
             values["targets"] = self.stop_targets
         return {**values, "moves": [list(move) for move in self.moves]}
@@ -110,6 +112,7 @@ class Design:
             "acceleration_dps2": self.acceleration_dps2,
             "moves": [list(move) for move in self.moves],
             "planned_moves": self.planned,
+            "least_moves": self.least,
             "sigma_over_limit": ratios,
             "front": [list(point) for point in self.front],
             "variations": [vars(variation) for variation in self.variations],

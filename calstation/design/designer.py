@@ -37,9 +37,7 @@ from procedures import method
 #: A joint turns at most this far from home, even if its travel is longer, because of cables and the way back, °.
 _FARTHEST_DEG = 360.0
 #: Angles by which a joint turns in a move, in units of the lattice: of whole turns, and of shorter travel.
-_TURNS, _SHORT_TURNS = (-8, -4, -2, 0, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
-#: Effects that only rests between two body axes show.
-_OBLIQUE = ("accel_cubic", "accel_cross", "accel_asymmetry")
+_TURNS, _SHORT_TURNS = (-8, -4, -2, -1, 0, 1, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
 #: Width of the first beam, largest width, and number of beams if no time limit is given.
 _WIDTH, _WIDEST, _BEAMS = 24, 192, 2
 #: Width of the beam that adds the reserve.
@@ -48,6 +46,8 @@ _RESERVE_WIDTH = 8
 _EXCHANGES = 1500
 #: Largest number of corrections for the difference between segments and filter.
 _CORRECTIONS = 4
+#: Ratio of a size that is seen to the one wanted that counts as reached, in view of the segments' own error.
+_SHOWN = 1.02
 #: Number of rests that the product's check of gravity judges, and its limit in sigmas of the force at these rests.
 _GRAVITY_RESTS, _GRAVITY_SIGMAS = 3, 4.0
 #: Shares of the work up to the first beam, and up to the checks.
@@ -126,8 +126,6 @@ class _Designer:
         )
         whole = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
         turns = _TURNS if whole else _SHORT_TURNS
-        if any(c.cause in _OBLIQUE for c in self._effects):
-            turns = tuple(sorted({*turns, -1, 1}))
         sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]
         targets = np.concatenate([np.sqrt(square), np.array(sizes) / np.sqrt(MOST_EXCESS + 1.0)])
         return Problem(self._library, targets, low, high, turns, margin)
@@ -157,13 +155,16 @@ class _Designer:
         self._report(_SEARCHED, note="checking")
         goal, moves = margin * self._limits, _moves(stops)
         times = list(self._trial.after_moves(moves))
-        planned = next((k for k, (_, sigma) in enumerate(times, 1) if np.all(sigma <= goal)), planned)
+        least = self._least(stops[:planned])
+        reached = (k for k, (_, sigma) in enumerate(times, 1) if k >= least and np.all(sigma <= goal))
+        planned = next(reached, planned)
         solved = self._trial.solve(moves[:planned])
         consistency, latitude = solved.solution.consistency, solved.solution.latitude
         targets = {name: float(s) for name, s in zip(NAMES, goal, strict=True) if np.isfinite(s)}
         return Design(
             moves=moves,
             planned=planned,
+            least=least,
             rate_dps=self._rate_dps,
             acceleration_dps2=self._acceleration_dps2,
             duration=times[planned - 1][0],
@@ -192,6 +193,15 @@ class _Designer:
             replace(stop, rest=max(stop.rest, self._gravity_rest)) if k in longest else stop
             for k, stop in enumerate(stops)
         )
+
+    def _least(self, stops: Stops) -> int:
+        """Return the number of moves that show the effects of the product's diagnosis and gravity at enough rests."""
+        problem, ends = self._problem(1.0), np.array(states(self._library, stops))
+        shown = np.all(problem.ratios(ends)[:, COUNT:] <= _SHOWN, axis=1)
+        rests = np.cumsum([self._gravity_rest is not None and stop.rest >= self._gravity_rest for stop in stops])
+        enough = rests >= min(_GRAVITY_RESTS, rests[-1])
+        both = np.flatnonzero(shown & enough)
+        return int(both[0]) + 1 if len(both) else len(stops)
 
     def _shortest_gravity_rest(self) -> int | None:
         """Return the shortest rest that the product's check of gravity can judge, in units of `REST_UNIT`."""

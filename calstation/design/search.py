@@ -7,7 +7,7 @@ positive, ranks them. The exchanges then change, insert, remove or swap moves an
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 import numpy as np
 
@@ -23,6 +23,8 @@ _RESTS = (1, 3, 8, 24)
 FIRST_REST = 12
 #: Number of moves of the walk that shows what can be reached, and time that it may take, s.
 _WALK, _HOUR = 30, 3600.0
+#: Rests of the walk, in units of `REST_UNIT`: long ones suit the accelerometers, many moves the gyros.
+_WALK_RESTS = (2, 10, 40)
 #: Number of schedules per step of the exchanges.
 _BATCH = 48
 
@@ -221,7 +223,8 @@ def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
     home = [to for to in ((0, walk[-1][1]), (0, 0)) if to != walk[-1]]
     if len(home) == 2 and home[0] == home[1]:
         del home[0]
-    loop = tuple(Stop(position, 2) for position in [*walk[1:], *home])
+    rests = cycle(_WALK_RESTS)
+    loop = tuple(Stop(position, next(rests)) for position in [*walk[1:], *home])
     first = Stop((0, 0), FIRST_REST)
     state = library.begin(first.position, first.rest)
     segment: FloatArray | None = None

@@ -124,7 +124,7 @@ class _Shortening:
         self, values: Values, factor: float, tried: set[tuple[str, str, float]]
     ) -> tuple[Values, Preview] | None:
         """Return the values with one reduced that saves most time and keeps the limits; None if there is none."""
-        reduced = sorted(self._reduced(values, factor), key=lambda found: self._duration(found[1]))
+        reduced = sorted(self._reduced(values, factor), key=lambda found: self._duration(found[1]) or 0.0)
         for change, new in reduced:
             if change in tried:
                 continue
@@ -150,7 +150,7 @@ class _Shortening:
                     changed = {**values, stage: {**values[stage], field.name: value}}
                     yield (stage, field.name, new), changed
 
-    def _duration(self, values: Values) -> float:
+    def _duration(self, values: Values) -> float | None:
         return stages_duration(resolve_configuration(replace(self._run, schedule=values)))
 
     def _preview(self, values: Values) -> Preview:

@@ -7,9 +7,10 @@ import numpy as np
 
 from calstation.design.design import STAGE, Variation
 from calstation.estimation import Solution
-from calstation.estimation.common import PlannedSamples, SampleBlock, SolveContext
-from calstation.estimation.effects import MOST_EXCESS, EffectLimit
-from calstation.physics import Dwell, FloatArray, Move, RoundEnd, TableGeometry
+from calstation.estimation.common import PlannedSamples, SampleBlock, SolveContext, stage_data
+from calstation.estimation.effects import MOST_EXCESS, EffectLimit, EffectTests
+from calstation.estimation.navigation import result_sensitivity, solve_navigation
+from calstation.physics import NAMES, Dwell, FloatArray, Move, RoundEnd, TableGeometry
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
 from calstation.results import StageChain
 from calstation.sequencer import step_time
@@ -93,11 +94,20 @@ class Trial:
         """Solve the moves as a run does."""
         chain = StageChain(self._meta)
         chain.start(STAGE)
-        for _, block in self._blocks(moves, self._context, self.mount):
-            if block is not None:
-                chain.feed(block)
-        solution = chain.finish()
-        return Solved(solution, tuple(_worst(chain.hidden(MOST_EXCESS + 1.0))))
+        blocks = [block for _, block in self._blocks(moves, self._context, self.mount) if block is not None]
+        for block in blocks:
+            chain.feed(block)
+        return Solved(chain.finish(), tuple(_worst(self._hidden(blocks))))
+
+    def _hidden(self, blocks: Sequence[SampleBlock]) -> list[EffectLimit]:
+        """Return how much of every effect samples hide, with the noise of the profiles: these samples have none."""
+        names = method(STAGE).estimates(self._context)
+        mask = np.array([name in names for name in NAMES])
+        data = stage_data(list(blocks), self._context.imu)
+        found = solve_navigation(STAGE, data, self._context, self._prior, mask)
+        tests = EffectTests(self._prior.sigma)
+        tests.add(STAGE, result_sensitivity(found, data, self._context, mask), names)
+        return tests.limits(found.belief, MOST_EXCESS + 1.0)
 
     def conditions(self) -> Iterator[Condition]:
         """Yield conditions that differ from the planned ones."""

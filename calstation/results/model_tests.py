@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from calstation.estimation import Estimate, Misfit, ModelTest, Solution
 from calstation.estimation.common import Belief, stage_agreement
-from calstation.estimation.effects import EffectLimit, EffectTests, effect_tests
+from calstation.estimation.effects import EffectTests, effect_tests
 
 #: A change of the posterior less probable than this contradicts the stages before.
 LEAST_PROBABILITY = 1e-6
@@ -29,10 +29,6 @@ class ModelTests:
             tests += [harmful] if harmful else []
         tests += _agreement(solution, before, posterior)
         return replace(solution, tests=tuple(tests))
-
-    def hidden(self, belief: Belief, chi_square: float) -> list[EffectLimit]:
-        """Return for every effect outside the model the size at which its test is expected to reach `chi_square`."""
-        return self._effects.limits(belief, chi_square)
 
     def _with_effects(self, solution: Solution) -> Solution:
         """Return a solution whose model contains the effects of the IMU profile."""

@@ -21,7 +21,6 @@ from calstation.estimation.common import (
     stage_data,
     with_gravity,
 )
-from calstation.estimation.effects import EffectLimit
 from calstation.estimation.navigation import warm_up
 from calstation.estimation.positions import gather
 from calstation.messages import Text
@@ -134,10 +133,6 @@ class StageChain:
         solution = replace(solution, belief=with_gravity(self.belief, self._gravity, gravity))
         self.solutions.append(solution)
         return solution
-
-    def hidden(self, chi_square: float) -> list[EffectLimit]:
-        """Return how much of every effect outside the model the solved stages hide: what gives an expected χ²."""
-        return self._model.hidden(self.belief, chi_square)
 
     def skip_stage(self, reason: Text) -> None:
         """Skip the started stage; the next one begins with the posterior of the previous one."""

@@ -3,7 +3,7 @@
 The solvers use the priors and noise from which the bench draws; `docs/explanation/study.md` explains tests and bands.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any, Literal
@@ -12,6 +12,8 @@ import numpy as np
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, BenchTruth, Effects, GradeName, Simulator
+from calstation.config import library, load_product, schedule_values
+from calstation.estimation import StageSolver
 from calstation.estimation.common import (
     Belief,
     ImuModel,
@@ -23,7 +25,7 @@ from calstation.estimation.common import (
     stage_data,
 )
 from calstation.estimation.navigation import solve_navigation
-from calstation.physics import NAMES, PARAMETERS, EffectName, FloatArray, TableGeometry, group_indices
+from calstation.physics import NAMES, PARAMETERS, EffectName, FloatArray, TableGeometry, group_indices, reached
 from calstation.results import ModelTests, one_blas_thread
 from calstation.simulation.instability import instability_ratio
 from calstation.simulation.study_table import UnitResult, summary
@@ -37,7 +39,9 @@ _LOW, _HIGH = np.deg2rad(MOUNT_DEG)
 MOUNT_SIGMA = float(np.sqrt((_LOW**2 + _LOW * _HIGH + _HIGH**2) / 3.0 / 3.0))
 #: Tilt of the base and sigma of the table's azimuth, deg.
 TILT_DEG = 0.1
-NAVIGATION_STAGES = ("excitation", "azimuth_flip")
+NAVIGATION_STAGES = ("excitation", "azimuth_flip", "designed")
+#: Product with a designed schedule, by grade.
+FAST: dict[GradeName, str] = {"nav": "nav_a_fast", "tactical": "tactical_b_fast", "mems": "mems_c_fast"}
 
 Lever = Literal["estimated", "fixed"]
 #: Changes to the default schedules, by stage.
@@ -68,6 +72,7 @@ CASES = (
     Case("scale factors", ("rate", "six_position")),
     Case("excitation", ("excitation",)),
     Case("azimuth_flip", ("azimuth_flip",)),
+    Case("designed", ("designed",)),
     Case("excitation, bias instability", ("excitation",), instability=True),
     Case(
         "full, optional states",
@@ -113,7 +118,7 @@ def run_study(
     schedules. `workers` is the number of processes; 1 runs in the calling process.
     """
     grades: list[GradeName] = [grade] if grade else list(SEEDS)
-    jobs = [(g, s, cases, schedules or {}) for g in grades for s in range(seeds or SEEDS[g])]
+    jobs = [(g, s, cases, _fast(g) | (schedules or {})) for g in grades for s in range(seeds or SEEDS[g])]
     collected: dict[tuple[GradeName, str], list[UnitResult]] = {}
     for done, (name, results) in enumerate(_map(jobs, workers), 1):
         for result in results:
@@ -125,6 +130,12 @@ def run_study(
             ratio = instability_ratio(*_excitation_problem(g, schedules or {})) if case.instability else None
             rows.append({"grade": g, "case": case.name, **summary(collected[g, case.name], ratio)})
     return {"schema": "calstation.study/1", "rows": rows, "passed": all(r["passed"] for r in rows)}
+
+
+def _fast(grade: GradeName) -> Schedules:
+    """Return the designed schedule of a grade's product."""
+    _, product = load_product(library.find("products", FAST[grade]))
+    return {"designed": schedule_values(product, "designed", {})}
 
 
 def _map(jobs: list[_Job], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
@@ -143,7 +154,7 @@ def _unit(job: _Job) -> tuple[GradeName, list[UnitResult]]:
         for lever, instability, states in dict.fromkeys((c.outer_lever, c.instability, c.states) for c in cases):
             chosen = [c for c in cases if (c.outer_lever, c.instability, c.states) == (lever, instability, states)]
             truth, context = draw_unit(grade, seed, lever, instability, PRESENT[grade] if states else Effects())
-            stages = [s for s in DEFAULT_STAGES if any(s in c.stages for c in chosen)]
+            stages = [s for s in (*DEFAULT_STAGES, "designed") if any(s in c.stages for c in chosen)]
             data = simulate_stages(truth, seed, stages, schedules)
             results += [_solve(c, truth, context, data, schedules) for c in chosen]
     return grade, results
@@ -212,14 +223,15 @@ def _solve(
     belief = study_prior(truth.grade, case.outer_lever)
     bound = Belief(truth.parameters, belief.covariance)
     estimated = np.zeros(len(NAMES), dtype=np.bool_)
-    nis = {}
+    nis, seconds = {}, 0.0
     model, joint = ModelTests(belief, case.states), belief
     added: FloatArray = np.zeros_like(belief.covariance)
     for stage in case.stages:
         m = method(stage)
         schedule = m.schedule(**schedules.get(stage, {}))
         solver = m.solver(context, belief, schedule)
-        solver.feed(data[stage])
+        samples = _feed(solver, data[stage], getattr(schedule, "targets", {}))
+        seconds += len(samples.seq) / context.imu.sample_rate
         solution = solver.finish()
         belief = solution.belief
         if case.states:
@@ -229,12 +241,12 @@ def _solve(
         mask = np.array([n in solution.estimated for n in NAMES])
         if stage in NAVIGATION_STAGES:
             at_truth = solve_navigation(
-                stage, stage_data([data[stage]], context.imu), context, bound, np.zeros_like(mask)
+                stage, stage_data([samples], context.imu), context, bound, np.zeros_like(mask)
             ).belief
             bound = restricted(bound, at_truth, mask)
         else:
             other = m.solver(context, bound, schedule)
-            other.feed(data[stage])
+            other.feed(samples)
             bound = other.finish().belief
         bound = Belief(truth.parameters, bound.covariance)
         estimated |= mask
@@ -245,7 +257,22 @@ def _solve(
     if case.states:
         with np.errstate(invalid="ignore"):
             cost = joint.sigma / belief.sigma
-    return UnitResult(case.name, estimated, error, joint.covariance, bound.covariance + added, nis, cost)
+    return UnitResult(case.name, estimated, error, joint.covariance, bound.covariance + added, nis, cost, seconds)
+
+
+def _feed(solver: StageSolver, samples: SampleBlock, targets: Mapping[str, float]) -> SampleBlock:
+    """Feed the samples, with targets move by move until these are reached as in a run; return those fed."""
+    if not targets:
+        solver.feed(samples)
+        return samples
+    ends = np.append(np.flatnonzero(np.diff(samples.step)) + 1, len(samples.step))
+    first = 0
+    for end in ends:
+        solver.feed(samples.part(first, int(end)))
+        first = int(end)
+        if reached(solver.sigma(), targets):
+            break
+    return samples.part(0, first)
 
 
 def _excitation_problem(grade: GradeName, schedules: Schedules) -> tuple[SampleBlock, SolveContext, Belief]:

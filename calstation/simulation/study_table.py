@@ -24,6 +24,7 @@ class UnitResult:
     bound: FloatArray
     nis: dict[str, tuple[float, float, float]]
     cost: FloatArray | None = None  #: Sigmas with the optional states over those without, shape (30,); None without.
+    seconds: float = 0.0  #: Duration of the samples that were solved, s.
 
 
 def rms_band(correlations: list[FloatArray]) -> tuple[float, float]:
@@ -72,6 +73,7 @@ def summary(units: list[UnitResult], true_covariance_ratio: FloatArray | None) -
         "bound_ratio": bound,
         "bound_limit": limit,
         "nis": nis,
+        "seconds": {"mean": float(np.mean([u.seconds for u in units])), "largest": max(u.seconds for u in units)},
         "passed": groups_passed and (true_covariance_ratio is not None or (nees["passed"] and bound <= limit)),
     }
 

@@ -6,5 +6,6 @@ from .information import segment_information as segment_information
 from .information import sigmas as sigmas
 from .relinearise import solve_navigation as solve_navigation
 from .stage import NavigationStage as NavigationStage
+from .stage import result_sensitivity as result_sensitivity
 from .stage import warm_up as warm_up
 from .velocity_group import BIAS as BIAS

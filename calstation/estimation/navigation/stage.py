@@ -162,15 +162,19 @@ class NavigationStage:
     ) -> Sensitivity:
         """Return the response to effects: tested with the noise that is there, and of the estimate with its own."""
 
-        def response(r: NavigationResult) -> Sensitivity:
-            return filter_sensitivity(r.updates, r.history, data, r.starts, context, r.point, mask)
-
         with_noise = judged(data, context, self.prior, mask, result)
-        tested = response(with_noise)
+        tested = result_sensitivity(with_noise, data, context, mask)
         if with_noise is result:
             return tested
         ratio = float(np.sum(result.history.nis) / np.sum(with_noise.history.nis))
-        return replace(tested, error=response(result).error, noise_ratio=ratio)
+        return replace(tested, error=result_sensitivity(result, data, context, mask).error, noise_ratio=ratio)
+
+
+def result_sensitivity(
+    result: NavigationResult, data: StageData, context: SolveContext, estimated: BoolArray
+) -> Sensitivity:
+    """Return the response of a solution to errors of the prior and to effects."""
+    return filter_sensitivity(result.updates, result.history, data, result.starts, context, result.point, estimated)
 
 
 def warm_up() -> None:

@@ -1,0 +1,88 @@
+"""Information of segments against the filter that they come from."""
+
+import numpy as np
+import pytest
+
+from calstation.estimation.common import (
+    Belief,
+    ImuModel,
+    PlannedSamples,
+    Site,
+    SolveContext,
+    TableModel,
+    stage_data,
+    starts,
+)
+from calstation.estimation.effects import CONSTANT, EffectTests
+from calstation.estimation.navigation import (
+    NavigationFilter,
+    advanced,
+    joined,
+    result_sensitivity,
+    segment_information,
+    sigmas,
+    solve_navigation,
+)
+from calstation.physics import COUNT, NAMES, PARAMETERS, Dwell, Move
+
+IMU = ImuModel("unit", 100.0, "rate", 1e-8, 1e-7, 6e-6, 2e-4, 1e-6, 1e-4)
+STEPS = [
+    Dwell(6.0),
+    Move(1.5, 0.0, 1.5, 2.5),
+    Dwell(2.0),
+    Move(1.5, 1.5, 1.5, 2.5),
+    Dwell(2.0),
+    Move(-1.5, 0.7, 1.5, 2.5),
+    Dwell(2.0),
+    Move(0.0, 3.0, 1.5, 2.5),
+    Dwell(3.0),
+]
+
+
+@pytest.fixture(scope="module")
+def setting():
+    context = SolveContext(Site(0.6, 1.9, 0.0, azimuth=0.0), IMU, TableModel())
+    prior = Belief(np.zeros(COUNT), np.diag([p.prior_sigma**2 for p in PARAMETERS]))
+    samples = PlannedSamples(context, prior.mean, context.table.geometry, np.full(3, 0.005))
+    blocks = [
+        block for step in STEPS for block in samples.run(step, 4.0 if isinstance(step, Move) else step.duration, "s")
+    ]
+    data = stage_data(blocks, IMU)
+    (start,) = starts(data, context, prior)
+    return context, prior, data, start
+
+
+def test_information_gives_the_covariance_of_the_filter(setting):
+    context, prior, data, start = setting
+    segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, ())
+    end = advanced(segment.start[None], segment.motion[None])
+    run = NavigationFilter(context, prior, prior.mean)
+    run.run(data, start, start.attitude, smooth=False)
+    np.testing.assert_allclose(sigmas(end, segment.states)[0], run.belief.sigma, rtol=1e-5)
+
+
+def test_joining_segments_does_not_depend_on_their_order_of_joining(setting):
+    context, prior, data, start = setting
+    segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, ())
+    m, part = segment.states, segment.motion
+    left = joined(joined(part, part, m), part, m)
+    right = joined(part, joined(part, part, m), m)
+    stepwise = segment.start[None]
+    for _ in range(3):
+        stepwise = advanced(stepwise, part[None])
+    for triple in (left, right):
+        found = sigmas(advanced(segment.start[None], triple[None]), m)
+        np.testing.assert_allclose(found, sigmas(stepwise, m), rtol=1e-6)
+
+
+def test_hidden_sizes_of_effects_agree_with_the_score_tests(setting):
+    context, prior, data, start = setting
+    effects = tuple(c for c in CONSTANT if c.cause in ("gyro_asymmetry", "accel_cubic", "g_sensitivity"))
+    segment = segment_information(NavigationFilter(context, prior, prior.mean), data, start, context, effects)
+    found = sigmas(advanced(segment.start[None], segment.motion[None]), segment.states)[0, COUNT:]
+    mask = np.ones(COUNT, dtype=bool)
+    result = solve_navigation("s", data, context, prior, mask)
+    tests = EffectTests(prior.sigma)
+    tests.add("s", result_sensitivity(result, data, context, mask), NAMES)
+    limits = [x.size for c in effects for x in tests.limits(result.belief, 1.0) if x.cause == c.cause and not x.stage]
+    np.testing.assert_allclose(found, limits, rtol=0.02)

@@ -1,0 +1,110 @@
+"""Runs of the method `designed` on the bench: it ends at its limits, and a disturbed run solves as an undisturbed one."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.config import RunRequest, library
+from calstation.records.log import open_log
+from calstation.results.resolving import resolve
+from calstation.sequencer.control import Command
+from calstation.sequencer.events import Message, StageEnded, StateChanged, StepStarted
+from tests.site_folder import SiteFolder
+
+MOVES = [
+    [0.0, 0.0, 6.0],
+    [90.0, -180.0, 1.0],
+    [-90.0, -90.0, 1.0],
+    [-270.0, 0.0, 1.0],
+    [-90.0, 90.0, 2.0],
+    [-180.0, 90.0, 1.0],
+    [-270.0, 0.0, 3.0],
+    [-270.0, 90.0, 1.0],
+    [-270.0, 0.0, 1.0],
+    [-180.0, 0.0, 2.0],
+    [-90.0, -90.0, 2.0],
+    [-90.0, 0.0, 2.0],
+]
+SCHEDULE = {"moves": MOVES, "rate_dps": 100.0, "acceleration_dps2": 150.0}
+LIMITS = {"gyro_scale": {"within": 0.02, "sigma_below": 3e-4}, "gyro_misalign": {"within": 0.02, "sigma_below": 3e-4}}
+
+
+@pytest.fixture
+def designed(site_folder: SiteFolder) -> SiteFolder:
+    """A MEMS product with a designed stage."""
+    write(site_folder)
+    return site_folder
+
+
+def write(folder: SiteFolder, schedule: dict[str, Any] | None = None, **bench: Any) -> None:
+    product = {"imu": "bench_mems", "bench_grade": "mems", "stages": ["designed"], "limits": LIMITS}
+    folder.write({**product, "schedule": {"designed": SCHEDULE | (schedule or {})}}, **bench)
+
+
+def test_a_stage_ends_after_the_move_that_reaches_the_limits_and_solves_to_the_same_bits(designed: SiteFolder) -> None:
+    verdict = designed.run()
+    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    (ended,) = designed.events_of(StageEnded)
+    assert (ended.reason, len(MOVES) > ended.rounds) == ("targets", True)
+    log = open_log(Path(verdict.log))
+    for first in (None, log.facts().first_seq + 100):
+        again = resolve(Path(verdict.log), first_seq=first).result.to_json()
+        assert set(again["parameters"]) == set(verdict.result["parameters"])
+        if first is None:
+            assert again["parameters"] == verdict.result["parameters"]
+
+
+def test_moves_that_always_take_place_are_not_omitted(designed: SiteFolder) -> None:
+    write(designed, {"least_moves": len(MOVES) - 1})
+    assert designed.run().outcome == "passed"
+    (ended,) = designed.events_of(StageEnded)
+    assert (ended.reason, ended.rounds) == ("targets", len(MOVES) - 1)
+
+
+def test_without_the_stop_rule_every_move_takes_place(designed: SiteFolder) -> None:
+    write(designed, {"stop_at_limits": False})
+    assert designed.run().outcome == "passed"
+    (ended,) = designed.events_of(StageEnded)
+    assert (ended.reason, ended.rounds) == ("rounds", len(MOVES))
+
+
+def test_pause_and_resume_within_the_stage(designed: SiteFolder) -> None:
+    pause = designed.once(StepStarted, Command.PAUSE, after=4)
+
+    def watch(event: object) -> None:
+        pause(event)  # type: ignore[arg-type]
+        if isinstance(event, StateChanged) and event.state == "paused":
+            designed.control.send(Command.RESUME)
+
+    verdict = designed.run(on_event=watch)
+    assert [e.state for e in designed.events_of(StateChanged)].count("paused") == 1
+    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+
+
+def test_a_spoilt_step_is_repeated(designed: SiteFolder) -> None:
+    write(designed, orders=[{"order": "drop_frames", "value": 3, "at": 32.0}])
+    verdict = designed.run()
+    assert [m.values["reason"] for m in designed.events_of(Message) if m.id == "step_repeated"] == ["gap"]
+    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
+
+
+def test_more_noise_than_that_of_the_profile_needs_more_moves(designed: SiteFolder) -> None:
+    assert designed.run().outcome == "passed"
+    write(designed, effects={"gyro_noise": 1.8, "accel_noise": 1.8})
+    assert designed.run().outcome == "passed"
+    quiet, noisy = designed.events_of(StageEnded)
+    assert (noisy.reason, noisy.rounds > quiet.rounds) == ("targets", True)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "seconds"), [("mems_c", 45.0), ("tactical_b", 90.0), ("nav_a", 200.0)])
+def test_a_fast_product_passes_in_time(tmp_path: Path, name: str, seconds: float) -> None:
+    folder = SiteFolder(tmp_path)
+    product = library.find("products", f"{name}_fast")
+    folder.request = lambda *stages: RunRequest("F-1", None, product, None, tmp_path / "runs", "tester")  # type: ignore[method-assign, misc, assignment]
+    verdict = folder.run()
+    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    assert open_log(Path(verdict.log)).facts().samples / 200.0 <= seconds
