@@ -1,4 +1,4 @@
-"""Runs of the method `designed` on the bench: it ends at its limits, and a disturbed run solves as an undisturbed one."""
+"""Runs of the method `designed` on the bench: they end at the limits, and disturbed ones solve to the same bits."""
 
 from pathlib import Path
 from typing import Any

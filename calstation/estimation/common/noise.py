@@ -22,8 +22,8 @@ _COARSE = 2.5
 _COARSE_TIME = 20.0
 #: Noise beyond this ratio to the profile's fails a unit or a table; less of it widens the sigmas.
 MOST_NOISE = 3.0
-#: Averaging times, s: white noise dominates the first two, of which the first suffices a short run for the gyros, as the
-#: table moves the accelerometers; the last shows slower noise.
+#: Averaging times, s. White noise dominates the first two: the shortest suffices a short run for the gyros, while the
+#: motion of the table hides that of the accelerometers. The last one shows slower noise.
 _TIMES = (0.2, 1.0, 4.0)
 #: Median of the χ² distribution with 1 degree of freedom.
 _MEDIAN = 0.4549

@@ -1,0 +1,135 @@
+"""The designer on the virtual bench: what it answers, what it refuses, and that the bench can drive the answer."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.config import check, library, read_text
+from calstation.design import DesignRequest, design_schedule, designed_product, shorten_stages, shorter_product
+from calstation.errors import ConfigurationError
+from calstation.physics import NAMES
+from calstation.runs.run import execute
+from calstation.sequencer import Control, StageEnded, Verdict
+from tests.helpers import raises_code
+
+
+def ignore(fraction, remaining_s=None, note=""):
+    assert 0.0 <= fraction <= 1.0
+
+
+@pytest.fixture(scope="module")
+def mems():
+    """A design found in little time."""
+    return design_schedule(ignore, DesignRequest(product=library.find("products", "mems_c"), time_limit=1.0))
+
+
+def changed(tmp_path: Path, kind: str, name: str, *changes: tuple[str, str]) -> Path:
+    """Return a copy of a shipped file with replaced text."""
+    text = read_text(library.find(kind, name))
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / kind / f"{name}_changed.toml"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_answer_reaches_the_limits_with_its_margin_under_every_condition(mems):
+    assert mems.worst <= mems.margin * 1.001
+    assert mems.sigma[NAMES.index(mems.limiting)] == pytest.approx(mems.worst * mems.limits[NAMES.index(mems.limiting)])
+    assert 1 < mems.planned <= len(mems.moves)
+    assert mems.duration < mems.longest < mems.present
+    assert {v.name for v in mems.variations} == {"mounting", "heading", "noise"}
+    assert all(v.duration is not None and v.worst <= 1.0 for v in mems.variations)
+    assert max(abs(angle) for outer, inner, _ in mems.moves for angle in (outer, inner)) <= 360.0
+    assert sum(rest >= mems.gravity_rest for rest in mems.rests) >= 3
+
+
+def test_the_json_has_the_names_of_the_public_interface(mems):
+    shown = mems.to_json()
+    assert shown["duration_s"] == mems.duration
+    assert shown["moves"] == [list(move) for move in mems.moves]
+    assert {"worst_sigma_over_limit", "default_duration_s"} <= set(shown)
+    assert {row["cause"] for row in shown["hidden"]} >= {"accel_cubic", "gyro_asymmetry", "drift_throughout"}
+
+
+def test_the_product_with_the_answer_is_valid(mems):
+    text = designed_product(read_text(library.find("products", "mems_c")), mems)
+    assert check("products", text) == []
+    assert 'stages = ["designed"]' in text
+    assert "improvement_at_rest" not in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        (
+            (("sigma_below = 1.9e-05\nsigma_below_after", "sigma_below = 1.9e-08\nsigma_below_after"),),
+            "design.unreachable",
+        ),
+        ((("sigma_below = 0.0001", "sigma_below = 1e-7"),), "design.gravity"),
+    ],
+)
+def test_what_cannot_be_reached_is_refused_with_the_least_sigma(tmp_path, changes, code):
+    product = changed(tmp_path, "products", "mems_c", *changes)
+    with raises_code(ConfigurationError, code) as raised:
+        design_schedule(ignore, DesignRequest(product=product, time_limit=1.0))
+    values = raised.value.values
+    assert values["least"] > 0.8 * values["limit"]
+    assert values["parameter"].startswith("gyro_bias" if code == "design.unreachable" else "accel_scale")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "table",
+    [
+        (("low_deg = -1080.0", "low_deg = -170.0"), ("high_deg = 1080.0", "high_deg = 170.0")),
+        (
+            ("max_rate_dps = 120.0", "max_rate_dps = 20.0"),
+            ("max_acceleration_dps2 = 200.0", "max_acceleration_dps2 = 20.0"),
+        ),
+        (("inner_axis = [0.0, 0.0, 1.0]", "inner_axis = [0.0, 0.6, 0.8]"),),
+    ],
+    ids=("short travel", "slow", "oblique inner axis"),
+)
+def test_other_tables_get_schedules_that_the_bench_drives(tmp_path, monkeypatch, table):
+    from calstation.config import RunRequest
+
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    changed(tmp_path, "tables", "bench", *table)
+    station = changed(tmp_path, "stations", "virtual_bench", ('profile = "bench"', 'profile = "bench_changed"'))
+    shipped = library.find("products", "mems_c")
+    found = design_schedule(ignore, DesignRequest(station, shipped, time_limit=1.0))
+    product = tmp_path / "product.toml"
+    product.write_text(designed_product(read_text(shipped), found), encoding="utf-8")
+    events: list[object] = []
+    execute(RunRequest("M-1", station, product, out=tmp_path / "runs"), events.append, Control())
+    verdict = events[-1]
+    assert isinstance(verdict, Verdict)
+    assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
+    (ended,) = (e for e in events if isinstance(e, StageEnded))
+    assert ended.reason == "targets"
+
+
+@pytest.mark.long
+def test_the_best_sigmas_for_a_time_are_better_in_more_time():
+    product = library.find("products", "mems_c")
+    short, long = (
+        design_schedule(ignore, DesignRequest(product=product, duration=d, time_limit=8.0)) for d in (30.0, 60.0)
+    )
+    assert short.duration <= 30.5
+    assert long.duration <= 60.5
+    assert long.worst < short.worst
+    assert long.schedule()["stop_at_limits"] is False
+
+
+@pytest.mark.long
+def test_the_stages_of_a_product_become_shorter_within_its_limits():
+    product = library.find("products", "mems_c")
+    found = shorten_stages(ignore, DesignRequest(product=product))
+    assert found.duration < 0.5 * found.present
+    assert found.worst <= 0.8
+    assert np.isfinite(found.sigma).all()
+    assert check("products", shorter_product(read_text(product), found)) == []

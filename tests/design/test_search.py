@@ -1,0 +1,100 @@
+"""The search for schedules on a small problem: a MEMS unit and some of its limits."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.config import RunRequest, library, resolve_configuration
+from calstation.design.search import Beam, Exchange, Front, Problem, Stop, durations, missing, reachable, states
+from calstation.design.segments import Conditions, SegmentLibrary
+from calstation.physics import NAMES
+from calstation.records import context_from_meta, prior_from_meta
+from calstation.results import one_blas_thread
+
+#: Turns of a joint that the small problem allows.
+TURNS = (-4, -2, 0, 2, 4)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    product = library.find("products", "mems_c")
+    setup = resolve_configuration(RunRequest("M-1", None, product, ("designed",), Path("nowhere")))
+    meta = setup.log_meta()
+    context, geometry = context_from_meta(meta), setup.table.geometry()
+    mount = np.full(3, 0.3 * context.table.mount_sigma)
+    conditions = Conditions(context, prior_from_meta(meta), geometry, 0.5, 1.7, 2.6, mount)
+    limits = setup.sigma_limits()
+    targets = np.array([limits[n] if n.startswith("gyro_misalign") else np.inf for n in NAMES])
+    with one_blas_thread():
+        yield Problem(SegmentLibrary(conditions), targets, (-4, -4), (4, 4), TURNS)
+
+
+def answer(problem, width=4, longest=40.0, front=None):
+    *_, (seconds, stops) = Beam(problem, width, longest, front).run()
+    return seconds, stops
+
+
+def ratios(problem, stops):
+    return problem.ratios(states(problem.library, stops)[-1][None])[0]
+
+
+def test_the_beam_finds_the_same_schedule_again_within_travel_and_targets(problem):
+    front = Front()
+    seconds, stops = answer(problem, front=front)
+    assert (seconds, stops) == answer(problem)
+    assert seconds == pytest.approx(durations(problem.library, stops)[-1])
+    assert ratios(problem, stops).max() <= 1.0
+    assert all(problem.allowed(stop.position) for stop in stops)
+    for a, b in zip(stops, stops[1:], strict=False):
+        assert b.position in problem.next_positions(a.position)
+    times, worst = np.array([point[:2] for point in front.points()]).T
+    assert (np.diff(times) > 0.0).all()
+    assert (np.diff(worst) < 0.0).all()
+
+
+def test_exchanges_never_lose_the_answer_and_shorten_a_poor_one(problem):
+    _, stops = answer(problem)
+    poor = (*stops[:-1], replace(stops[-1], rest=stops[-1].rest + 20))
+    exchange = Exchange(problem, poor, seed=3)
+    shares = list(exchange.run(20))
+    assert shares[-1] == 1.0
+    assert exchange.found
+    assert exchange.time < durations(problem.library, poor)[-1]
+    assert exchange.time == pytest.approx(durations(problem.library, exchange.best)[-1])
+    assert ratios(problem, exchange.best).max() <= 1.0
+    again = Exchange(problem, poor, seed=3)
+    list(again.run(20))
+    assert again.best == exchange.best
+
+
+def test_a_schedule_is_continued_from_its_end(problem):
+    seconds, stops = answer(problem)
+    tighter = replace(problem, targets=0.8 * problem.targets)
+    before = stops, states(problem.library, stops)[-1], seconds
+    *_, (longer, more) = Beam(tighter, 4, 80.0).run(before)
+    assert more[: len(stops) - 1] == stops[:-1]
+    assert more[len(stops) - 1].position == stops[-1].position
+    assert longer == pytest.approx(durations(problem.library, more)[-1])
+    assert ratios(tighter, more).max() <= 1.0
+
+
+def test_what_an_hour_cannot_reach_is_told_with_what_it_can(problem):
+    found, shown = reachable(problem, 0)
+    assert found is not None
+    assert shown.max() <= 1.0
+    assert ratios(problem, found) == pytest.approx(shown, rel=1e-3)
+    none, left = reachable(replace(problem, targets=1e-3 * problem.targets), 0)
+    assert none is None
+    assert left.max() > 1.0
+
+
+def test_what_is_missing_counts_only_what_is_above_its_target():
+    assert missing(np.array([[0.5, 1.0, np.e], [0.0, 0.1, 0.2]])) == pytest.approx([1.0, 0.0])
+
+
+def test_a_move_the_table_cannot_do_is_not_tried(problem):
+    assert not problem.allowed((6, 0))
+    assert all(abs(outer) <= 4 and abs(inner) <= 4 for outer, inner in problem.next_positions((4, -4)))
+    assert Stop((0, 0), 1).position not in list(problem.next_positions((0, 0)))
