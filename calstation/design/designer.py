@@ -128,7 +128,8 @@ class _Designer:
         turns = _TURNS if whole else _SHORT_TURNS
         sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]
         targets = np.concatenate([np.sqrt(square), np.array(sizes) / np.sqrt(MOST_EXCESS + 1.0)])
-        return Problem(self._library, targets, low, high, turns, margin)
+        rests = (0, 0) if self._gravity_rest is None else (self._gravity_rest, _GRAVITY_RESTS)
+        return Problem(self._library, targets, low, high, turns, margin, *rests)
 
     @staticmethod
     def _lattice(ends: tuple[float, float], *, up: bool) -> Position:
@@ -146,7 +147,7 @@ class _Designer:
         request = self._request
         if request.duration is None:
             margin = request.margin
-            stops = self._corrected(self._with_long_rests(self._shortest(margin)), margin)
+            stops = self._corrected(self._shortest(margin), margin)
         else:
             stops, margin = self._best(request.duration)
         planned = len(stops)
@@ -184,22 +185,11 @@ class _Designer:
             seconds=time.monotonic() - self._begun,
         )
 
-    def _with_long_rests(self, stops: Stops) -> Stops:
-        """Return the schedule with its longest rests made long enough for the product's check of gravity."""
-        if self._gravity_rest is None:
-            return stops
-        longest = sorted(range(len(stops)), key=lambda k: -stops[k].rest)[:_GRAVITY_RESTS]
-        return tuple(
-            replace(stop, rest=max(stop.rest, self._gravity_rest)) if k in longest else stop
-            for k, stop in enumerate(stops)
-        )
-
     def _least(self, stops: Stops) -> int:
         """Return the number of moves that show the effects of the product's diagnosis and gravity at enough rests."""
         problem, ends = self._problem(1.0), np.array(states(self._library, stops))
         shown = np.all(problem.ratios(ends)[:, COUNT:] <= _SHOWN, axis=1)
-        rests = np.cumsum([self._gravity_rest is not None and stop.rest >= self._gravity_rest for stop in stops])
-        enough = rests >= min(_GRAVITY_RESTS, rests[-1])
+        enough = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
         both = np.flatnonzero(shown & enough)
         return int(both[0]) + 1 if len(both) else len(stops)
 
@@ -257,6 +247,7 @@ class _Designer:
                 break
         if answer is None:
             return
+        answer = problem.with_long_rests(answer)
         yield answer
         exchange = Exchange(problem, answer, self._request.seed + number)
         for share in exchange.run(_EXCHANGES):

@@ -50,6 +50,8 @@ class Problem:
     high: Position  #: Highest angles of the joints.
     turns: tuple[int, ...]  #: Angles by which a joint turns in a move.
     margin: float = 1.0  #: Targets over limits.
+    long_rest: int = 0  #: Rests of this length, in units of `REST_UNIT`, are needed ...
+    long_rests: int = 0  #: ... in this number.
 
     def ratios(self, information: FloatArray) -> FloatArray:
         """Return sigmas over targets, shape (n, c), from information at the ends of n schedules."""
@@ -58,6 +60,18 @@ class Problem:
     def allowed(self, position: Position) -> bool:
         """Whether a position is within the travel."""
         return all(a <= x <= b for a, x, b in zip(self.low, position, self.high, strict=True))
+
+    def with_long_rests(self, stops: Stops) -> Stops:
+        """Return a schedule whose longest rests are as long as needed."""
+        longest = sorted(range(len(stops)), key=lambda k: -stops[k].rest)[: self.long_rests]
+        return tuple(
+            Stop(stop.position, max(stop.rest, self.long_rest)) if k in longest else stop
+            for k, stop in enumerate(stops)
+        )
+
+    def rests_enough(self, stops: Sequence[Stop]) -> bool:
+        """Whether enough rests are long."""
+        return sum(stop.rest >= self.long_rest for stop in stops) >= self.long_rests
 
     def next_positions(self, at: Position) -> Iterator[Position]:
         """Yield the positions that a move can reach."""
@@ -330,7 +344,7 @@ class Exchange:
                 or abs(turn[0]) + abs(turn[1]) > _LONGEST
             ):
                 return None
-        return tuple(stops)
+        return tuple(stops) if self._problem.rests_enough(stops) else None
 
     def _random_position(self, at: Position) -> Position:
         near = list(self._problem.next_positions(at))

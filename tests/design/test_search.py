@@ -1,6 +1,7 @@
 """The search for schedules on a small problem: a MEMS unit and some of its limits."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -47,7 +48,7 @@ def test_the_beam_finds_the_same_schedule_again_within_travel_and_targets(proble
     assert seconds == pytest.approx(durations(problem.library, stops)[-1])
     assert ratios(problem, stops).max() <= 1.0
     assert all(problem.allowed(stop.position) for stop in stops)
-    for a, b in zip(stops, stops[1:], strict=False):
+    for a, b in pairwise(stops):
         assert b.position in problem.next_positions(a.position)
     times, worst = np.array([point[:2] for point in front.points()]).T
     assert (np.diff(times) > 0.0).all()

@@ -1,0 +1,37 @@
+"""`calstation design`: the product that it writes, its JSON, and what it refuses."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from calstation.config import check
+
+
+def test_a_product_with_the_shortest_schedule_is_written_and_told(calstation, tmp_path: Path) -> None:
+    out, answer = tmp_path / "fast.toml", tmp_path / "answer.json"
+    done = calstation("design", "--product", "mems_c", "--time-limit", "1", "-o", out, "--json", answer)
+    assert done.code == 0, done.err
+    found = json.loads(answer.read_text(encoding="utf-8"))
+    written = out.read_text(encoding="utf-8")
+    assert check("products", written) == []
+    assert tomllib.loads(written)["schedule"]["designed"]["moves"] == found["moves"]
+    assert found["worst_sigma_over_limit"] <= 0.801
+    assert found["duration_s"] < found["default_duration_s"]
+    for words in ("The present stages take", "noise, 1.5 times the profile's", "accel_cubic", str(out)):
+        assert words in done.out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--margin", "2"), "--margin"),
+        (("-o", "nowhere/fast.toml"), "cannot be written"),
+        (("--product", "mems_hand"), "not"),
+    ],
+)
+def test_wrong_usage_is_refused(calstation, tmp_path: Path, options: tuple[str, ...], words: str) -> None:
+    done = calstation("design", "-o", tmp_path / "fast.toml", *options)
+    assert done.code == 2
+    assert words in done.err
