@@ -1,6 +1,6 @@
 """Search for the shortest schedule that reaches target sigmas: a beam over time, then exchanges of single moves.
 
-Every state of the beam is a schedule that ends at a time and a position; of those that end within the same half second
+Every state of the beam is a schedule that ends at a time and a position; of those that end at about the same time
 only the best are continued. What is left to reach, the sum over the parameters of ln(sigma / target) where that is
 positive, ranks them. The exchanges then change, insert, remove or swap moves and rests (simulated annealing).
 """
@@ -18,7 +18,9 @@ from calstation.physics import FloatArray
 #: Largest sum of the angles of both joints in a move, in units of the lattice.
 _LONGEST = 10
 #: Additional rests that the beam tries, in units of `REST_UNIT`.
-_RESTS = (1, 3, 8, 24)
+_RESTS = (1, 3, 8, 24, 60)
+#: Largest number of times at which schedules are compared.
+_TIMES = 400
 #: The first rest, for alignment, in units of `REST_UNIT`.
 FIRST_REST = 12
 #: Number of moves of the walk that shows what can be reached, and time that it may take, s.
@@ -138,6 +140,7 @@ class Beam:
 
     def __init__(self, problem: Problem, width: int, longest: float, front: Front | None = None) -> None:
         self._problem, self._width, self._longest, self._front = problem, width, longest, front
+        self._interval = max(REST_UNIT, longest / _TIMES)
         self._waiting: dict[int, list[_Node]] = {}
         self._begun: Stops = (Stop((0, 0), FIRST_REST),)
 
@@ -158,18 +161,17 @@ class Beam:
             if nodes and nodes[0].missing <= 0.0:
                 yield nodes[0].time, self._whole(nodes[0])
                 return
-            self._extend(nodes)
             at += 1
-            yield at * REST_UNIT, None
+            self._extend(nodes, at)
+            yield at * self._interval, None
         yield self._longest, None
 
-    @staticmethod
-    def _key(time: float) -> int:
-        return int(np.ceil(time / REST_UNIT - 1e-9))
+    def _key(self, time: float) -> int:
+        return int(np.ceil(time / self._interval - 1e-9))
 
     def _best(self, nodes: list[_Node]) -> list[_Node]:
         """Return the best nodes of a time, of equal ones only one."""
-        nodes.sort(key=lambda node: node.missing)
+        nodes.sort(key=lambda node: (node.missing, node.time))
         kept: list[_Node] = []
         seen: set[tuple[int, int, float]] = set()
         for node in nodes:
@@ -190,7 +192,7 @@ class Beam:
         first, *others = node.stops()
         return (*before, Stop(last.position, last.rest + first.rest - 1), *others)
 
-    def _extend(self, nodes: list[_Node]) -> None:
+    def _extend(self, nodes: list[_Node], earliest: int) -> None:
         library = self._problem.library
         before: list[_Node] = []
         segments: list[FloatArray] = []
@@ -217,7 +219,7 @@ class Beam:
             node.information = None
         for k, (to, time, rest) in enumerate(after):
             node = _Node(states[k], to, time, float(left[k]), float(worst[k]), before[k], rest)
-            self._waiting.setdefault(self._key(time), []).append(node)
+            self._waiting.setdefault(max(self._key(time), earliest), []).append(node)
         for key, waiting in self._waiting.items():
             if len(waiting) > 8 * self._width:
                 waiting.sort(key=lambda node: node.missing)
