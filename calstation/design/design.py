@@ -119,6 +119,11 @@ class Design:
             "gravity_rest_s": self.gravity_rest,
             "latitude_sigma_rad": self.latitude_sigma,
             "noise_seen": self.noise_seen,
-            "hidden": [vars(limit) for limit in self.hidden],
+            "hidden": [{**vars(limit), "size": _finite(limit.size)} for limit in self.hidden],
             "search_s": self.seconds,
         }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None for an infinite one, which JSON has not."""
+    return value if np.isfinite(value) else None

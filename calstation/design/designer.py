@@ -8,9 +8,9 @@ from typing import Never
 
 import numpy as np
 
-from calstation.config import RunRequest, resolve_configuration
+from calstation.config import RunRequest, check_manual_rig, resolve_configuration
 from calstation.design.allowed import SERIAL, speeds, stages_duration
-from calstation.design.design import STAGE, Design, DesignRequest
+from calstation.design.design import STAGE, Design, DesignRequest, Variation
 from calstation.design.search import (
     FIRST_REST,
     Beam,
@@ -24,7 +24,7 @@ from calstation.design.search import (
     states,
 )
 from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
-from calstation.design.trial import MORE_NOISE, Trial
+from calstation.design.trial import MORE_NOISE, Moves, Trial
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import rest_mean_variance
 from calstation.estimation.effects import CONSTANT, MOST_EXCESS
@@ -56,6 +56,8 @@ _PROBED, _SEARCHED = 0.02, 0.9
 _LESS, _STEPS = 0.95, 8
 #: The first beam of this search cannot reach its targets and thus shows what the time allows.
 _OUT_OF_REACH = 0.05
+#: Excess of the best ratio for a given time that counts as reached under other conditions.
+_NEARLY = 1.05
 #: Factor of the margin that makes up for the difference between segments and filter.
 _TIGHTER = 0.97
 #: The reserve takes at most this many times the duration of the schedule.
@@ -78,6 +80,7 @@ class _Designer:
         present = RunRequest(SERIAL, request.station, request.product)
         schedule = {STAGE: {"stop_at_limits": False}}
         setup = resolve_configuration(replace(present, stages=(STAGE,), schedule=schedule))
+        check_manual_rig(setup)
         self._meta = setup.log_meta()
         self._geometry, self._settle = setup.table.geometry(), setup.table.settle_s
         self._context = context_from_meta(self._meta)
@@ -146,7 +149,7 @@ class _Designer:
         """Search, correct the answer, add the reserve, and check everything."""
         request = self._request
         if request.duration is None:
-            margin = request.margin
+            margin = 1.0 if request.as_present else request.margin
             stops = self._corrected(self._shortest(margin), margin)
         else:
             stops, margin = self._best(request.duration)
@@ -155,6 +158,7 @@ class _Designer:
             stops = self._with_reserve(stops, margin)
         self._report(_SEARCHED, note="checking")
         goal, moves = margin * self._limits, _moves(stops)
+        tried = goal if request.duration is None else _NEARLY * goal
         times = list(self._trial.after_moves(moves))
         least = self._least(stops[:planned])
         reached = (k for k, (_, sigma) in enumerate(times, 1) if k >= least and np.all(sigma <= goal))
@@ -176,7 +180,7 @@ class _Designer:
             stop_targets=targets if request.as_present and request.duration is None else None,
             present=self._present,
             front=tuple((seconds, worst) for seconds, worst, _ in self._front.points()),
-            variations=tuple(self._trial.under(c, moves, goal) for c in self._trial.conditions()),
+            variations=tuple(self._variations(moves, tried)),
             hidden=solved.hidden,
             gravity_rest=None if self._gravity_rest is None else self._gravity_rest * REST_UNIT,
             rests=tuple(stop.rest * REST_UNIT for stop in stops[:planned]),
@@ -202,6 +206,13 @@ class _Designer:
         enough = (check.within / _GRAVITY_SIGMAS) ** 2
         rests = range(round(1.0 / REST_UNIT), longest)
         return next((n for n in rests if rest_mean_variance(self._context, n * REST_UNIT) < enough), longest)
+
+    def _variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:
+        """Yield when a goal is reached under other conditions."""
+        conditions = list(self._trial.conditions())
+        for number, condition in enumerate(conditions):
+            self._report(_SEARCHED + (1.0 - _SEARCHED) * number / len(conditions), note="checking")
+            yield self._trial.under(condition, moves, goal)
 
     def _shortest(self, margin: float) -> Stops:
         """Return the shortest schedule found."""
@@ -248,13 +259,20 @@ class _Designer:
         if answer is None:
             return
         answer = problem.with_long_rests(answer)
+        self._note(problem, answer)
         yield answer
         exchange = Exchange(problem, answer, self._request.seed + number)
         for share in exchange.run(_EXCHANGES):
             self._progress(number, 0.6 + 0.4 * share, exchange.time)
             if self._over():
                 break
+        self._note(problem, exchange.best)
         yield exchange.best
+
+    def _note(self, problem: Problem, stops: Stops) -> None:
+        """Add an answer to the front."""
+        worst = float(problem.ratios(states(self._library, stops)[-1][None])[0, :COUNT].max())
+        self._front.add(durations(self._library, stops)[-1], problem.margin * worst, stops)
 
     def _progress(self, number: int, share: float, best: float) -> None:
         """Report the share of a beam that is done, and the duration of the best schedule so far, s."""
@@ -302,7 +320,7 @@ class _Designer:
         best: Stops = (Stop((0, 0), FIRST_REST),)
         for step in range(_STEPS):
             for seconds, _ in Beam(self._problem(margin), width, duration, self._front).run():
-                self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=f"{worst:.3f}")
+                self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=_ratio(worst))
                 if self._over():
                     break
             found = min((point for point in self._front.points() if point[0] <= duration), key=lambda point: point[1])
@@ -313,7 +331,7 @@ class _Designer:
         for step in range(_STEPS):
             exchange = Exchange(self._problem(_LESS * worst), best, self._request.seed)
             for share in exchange.run(_EXCHANGES // 3):
-                self._report(_SEARCHED * (0.5 + (step + share) / (2 * _STEPS)), note=f"{worst:.3f}")
+                self._report(_SEARCHED * (0.5 + (step + share) / (2 * _STEPS)), note=_ratio(worst))
                 if self._over():
                     break
             if not exchange.found:
@@ -321,6 +339,11 @@ class _Designer:
             best, worst = exchange.best, _LESS * worst
             self._front.add(exchange.time, worst, best)
         return best, worst
+
+
+def _ratio(worst: float) -> str:
+    """Return a ratio as a note of the progress; empty before there is one."""
+    return f"{worst:.3f}" if np.isfinite(worst) else ""
 
 
 def _moves(stops: Stops) -> tuple[tuple[float, float, float], ...]:

@@ -11,6 +11,8 @@ from calstation.design.design import STAGE, Design
 from calstation.jobs import ProgressCallback
 from calstation.schema import KeyPath
 
+#: End of the name of a product with a designed stage.
+_DESIGNED = ", designed"
 #: Checks that belong to the rests of one stage.
 _OF_RESTS = ("improvement_at_rest", "level")
 
@@ -22,7 +24,10 @@ def designed_product(text: str, design: Design) -> str:
     """
     data = tomllib.loads(text)
     checks = data.get("checks", {})
-    changes: dict[KeyPath, Any] = {("name",): f"{data['name']}, designed", ("stages",): [STAGE]}
+    changes: dict[KeyPath, Any] = {
+        ("name",): f"{data['name'].removesuffix(_DESIGNED)}{_DESIGNED}",
+        ("stages",): [STAGE],
+    }
     changes |= {("schedule", stage): None for stage in data.get("schedule", {})}
     changes |= {("limits", name, "sigma_below_after"): None for name in data.get("limits", {})}
     changes |= {("checks", name): None for name in _OF_RESTS}

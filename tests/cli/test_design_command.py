@@ -9,6 +9,7 @@ import pytest
 from calstation.config import check
 
 
+@pytest.mark.long
 def test_a_product_with_the_shortest_schedule_is_written_and_told(calstation, tmp_path: Path) -> None:
     out, answer = tmp_path / "fast.toml", tmp_path / "answer.json"
     done = calstation("design", "--product", "mems_c", "--time-limit", "1", "-o", out, "--json", answer)
@@ -28,7 +29,7 @@ def test_a_product_with_the_shortest_schedule_is_written_and_told(calstation, tm
     [
         (("--margin", "2"), "--margin"),
         (("-o", "nowhere/fast.toml"), "cannot be written"),
-        (("--product", "mems_hand"), "not"),
+        (("--station", "virtual_hand"), "table"),
     ],
 )
 def test_wrong_usage_is_refused(calstation, tmp_path: Path, options: tuple[str, ...], words: str) -> None:

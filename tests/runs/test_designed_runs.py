@@ -55,6 +55,7 @@ def test_a_stage_ends_after_the_move_that_reaches_the_limits_and_solves_to_the_s
             assert again["parameters"] == verdict.result["parameters"]
 
 
+@pytest.mark.long
 def test_moves_that_always_take_place_are_not_omitted(designed: SiteFolder) -> None:
     write(designed, {"least_moves": len(MOVES) - 1})
     assert designed.run().outcome == "passed"
@@ -62,6 +63,7 @@ def test_moves_that_always_take_place_are_not_omitted(designed: SiteFolder) -> N
     assert (ended.reason, ended.rounds) == ("targets", len(MOVES) - 1)
 
 
+@pytest.mark.long
 def test_without_the_stop_rule_every_move_takes_place(designed: SiteFolder) -> None:
     write(designed, {"stop_at_limits": False})
     assert designed.run().outcome == "passed"
@@ -83,6 +85,7 @@ def test_pause_and_resume_within_the_stage(designed: SiteFolder) -> None:
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
+@pytest.mark.long
 def test_a_spoilt_step_is_repeated(designed: SiteFolder) -> None:
     write(designed, orders=[{"order": "drop_frames", "value": 3, "at": 32.0}])
     verdict = designed.run()
@@ -91,6 +94,7 @@ def test_a_spoilt_step_is_repeated(designed: SiteFolder) -> None:
     assert resolve(Path(verdict.log)).result.to_json()["parameters"] == verdict.result["parameters"]
 
 
+@pytest.mark.long
 def test_more_noise_than_that_of_the_profile_needs_more_moves(designed: SiteFolder) -> None:
     assert designed.run().outcome == "passed"
     write(designed, effects={"gyro_noise": 1.8, "accel_noise": 1.8})
