@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.shared_views import CellTable, StackedPlots, dashed
+from calstation.gui.engineer.shared_views import Band, CellTable, StackedPlots, dashed
 from calstation.gui.shell import AppContext
 from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
 from calstation.gui.widgets import (
@@ -155,10 +155,14 @@ class MotionPlot(StackedPlots[Preview]):
             plot.setMinimumHeight(8 * theme.GRID)
         column(*((plot, 1) for plot in self.plots), on=self, spacing=0)
 
+    def bands(self, preview: Preview) -> list[Band]:
+        """Return the stages with their times, min."""
+        return [(term("stage", s.stage), s.begin / 60.0, s.end / 60.0) for s in preview.stages]
+
     def draw(self, preview: Preview) -> None:
-        """Draw the angles, stage bands and travel limits."""
+        """Draw the angles, bands and travel limits."""
         c = theme.colours()
-        self.add_bands([(term("stage", s.stage), s.begin / 60.0, s.end / 60.0) for s in preview.stages])
+        self.add_bands(self.bands(preview))
         angles = (preview.outer, preview.inner)
         titles = (self.tr("outer, °"), self.tr("inner, °"))
         for plot, title, angle, travel in zip(self.plots, titles, angles, preview.travel, strict=True):
