@@ -86,7 +86,7 @@ def test_the_answer_is_shown_with_path_parameters_and_robustness(designer: Desig
     assert "short on test bench: 4 moves and 2 in reserve at 60 °/s and 60 °/s²" in designer.says()
     (front,) = designer.page.findChildren(FrontPlot)
     x, y = front.getPlotItem().listDataItems()[0].getOriginalDataset()
-    np.testing.assert_allclose(60.0 * x, [10.0, 20.0, 30.0, 33.0])
+    np.testing.assert_allclose(x, [10.0, 20.0, 30.0, 33.0])
     np.testing.assert_allclose(y, [20.0, 2.0, 0.9, 0.78])
 
     designer.show_answer(1)
@@ -193,6 +193,21 @@ def test_a_search_is_stopped_with_its_best_or_cancelled(
     assert not designer.view.watch.busy
     assert designer.widget("design_button", QPushButton).isEnabled()
     assert designer.headline.startswith("0:33 planned"), "the last answer stays"
+
+
+def test_a_cancelled_search_for_another_product_leaves_the_answer(
+    designer: Designer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    designer.design()
+    use(monkeypatch, "searching")
+    designer.choose("mems_c")
+    designer.press("design_button")
+    designer.until(lambda: "Best so far" in designer.says())
+    designer.press("cancel_design_button")
+    assert "short on test bench" in designer.widget("design_about", QLabel).text()
+    designer.unlock()
+    designer.press("save_as_button")
+    assert designer.widget("design_name_edit", QLineEdit).text() == "short_fast"
 
 
 def test_an_error_is_shown_below_the_form(designer: Designer, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -89,6 +89,10 @@
         <translation>隐藏误差</translation>
     </message>
     <message>
+        <source>Computing the path</source>
+        <translation>正在计算路径</translation>
+    </message>
+    <message>
         <source>Effect</source>
         <translation>误差</translation>
     </message>
@@ -205,7 +209,7 @@
     <name>DesignView</name>
     <message>
         <source>Stop with the best so far</source>
-        <extracomment>The product, table and station file of the current search, or of the answer.</extracomment>
+        <extracomment>Product and table of the answer, and those and the station file of the current search.</extracomment>
         <translation>以当前最优结束</translation>
     </message>
     <message>
@@ -317,12 +321,16 @@
     <name>FrontPlot</name>
     <message>
         <source>duration, min</source>
-        <extracomment>Largest turn of a joint between two points of the drawn path, rad. Range of the ratios shown; the first moves are far above it. Degrees that an arrow key turns the sphere.</extracomment>
         <translation>时长，min</translation>
     </message>
     <message>
         <source>largest σ / limit</source>
+        <extracomment>Largest turn of a joint between two points of the drawn path, rad. Range of the ratios shown; the first moves are far above it. Degrees that an arrow key turns the sphere.</extracomment>
         <translation>最大 σ/限差</translation>
+    </message>
+    <message>
+        <source>duration, s</source>
+        <translation>时长，s</translation>
     </message>
     <message>
         <source>● found during the search</source>
@@ -429,6 +437,10 @@
     <message>
         <source>time, min</source>
         <translation>时间，min</translation>
+    </message>
+    <message>
+        <source>time, s</source>
+        <translation>时间，s</translation>
     </message>
 </context>
 <context>

@@ -14,6 +14,9 @@ from calstation.gui.engineer.shared_views import ROW, CellTable
 from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
     Column,
+    EmptyState,
+    JobRow,
+    JobWatch,
     StateBadge,
     ViewTabs,
     button,
@@ -50,9 +53,11 @@ class RatioBar(QStyledItemDelegate):
 
 
 class DesignAnswer(QWidget):
-    """Shows a design; its buttons call `save`, `copy` and `export`."""
+    """Shows a design; `driving` polls the job of its path, and its buttons call `save`, `copy` and `export`."""
 
-    def __init__(self, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]) -> None:
+    def __init__(
+        self, driving: JobWatch, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]
+    ) -> None:
         super().__init__()
         self._design: Design | None = None
         self._options: ScheduleOptions | None = None
@@ -66,7 +71,8 @@ class DesignAnswer(QWidget):
         self._tabs = ViewTabs("design_views")
         robustness = QWidget()
         column(self._variations, self._sees, None, on=robustness)
-        path = split((self._path, 3), (self._sphere, 2))
+        self._driving = EmptyState(JobRow(driving))
+        path = self._drawn = stack(self._driving, split((self._path, 3), (self._sphere, 2)))
         self._views = stack(
             panel((self._front, 1)), path, self._parameters, scroll_area(robustness, wide=False), self._hidden
         )
@@ -82,13 +88,7 @@ class DesignAnswer(QWidget):
         column(
             row(self._badge, (self._headline, 1), spacing=2 * theme.GRID),
             self._about,
-            row(
-                self._tabs,
-                None,
-                copy_button,
-                export_button,
-                self._save_button,
-            ),
+            row(self._tabs, None, copy_button, export_button, self._save_button),
             (self._views, 1),
             on=self,
             spacing=theme.GRID // 2,
@@ -99,6 +99,7 @@ class DesignAnswer(QWidget):
         """Show a design for the product and table of these options."""
         self._design, self._options = design, options
         self._front.show_design(design)
+        self._drawn.setCurrentIndex(0)
         self._show_texts()
 
     def show_path(self, preview: Preview) -> None:
@@ -108,6 +109,7 @@ class DesignAnswer(QWidget):
         path = Path3D(self._design, preview, self._options.geometry)
         self._path.show_path(path)
         self._sphere.sphere.show_path(path)
+        self._drawn.setCurrentIndex(1)
 
     def lock(self, why: str) -> None:
         """Disable saving for the given reason; "" enables it."""
@@ -167,6 +169,9 @@ class DesignAnswer(QWidget):
         titles.append(self.tr("Hidden effects"))
         for index, title in enumerate(titles):
             self._tabs.setTabText(index, title)
+        for table, title in zip((self._parameters, self._variations, self._hidden), titles[2:], strict=True):
+            table.setAccessibleName(title)
+        self._driving.say(self.tr("Computing the path"), "")
         design, options = self._design, self._options
         if design is None or options is None:
             return

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QSlider, QWidget
 
 from calstation.design import Design
 from calstation.gui.engineer.preview import MotionPlot
-from calstation.gui.engineer.shared_views import Band, dashed
+from calstation.gui.engineer.shared_views import Band, dashed, time_unit
 from calstation.gui.text import bind
 from calstation.gui.widgets import (
     VIEWER,
@@ -62,7 +62,6 @@ class FrontPlot(ThemedPlot):
         self._draw()
 
     def _draw(self) -> None:
-        self.setLabel("bottom", self.tr("duration, min"))
         self.setLabel("left", self.tr("largest σ / limit"))
         design = self._design
         if design is None:
@@ -72,12 +71,14 @@ class FrontPlot(ThemedPlot):
         chosen = np.array([(design.duration, design.worst)])
         better = [p for p in design.front if p[0] < design.duration or p[1] < design.worst]
         front = np.array(sorted([*better, (design.duration, design.worst)]))
-        found = pg.PlotDataItem(front[:, 0] / 60.0, front[:, 1], pen=pg.mkPen(c.accent, width=1), name="found")
+        size = time_unit(float(front[-1, 0]))
+        self.setLabel("bottom", self.tr("duration, s") if size == 1.0 else self.tr("duration, min"))
+        found = pg.PlotDataItem(front[:, 0] / size, front[:, 1], pen=pg.mkPen(c.accent, width=1), name="found")
         found.setSymbol("o")
         found.setSymbolSize(5)
         found.setSymbolBrush(c.accent)
         found.setSymbolPen(None)
-        mark = pg.PlotDataItem(chosen[:, 0] / 60.0, chosen[:, 1], pen=None, name="chosen")
+        mark = pg.PlotDataItem(chosen[:, 0] / size, chosen[:, 1], pen=None, name="chosen")
         mark.setSymbol("d")
         mark.setSymbolSize(16)
         mark.setSymbolBrush(c.good)
@@ -140,7 +141,8 @@ class PathPlot(MotionPlot):
 
     def bands(self, preview: Preview) -> list[Band]:
         """Return the planned part and the reserve, if there is one."""
-        planned, end = self._planned / 60.0, preview.duration / 60.0
+        size = time_unit(preview.duration)
+        planned, end = self._planned / size, preview.duration / size
         bands = [(self.tr("planned"), 0.0, planned)]
         return [*bands, (self.tr("reserve"), planned, end)] if end > planned * 1.001 else bands
 

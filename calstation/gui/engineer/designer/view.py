@@ -48,9 +48,9 @@ class DesignView(QWidget):
         super().__init__()
         self._app, self._notice, self._author = app, notice, author
         self._options: ScheduleOptions | None = None
-        #: The product, table and station file of the current search, or of the answer.
+        #: Product and table of the answer, and those and the station file of the current search.
         self._designed: ScheduleOptions | None = None
-        self._station: Path | None = None
+        self._searched: tuple[ScheduleOptions, Path | None] | None = None
         self._design: Design | None = None
         self._answer: DesignAnswer | None = None
         self._why_not = self._why_not_save = ""
@@ -91,7 +91,7 @@ class DesignView(QWidget):
         if self._answer is None:
             from calstation.gui.engineer.designer.answer import DesignAnswer  # it needs the solvers
 
-            self._answer = DesignAnswer(self._ask_name, self._copy, self._ask_file)
+            self._answer = DesignAnswer(self.driving, self._ask_name, self._copy, self._ask_file)
             self._stack.addWidget(self._answer)
             for before, after in pairwise((self.save_bar.last, *self._answer.tab_order)):
                 QWidget.setTabOrder(before, after)
@@ -115,12 +115,12 @@ class DesignView(QWidget):
 
     def _begin(self) -> None:
         assert self._options is not None
-        self._designed, self._goal, self._stopping, self._error = self._options, self.form.goal, False, None
+        self._searched = self._options, self._app.station_path
+        self._goal, self._stopping, self._error = self.form.goal, False, None
         self.driving.cancel()
         self.save_bar.hide()
         self._folder = tempfile.TemporaryDirectory(prefix="calstation-")
         request = self.form.request(self._app.station_path, self._options.product, self._stop_file)
-        self._station = self._app.station_path
         self.watch.watch(self._app.job_queue.submit(design.design_schedule, request))
 
     @property
@@ -153,8 +153,8 @@ class DesignView(QWidget):
         return say("engineer.design_best_duration", duration=duration_text(float(note)))
 
     def _found(self, found: "Design") -> None:
-        assert self._designed is not None
-        self._design = found
+        assert self._searched is not None
+        self._design, (self._designed, station) = found, self._searched
         self.answer.show_design(found, self._designed)
         self._stack.setCurrentWidget(self.answer)
         schedule = {
@@ -165,7 +165,7 @@ class DesignView(QWidget):
         }
         stage = design.STAGE
         request = RunRequest(
-            "-", self._station, self._designed.product, (stage,), self._app.runs_folder, schedule={stage: schedule}
+            "-", station, self._designed.product, (stage,), self._app.runs_folder, schedule={stage: schedule}
         )
         self.driving.watch(self._app.job_queue.submit(compute_preview, request))
         self._refresh()
