@@ -736,8 +736,8 @@
         <translation>— 计划</translation>
     </message>
     <message>
-        <source>— reserve</source>
-        <translation>— 备用</translation>
+        <source>- - reserve</source>
+        <translation>- - 备用</translation>
     </message>
 </context>
 <context>

@@ -198,13 +198,13 @@ class Sphere(ThemedPlot):
             text.setFont(theme.font(theme.SECTION, bold=True))
             text.setPos(*self._on_screen(1.14 * ends[1:])[0])
             self.addItem(text)
-        parts = list(zip(self._points, (c.accent, c.muted), (2.0, 1.0), strict=True))
-        for (_, down), colour, width in reversed(parts):
-            self._line(down, colour, width=width)
+        planned, reserve = (down for _, down in self._points)
+        self._line(reserve, c.muted, width=2, style=Qt.PenStyle.DashLine)
+        self._line(planned, c.accent, width=2)
         self._draw_rests(path)
         note = [(self.tr("— planned"), c.accent)]
         if len(self._points[1][0]):
-            note.append((self.tr("— reserve"), c.muted))
+            note.append((self.tr("- - reserve"), c.muted))
         self._note.say(note)
         self.setRange(xRange=(-1.2, 1.2), yRange=(-1.2, 1.2), padding=0.0)
 
@@ -221,14 +221,21 @@ class Sphere(ThemedPlot):
             dot = pg.ScatterPlotItem([at[0]], [at[1]], size=9 if front else 6, pen=pg.mkPen(c.panel))
             dot.setBrush(theme.faint(c.text, 255 if front else 110))
             self.addItem(dot)
-            if front:
-                shown = ", ".join(map(str, numbers[:3])) + (" …" if len(numbers) > 3 else "")
-                text = pg.TextItem(shown, color=c.text, anchor=(-0.1, 1.0))
-                text.setFont(theme.font(12))
-                text.setPos(*at)
-                self.addItem(text, ignoreBounds=True)
+            shown = ", ".join(map(str, numbers[:3])) + (" …" if len(numbers) > 3 else "")
+            text = pg.TextItem(shown, color=c.text if front else c.muted, anchor=(-0.1, 1.0))
+            text.setFont(theme.font(12))
+            text.setPos(*at)
+            self.addItem(text, ignoreBounds=True)
 
-    def _line(self, points: FloatArray, colour: str, *, width: float = 1.0, faint: bool = True) -> None:
+    def _line(
+        self,
+        points: FloatArray,
+        colour: str,
+        *,
+        width: float = 1.0,
+        style: Qt.PenStyle = Qt.PenStyle.SolidLine,
+        faint: bool = True,
+    ) -> None:
         """Draw a line, shape (n, 3) in the body frame, faint behind the sphere if `faint`."""
         if len(points) < 2:
             return
@@ -236,7 +243,7 @@ class Sphere(ThemedPlot):
         sides = ((front, 255), (~front, 90)) if faint else ((np.ones(len(points), dtype=bool), 255),)
         for side, alpha in sides:
             joined = np.append(side[:-1] | side[1:] if alpha == 255 else side[:-1] & side[1:], False)
-            pen = pg.mkPen(theme.faint(colour, alpha), width=width)
+            pen = pg.mkPen(theme.faint(colour, alpha), width=width, style=style)
             self.addItem(pg.PlotCurveItem(at[:, 0], at[:, 1], connect=joined.astype(np.int32), pen=pen, antialias=True))
 
     @property
