@@ -41,9 +41,9 @@ GUI := calstation/gui
 translations: $(VENV)/installed-dev
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/operator/*.py $(GUI)/operator/production/*.py \
 		-ts $(GUI)/translations/operator_zh_CN.ts
-	for page in engineer history; do \
-		$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/$$page/*.py -ts $(GUI)/translations/$${page}_zh_CN.ts || exit 1; \
-	done
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/engineer/*.py $(GUI)/engineer/designer/*.py \
+		-ts $(GUI)/translations/engineer_zh_CN.ts
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/history/*.py -ts $(GUI)/translations/history_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/*.py -ts $(GUI)/translations/offline_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/methods/*.py -ts $(GUI)/translations/methods_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/settings/*.py \

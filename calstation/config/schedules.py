@@ -18,7 +18,7 @@ from calstation.config.resolved import resolve_configuration
 from calstation.config.station import in_file
 from calstation.config.versions import Version
 from calstation.jobs import ProgressCallback
-from calstation.physics import named
+from calstation.physics import TableGeometry, named
 from calstation.schema import EntryError
 from procedures import DEFAULT_STAGES, method
 
@@ -85,6 +85,7 @@ class ScheduleOptions:
     serial_pattern: str  #: Regular expression for the whole serial number.
     serial_example: str  #: A serial number that matches.
     serial: str  #: Serial number of the unit on a virtual bench; empty on hardware.
+    geometry: TableGeometry  #: Axes of the table, or of the gimbal.
 
 
 def schedule_options(station: Path | None, product: Path | None) -> ScheduleOptions:
@@ -96,7 +97,7 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
     else:
         offered = tuple(s for s in known if not setup.by_hand or "manual" in method(s).schedule.model_fields)
     whole = resolve_configuration(RunRequest("offer", station, product, offered))
-    limits = setup.table.geometry().limits
+    geometry = setup.table.geometry()
     context = setup.solve_context()
     return ScheduleOptions(
         product=setup.sources["product"].path,
@@ -108,11 +109,12 @@ def schedule_options(station: Path | None, product: Path | None) -> ScheduleOpti
         offered=offered,
         schedules={stage: s.model_dump(mode="json") for stage, s in whole.schedules.items()},
         estimates={stage: method(stage).estimates(context) for stage in offered},
-        rate=float(np.rad2deg(min(limits.rate))),
-        acceleration=float(np.rad2deg(min(limits.acceleration))),
+        rate=float(np.rad2deg(min(geometry.limits.rate))),
+        acceleration=float(np.rad2deg(min(geometry.limits.acceleration))),
         serial_pattern=setup.product.serial_pattern,
         serial_example=setup.product.example,
         serial=setup.station.virtual_serial,
+        geometry=geometry,
     )
 
 

@@ -183,7 +183,8 @@ def test_the_window_starts_without_the_solvers() -> None:
     script = (
         "import sys; from calstation.gui import create_window; from PySide6.QtWidgets import QApplication\n"
         "window = create_window(); window.show(); QApplication.processEvents()\n"
-        "print([name for name in ('scipy.stats', 'filterpy') if name in sys.modules])\n"
+        "window.make_pages()\n"
+        "print([n for n in sys.modules if n in ('scipy.stats', 'filterpy') or n.startswith('calstation.design.')])\n"
         "from calstation.physics.rotation import rotation_matrix; print(rotation_matrix.signatures)\n"
         "window.app.close()\n"
     )

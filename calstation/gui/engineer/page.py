@@ -1,4 +1,4 @@
-"""The engineer page: stages and schedules on the left; preview, results and registers in tabs on the right."""
+"""The engineer page: stages and schedules on the left; preview, results, registers and design in tabs on the right."""
 
 import re
 from collections.abc import Mapping
@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QFileDialog, QLabel, QLineEdit, QVBoxLayout, QWidg
 from calstation.config import RunRequest, ScheduleOptions, Version, save_schedule, schedule_options
 from calstation.errors import CalstationError
 from calstation.gui.engineer.choice_panel import ChoicePanel
+from calstation.gui.engineer.designer import DesignView
 from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
@@ -58,6 +59,7 @@ class EngineerPage(Page):
         self.preview = PreviewView(app, self._request)
         self.registers = RegistersView(app, self._register_request)
         self.analysis = ResultAnalysis(app, self)
+        self.design = DesignView(app, self.notice, lambda: self._header.engineer)
         self._saving = JobWatch(self, self._saved, self._not_saved)
         self._lay_out()
         self._connect()
@@ -66,7 +68,7 @@ class EngineerPage(Page):
 
     def _lay_out(self) -> None:
         self._tabs = ViewTabs("engineer_views")
-        self._views = stack(self.preview, *self.analysis.views, self.registers)
+        self._views = stack(self.preview, *self.analysis.views, self.registers, self.design)
         for _ in range(self._views.count()):
             self._tabs.addTab("")
         self._source = ElidedLabel("muted")
@@ -111,7 +113,7 @@ class EngineerPage(Page):
 
     def _show_texts(self) -> None:
         titles = [self.tr("Preview"), self.tr("Parameters"), self.tr("Innovations"), self.tr("Residuals")]
-        titles += [self.tr("Observability"), self.tr("Registers")]
+        titles += [self.tr("Observability"), self.tr("Registers"), self.tr("Design")]
         for index, title in enumerate(titles):
             self._tabs.setTabText(index, title)
         self._source.setText(self.analysis.source())
@@ -129,6 +131,7 @@ class EngineerPage(Page):
         except CalstationError as error:
             self._problem = error
         found = self._options
+        self.design.offer(found)
         self.choice.setEnabled(found is not None and bool(found.offered))
         if self._header.serial in ("", self._suggested):
             self._suggest()
@@ -343,6 +346,7 @@ class EngineerPage(Page):
         enable(self._header.start_button, problem or busy or device or choice or badge or self._why_no_unit())
         self.choice.lock(busy, role, name or self._why_not_save(), new_pin=self.app.role.new)
         enable(self.preview.button, problem or choice)
+        self.design.lock(problem, role or name)
         self.registers.table = "" if found is None or found.by_hand else found.station
         read = problem or busy or device
         self.registers.set_why_not(read, role or read or name or self.registers.why_not_write())

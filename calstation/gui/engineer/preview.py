@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.shared_views import CellTable, StackedPlots, dashed
+from calstation.gui.engineer.shared_views import Band, CellTable, StackedPlots, dashed, time_unit
 from calstation.gui.shell import AppContext
 from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
 from calstation.gui.widgets import (
@@ -155,23 +155,28 @@ class MotionPlot(StackedPlots[Preview]):
             plot.setMinimumHeight(8 * theme.GRID)
         column(*((plot, 1) for plot in self.plots), on=self, spacing=0)
 
+    def bands(self, preview: Preview) -> list[Band]:
+        """Return the stages with their times in the unit of the axis."""
+        size = time_unit(preview.duration)
+        return [(term("stage", s.stage), s.begin / size, s.end / size) for s in preview.stages]
+
     def draw(self, preview: Preview) -> None:
-        """Draw the angles, stage bands and travel limits."""
-        c = theme.colours()
-        self.add_bands([(term("stage", s.stage), s.begin / 60.0, s.end / 60.0) for s in preview.stages])
+        """Draw the angles, bands and travel limits."""
+        c, size = theme.colours(), time_unit(preview.duration)
+        self.add_bands(self.bands(preview))
         angles = (preview.outer, preview.inner)
         titles = (self.tr("outer, °"), self.tr("inner, °"))
         for plot, title, angle, travel in zip(self.plots, titles, angles, preview.travel, strict=True):
             plot.setLabel("left", title)
             pen = pg.mkPen(c.accent, width=1)
-            self.add(plot, pg.PlotDataItem(preview.time / 60.0, np.rad2deg(angle), pen=pen))
+            self.add(plot, pg.PlotDataItem(preview.time / size, np.rad2deg(angle), pen=pen))
             for end in travel:
                 if np.isfinite(end):
                     line = pg.InfiniteLine(np.rad2deg(end), 0, pen=dashed(c.bad))
                     self.add(plot, line, scaled=False)
             plot.enableAutoRange()
-        self.plots[1].setLabel("bottom", self.tr("time, min"))
-        self.plots[0].setXRange(0.0, max(preview.duration / 60.0, 1e-3), padding=0.01)
+        self.plots[1].setLabel("bottom", self.tr("time, s") if size == 1.0 else self.tr("time, min"))
+        self.plots[0].setXRange(0.0, max(preview.duration / size, 1e-3), padding=0.01)
 
 
 def _verdict(preview: Preview) -> tuple[str, str]:

@@ -151,6 +151,11 @@ class StackedPlots(QWidget, Generic[Data]):
             self.draw(self._data)
 
 
+def time_unit(duration: float) -> float:
+    """Return the unit of the time axis for a duration, s: 1 s, or 60 s if it is longer than three minutes."""
+    return 60.0 if duration > 180.0 else 1.0
+
+
 def dashed(colour: str) -> pg.GraphicsObject:
     """Return a thin dashed pen."""
     return pg.mkPen(colour, width=1, style=Qt.PenStyle.DashLine)

@@ -7,9 +7,8 @@ from PySide6.QtCore import QPointF
 from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunSummary
-from calstation.gui.operator.drawing import Drawing, basis, circle, depth, screen
 from calstation.gui.text import on_language_change
-from calstation.gui.widgets import theme
+from calstation.gui.widgets import Drawing, basis, circle, depth, screen, theme
 from calstation.physics import FloatArray, axis_rotation, rotation_matrix
 from calstation.sequencer import PositionGuided
 

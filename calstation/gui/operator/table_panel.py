@@ -4,9 +4,20 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QGraphicsOpacityEffect, QLabel, QWidget
 
-from calstation.gui.operator.drawing import VIEWER, Drawing, basis, depth, screen
 from calstation.gui.text import on_language_change, with_minus
-from calstation.gui.widgets import PANEL, StateBadge, column, grid, label, theme
+from calstation.gui.widgets import (
+    PANEL,
+    VIEWER,
+    Drawing,
+    StateBadge,
+    basis,
+    column,
+    depth,
+    grid,
+    label,
+    screen,
+    theme,
+)
 from calstation.physics import axis_rotation
 from calstation.sequencer import JointsMoved, TableMoved
 

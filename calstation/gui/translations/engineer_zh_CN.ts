@@ -30,6 +30,210 @@
     </message>
 </context>
 <context>
+    <name>DesignAnswer</name>
+    <message>
+        <source>Save as product…</source>
+        <translation>存为产品…</translation>
+    </message>
+    <message>
+        <source>Copy schedule</source>
+        <translation>复制流程</translation>
+    </message>
+    <message>
+        <source>Export</source>
+        <translation>导出</translation>
+    </message>
+    <message>
+        <source>Saves a product with this schedule in place of its stages</source>
+        <extracomment>The widgets in the order of the Tab key.</extracomment>
+        <translation>另存为产品，以此流程代替原有阶段</translation>
+    </message>
+    <message>
+        <source>Unit</source>
+        <translation>单位</translation>
+    </message>
+    <message>
+        <source>σ planned</source>
+        <translation>预期 σ</translation>
+    </message>
+    <message>
+        <source>σ limit</source>
+        <translation>σ 限差</translation>
+    </message>
+    <message>
+        <source>σ / limit</source>
+        <translation>σ/限差</translation>
+    </message>
+    <message>
+        <source>Condition</source>
+        <translation>条件</translation>
+    </message>
+    <message>
+        <source>Reached after</source>
+        <translation>达到限差用时</translation>
+    </message>
+    <message>
+        <source>Largest σ / target then</source>
+        <translation>届时最大 σ/目标</translation>
+    </message>
+    <message>
+        <source>It moves most</source>
+        <translation>受影响最大的参数</translation>
+    </message>
+    <message>
+        <source>Duration</source>
+        <translation>时长</translation>
+    </message>
+    <message>
+        <source>Hidden effects</source>
+        <translation>隐藏误差</translation>
+    </message>
+    <message>
+        <source>Computing the path</source>
+        <translation>正在计算路径</translation>
+    </message>
+    <message>
+        <source>Effect</source>
+        <translation>误差</translation>
+    </message>
+    <message>
+        <source>Hidden up to</source>
+        <translation>可隐藏至</translation>
+    </message>
+    <message>
+        <source>by, σ</source>
+        <translation>影响，σ</translation>
+    </message>
+    <message>
+        <source>Path</source>
+        <translation>路径</translation>
+    </message>
+    <message>
+        <source>Parameters</source>
+        <translation>参数</translation>
+    </message>
+    <message>
+        <source>Robustness</source>
+        <translation>稳健性</translation>
+    </message>
+</context>
+<context>
+    <name>DesignForm</name>
+    <message>
+        <source>Design</source>
+        <extracomment>Goals of a search.</extracomment>
+        <translation>设计</translation>
+    </message>
+    <message>
+        <source>Advanced</source>
+        <translation>高级</translation>
+    </message>
+    <message>
+        <source>Margin</source>
+        <translation>裕度</translation>
+    </message>
+    <message>
+        <source>Every σ must fall below this fraction of its limit</source>
+        <translation>每个标准差须小于限差的这一比例</translation>
+    </message>
+    <message>
+        <source>Duration, min</source>
+        <translation>时长，min</translation>
+    </message>
+    <message>
+        <source>Duration of the stage</source>
+        <translation>阶段时长</translation>
+    </message>
+    <message>
+        <source>Search for, s</source>
+        <translation>搜索时间，s</translation>
+    </message>
+    <message>
+        <source>A longer search finds shorter schedules; usual: one to three minutes</source>
+        <translation>搜索越久，流程越短；默认一到三分钟</translation>
+    </message>
+    <message>
+        <source>Goal</source>
+        <translation>目标</translation>
+    </message>
+    <message>
+        <source>Rate, °/s</source>
+        <translation>速率，°/s</translation>
+    </message>
+    <message>
+        <source>Automatic: 85 % of the table&apos;s largest rate, at most 80 % of the gyros&apos; range</source>
+        <translation>自动：转台最大速率的 85 %，且不超过陀螺量程的 80 %</translation>
+    </message>
+    <message>
+        <source>Acceleration, °/s²</source>
+        <translation>加速度，°/s²</translation>
+    </message>
+    <message>
+        <source>Automatic: 75 % of the table&apos;s largest acceleration</source>
+        <translation>自动：转台最大加速度的 75 %</translation>
+    </message>
+    <message>
+        <source>Seed</source>
+        <translation>随机种子</translation>
+    </message>
+    <message>
+        <source>Another number makes another random search</source>
+        <translation>换一个数就是另一次随机搜索</translation>
+    </message>
+    <message>
+        <source>Computed without moving the table; takes one to three minutes</source>
+        <translation>只计算，转台不动；需一到三分钟</translation>
+    </message>
+    <message>
+        <source>Shortest that reaches the limits</source>
+        <translation>满足限差的最短流程</translation>
+    </message>
+    <message>
+        <source>Smallest σ in a given time</source>
+        <translation>给定时长内标准差最小</translation>
+    </message>
+    <message>
+        <source>Shortest as good as the present stages</source>
+        <translation>与现有阶段同等精度的最短流程</translation>
+    </message>
+    <message>
+        <source>usual</source>
+        <translation>默认</translation>
+    </message>
+    <message>
+        <source>automatic</source>
+        <translation>自动</translation>
+    </message>
+</context>
+<context>
+    <name>DesignView</name>
+    <message>
+        <source>Stop with the best so far</source>
+        <extracomment>Product and table of the answer, and those and the station file of the current search.</extracomment>
+        <translation>以当前最优结束</translation>
+    </message>
+    <message>
+        <source>The product was not saved</source>
+        <translation>产品没有保存</translation>
+    </message>
+    <message>
+        <source>The path cannot be drawn</source>
+        <translation>无法绘制路径</translation>
+    </message>
+    <message>
+        <source>Keep the present product</source>
+        <translation>保留当前产品</translation>
+    </message>
+    <message>
+        <source>Select {0}</source>
+        <translation>选用 {0}</translation>
+    </message>
+    <message>
+        <source>Save the design</source>
+        <translation>保存设计结果</translation>
+    </message>
+</context>
+<context>
     <name>EngineerPage</name>
     <message>
         <source>Show an earlier result or log</source>
@@ -46,6 +250,10 @@
     <message>
         <source>The log could not be solved again</source>
         <translation>日志无法重新解算</translation>
+    </message>
+    <message>
+        <source>Design</source>
+        <translation>设计</translation>
     </message>
     <message>
         <source>The product was not saved</source>
@@ -107,6 +315,34 @@
         <source>Open</source>
         <extracomment>Serial number that the virtual bench has suggested last. Error that prevents the use of station and product, or None.</extracomment>
         <translation>打开</translation>
+    </message>
+</context>
+<context>
+    <name>FrontPlot</name>
+    <message>
+        <source>duration, min</source>
+        <translation>时长，min</translation>
+    </message>
+    <message>
+        <source>largest σ / limit</source>
+        <extracomment>Largest turn of a joint between two points of the drawn path, rad. Range of the ratios shown; the first moves are far above it. Degrees that an arrow key turns the sphere.</extracomment>
+        <translation>最大 σ/限差</translation>
+    </message>
+    <message>
+        <source>duration, s</source>
+        <translation>时长，s</translation>
+    </message>
+    <message>
+        <source>● found during the search</source>
+        <translation>● 搜索中找到</translation>
+    </message>
+    <message>
+        <source>◆ chosen</source>
+        <translation>◆ 选定</translation>
+    </message>
+    <message>
+        <source>– – margin {0:.2f}</source>
+        <translation>– – 裕度 {0:.2f}</translation>
     </message>
 </context>
 <context>
@@ -202,6 +438,10 @@
         <source>time, min</source>
         <translation>时间，min</translation>
     </message>
+    <message>
+        <source>time, s</source>
+        <translation>时间，s</translation>
+    </message>
 </context>
 <context>
     <name>ObservabilityView</name>
@@ -256,6 +496,17 @@
     <message>
         <source>A choice of parts holds for one run.</source>
         <translation>所选部分仅对一次标定有效。</translation>
+    </message>
+</context>
+<context>
+    <name>PathPlot</name>
+    <message>
+        <source>planned</source>
+        <translation>计划</translation>
+    </message>
+    <message>
+        <source>reserve</source>
+        <translation>备用</translation>
     </message>
 </context>
 <context>
@@ -386,7 +637,7 @@
     <name>ResultView</name>
     <message>
         <source>Unit</source>
-        <extracomment>Maximum height of the table of checks that do not concern a single parameter, px. Badge shape (`widgets.badge.KINDS`) of each parameter verdict.</extracomment>
+        <extracomment>Maximum height of the table of checks that do not concern a single parameter, px. Columns that compare with the previous run, or with the result without an added state. Badge shape (`widgets.badge.KINDS`) of each parameter verdict.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -448,6 +699,60 @@
     <message>
         <source>near-misses: {0}</source>
         <translation>临界 {0} 项</translation>
+    </message>
+</context>
+<context>
+    <name>SaveBar</name>
+    <message>
+        <source>Save</source>
+        <translation>保存</translation>
+    </message>
+    <message>
+        <source>Name of the product</source>
+        <translation>产品名称</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <extracomment>The last widget in the order of the Tab key.</extracomment>
+        <translation>取消</translation>
+    </message>
+    <message>
+        <source>Only letters a to z, digits, - and _; a letter or digit first.</source>
+        <translation>只能用小写字母、数字、- 和 _，以字母或数字开头。</translation>
+    </message>
+    <message>
+        <source>The product keeps its own stages; choose another name.</source>
+        <translation>原产品保留自己的阶段，请换一个名称。</translation>
+    </message>
+    <message>
+        <source>Type a name first.</source>
+        <translation>请先输入名称。</translation>
+    </message>
+</context>
+<context>
+    <name>Sphere</name>
+    <message>
+        <source>— planned</source>
+        <translation>— 计划</translation>
+    </message>
+    <message>
+        <source>- - reserve</source>
+        <translation>- - 备用</translation>
+    </message>
+</context>
+<context>
+    <name>SphereBox</name>
+    <message>
+        <source>Turn the sphere</source>
+        <translation>转动球面</translation>
+    </message>
+    <message>
+        <source>Direction of gravity in the axes of the unit</source>
+        <translation>重力在产品坐标系中的方向</translation>
+    </message>
+    <message>
+        <source>Turn</source>
+        <translation>转动</translation>
     </message>
 </context>
 <context>

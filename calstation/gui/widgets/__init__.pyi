@@ -10,6 +10,12 @@ from .badge import theme_icon as theme_icon
 from .checks_table import ChecksTable as ChecksTable
 from .comparison_table import Compared as Compared
 from .comparison_table import ComparisonTable as ComparisonTable
+from .drawing import VIEWER as VIEWER
+from .drawing import Drawing as Drawing
+from .drawing import basis as basis
+from .drawing import circle as circle
+from .drawing import depth as depth
+from .drawing import screen as screen
 from .exports import FileExport as FileExport
 from .files import ask_file as ask_file
 from .jobs import JobRow as JobRow
@@ -47,6 +53,7 @@ from .parameter_table import align_columns as align_columns
 from .parameter_table import ordered as ordered
 from .plot import LineLabel as LineLabel
 from .plot import LineLabels as LineLabels
+from .plot import LogAxis as LogAxis
 from .plot import NumberAxis as NumberAxis
 from .plot import PlotMenu as PlotMenu
 from .plot import PlotNote as PlotNote

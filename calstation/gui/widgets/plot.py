@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pyqtgraph as pg
 from pyqtgraph.exporters import CSVExporter
 from PySide6.QtCore import QPointF, QRectF, Qt
@@ -19,6 +20,8 @@ from calstation.gui.widgets.zoom_box import ZoomBox
 
 pg.setConfigOptions(antialias=False)
 
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
 
 class NumberAxis(pg.AxisItem):  # type: ignore[misc]
     """A vertical or horizontal axis with minus signs instead of hyphens."""
@@ -26,6 +29,25 @@ class NumberAxis(pg.AxisItem):  # type: ignore[misc]
     def tickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
         """Return the labels of ticks."""
         return [with_minus(text) for text in super().tickStrings(values, scale, spacing)]
+
+
+class LogAxis(pg.AxisItem):  # type: ignore[misc]
+    """A logarithmic axis with labels such as 0.01, 1 and 100, and powers of ten for very large and small values."""
+
+    def logTickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
+        """Return one label per tick."""
+        return [_plain(value) for value in values]
+
+
+def _plain(exponent: float) -> str:
+    """Return the label of a tick; it is empty unless the mantissa is 1, 2 or 5."""
+    power = int(np.floor(exponent + 1e-9))
+    mantissa = round(float(10.0 ** (exponent - power)), 6)
+    if mantissa not in (1.0, 2.0, 5.0):
+        return ""
+    if -4 <= power <= 5:
+        return f"{mantissa * 10.0**power:.6g}"
+    return ("" if mantissa == 1.0 else f"{mantissa:g}·") + f"10{str(power).translate(_RAISED)}"
 
 
 class PlotMenu(QMenu):

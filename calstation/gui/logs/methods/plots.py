@@ -10,29 +10,8 @@ from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QWidget
 
 from calstation.gui.text import with_minus
-from calstation.gui.widgets import PlotNote, ThemedPlot, column, fit_below_note, label, theme
+from calstation.gui.widgets import LogAxis, PlotNote, ThemedPlot, column, fit_below_note, label, theme
 from calstation.physics import FloatArray
-
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-class _PlainLog(pg.AxisItem):  # type: ignore[misc]
-    """A logarithmic axis with labels such as 0.01, 1 and 100, and powers of ten for very large and small values."""
-
-    def logTickStrings(self, values: Sequence[float], scale: float, spacing: float) -> list[str]:
-        """Return one label per tick."""
-        return [_plain(value) for value in values]
-
-
-def _plain(exponent: float) -> str:
-    """Return the label of a tick; it is empty unless the mantissa is 1, 2 or 5."""
-    power = int(np.floor(exponent + 1e-9))
-    mantissa = round(float(10.0 ** (exponent - power)), 6)
-    if mantissa not in (1.0, 2.0, 5.0):
-        return ""
-    if -4 <= power <= 5:
-        return f"{mantissa * 10.0**power:.6g}"
-    return ("" if mantissa == 1.0 else f"{mantissa:g}·") + f"10{str(power).translate(_RAISED)}"
 
 
 class MethodPlot(ThemedPlot):
@@ -43,7 +22,7 @@ class MethodPlot(ThemedPlot):
         self._log = log
         logarithmic = [side for side, chosen in (("left", log), ("bottom", log_x)) if chosen]
         if logarithmic:
-            self.getPlotItem().setAxisItems({side: _PlainLog(side) for side in logarithmic})
+            self.getPlotItem().setAxisItems({side: LogAxis(side) for side in logarithmic})
             self.setLogMode(x=log_x, y=log)
         self.getAxis("left").setWidth(8 * theme.GRID)
         for side in ("left", "bottom"):

@@ -1,0 +1,296 @@
+"""The answer of a search for a schedule: duration and limiting parameter, plots, parameters and robustness."""
+
+from collections.abc import Callable
+
+import numpy as np
+from PySide6.QtCore import QModelIndex, QPersistentModelIndex
+from PySide6.QtGui import QColor, QPainter
+from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
+
+from calstation.config import ScheduleOptions
+from calstation.design import Design, Variation
+from calstation.gui.engineer.designer.plots import FrontPlot, Path3D, PathPlot, SphereBox
+from calstation.gui.engineer.shared_views import ROW, CellTable
+from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
+from calstation.gui.widgets import (
+    Column,
+    EmptyState,
+    JobRow,
+    JobWatch,
+    StateBadge,
+    ViewTabs,
+    button,
+    column,
+    enable,
+    label,
+    panel,
+    row,
+    scroll_area,
+    split,
+    stack,
+    theme,
+)
+from calstation.physics import DEGREE, INDEX, NAMES, display, display_by_unit
+from calstation.results import Preview
+
+_NONE = "–"
+
+Index = QModelIndex | QPersistentModelIndex
+
+
+class RatioBar(QStyledItemDelegate):
+    """Draws the ratio of a row of a `CellTable` as a bar; the whole width is 1, or the largest ratio above it."""
+
+    def paint(self, painter: QPainter, option: QStyleOptionViewItem, index: Index) -> None:
+        """Draw the bar."""
+        table = self.parent()
+        assert isinstance(table, CellTable)
+        ratios = [float(cells["ratio"]) for cells in table.cells.values()]
+        box = option.rect.adjusted(theme.GRID, theme.GRID, -theme.GRID, -theme.GRID)
+        ratio = ratios[index.row()]
+        box.setWidth(max(1, round(box.width() * ratio / max(1.0, *ratios))))
+        painter.fillRect(box, QColor(theme.colours().accent if ratio <= 1.0 else theme.colours().bad))
+
+
+class DesignAnswer(QWidget):
+    """Shows a design; `driving` polls the job of its path, and its buttons call `save`, `copy` and `export`."""
+
+    def __init__(
+        self, driving: JobWatch, save: Callable[[], None], copy: Callable[[], None], export: Callable[[], None]
+    ) -> None:
+        super().__init__()
+        self._design: Design | None = None
+        self._options: ScheduleOptions | None = None
+        self._badge = StateBadge()
+        self._headline = label(kind="section", name="design_headline", wrap=True)
+        self._about = label(kind="muted", name="design_about", wrap=True)
+        self._front, self._path, self._sphere = FrontPlot(), PathPlot(), SphereBox()
+        self._parameters = self._make_parameters()
+        self._variations, self._hidden = self._make_variations(), self._make_hidden()
+        self._sees = label(name="design_sees", wrap=True)
+        self._tabs = ViewTabs("design_views")
+        robustness = QWidget()
+        column(self._variations, self._sees, None, on=robustness)
+        self._driving = EmptyState(JobRow(driving))
+        path = self._drawn = stack(self._driving, split((self._path, 3), (self._sphere, 2)))
+        self._views = stack(
+            panel((self._front, 1)), path, self._parameters, scroll_area(robustness, wide=False), self._hidden
+        )
+        for _ in range(self._views.count()):
+            self._tabs.addTab("")
+        self._tabs.currentChanged.connect(self._views.setCurrentIndex)
+        self._save_button = button("save_as_button", lambda: self.tr("Save as product…"), save)
+        copy_button = button("copy_schedule_button", lambda: self.tr("Copy schedule"), copy)
+        export_button = button("export_design_button", lambda: self.tr("Export"), export)
+        tables = self._parameters, self._variations, self._hidden
+        #: The widgets in the order of the Tab key.
+        self.tab_order = (self._tabs, copy_button, export_button, self._save_button, self._sphere.slider, *tables)
+        column(
+            row(self._badge, (self._headline, 1), spacing=2 * theme.GRID),
+            self._about,
+            row(self._tabs, None, copy_button, export_button, self._save_button),
+            (self._views, 1),
+            on=self,
+            spacing=theme.GRID // 2,
+        )
+        on_language_change(self, self._show_texts)
+
+    def show_design(self, design: Design, options: ScheduleOptions) -> None:
+        """Show a design for the product and table of these options."""
+        self._design, self._options = design, options
+        self._front.show_design(design)
+        self._drawn.setCurrentIndex(0)
+        self._show_texts()
+
+    def show_path(self, preview: Preview) -> None:
+        """Show the motion of the design."""
+        assert self._design is not None
+        assert self._options is not None
+        path = Path3D(self._design, preview, self._options.geometry)
+        self._path.show_path(path)
+        self._sphere.sphere.show_path(path)
+        self._drawn.setCurrentIndex(1)
+
+    def lock(self, why: str) -> None:
+        """Disable saving for the given reason; "" enables it."""
+        enable(self._save_button, why, self.tr("Saves a product with this schedule in place of its stages"))
+
+    def _make_parameters(self) -> CellTable:
+        table = CellTable("design_parameters")
+        table.parameters.set_columns(
+            (
+                table.column(lambda: self.tr("Unit"), "unit", number=False),
+                table.column(lambda: self.tr("σ planned"), "sigma"),
+                table.column(lambda: self.tr("σ limit"), "limit"),
+                Column(
+                    lambda: self.tr("σ / limit"),
+                    lambda name: table.cells[name]["ratio"],
+                    state=lambda name: table.cells[name].get("state"),
+                ),
+                Column(str, lambda _: "", number=False),
+            )
+        )
+        table.setItemDelegateForColumn(table.model().columnCount() - 1, RatioBar(table))
+        return table
+
+    def _make_variations(self) -> CellTable:
+        table = CellTable("design_variations")
+        table.verticalHeader().hide()
+        table.parameters.set_columns(
+            (
+                Column(
+                    lambda: self.tr("Condition"),
+                    lambda name: table.cells[name]["condition"],
+                    number=False,
+                    state=lambda name: table.cells[name]["state"],
+                ),
+                table.column(lambda: self.tr("Reached after"), "reached"),
+                table.column(lambda: self.tr("Largest σ / target then"), "worst"),
+            )
+        )
+        return table
+
+    def _make_hidden(self) -> CellTable:
+        table = CellTable("design_hidden")
+        table.verticalHeader().hide()
+        table.parameters.set_columns(
+            (
+                table.column(lambda: self.tr("Effect"), "effect", number=False),
+                table.column(lambda: self.tr("Hidden up to"), "size"),
+                table.column(lambda: self.tr("Unit"), "unit", number=False),
+                table.column(lambda: self.tr("It moves most"), "moved", number=False),
+                table.column(lambda: self.tr("by, σ"), "move"),
+            )
+        )
+        return table
+
+    def _show_texts(self) -> None:
+        titles = [self.tr("Duration"), self.tr("Path"), self.tr("Parameters"), self.tr("Robustness")]
+        titles.append(self.tr("Hidden effects"))
+        for index, title in enumerate(titles):
+            self._tabs.setTabText(index, title)
+        for table, title in zip((self._parameters, self._variations, self._hidden), titles[2:], strict=True):
+            table.setAccessibleName(title)
+        self._driving.say(self.tr("Computing the path"), "")
+        design, options = self._design, self._options
+        if design is None or options is None:
+            return
+        self._badge.show_state(*_verdict(design))
+        self._headline.setText(_headline(design))
+        self._about.setText(_about(design, options))
+        self._sees.setText("\n".join(_sees(design)))
+        self._parameters.show_cells(_parameter_cells(design), ("sigma", "limit", "ratio"))
+        conditions = _variation_cells(design)
+        self._variations.show_cells(conditions)
+        header = self._variations.horizontalHeader().sizeHint().height()
+        self._variations.setFixedHeight(header + ROW * len(conditions) + theme.GRID // 2)
+        self._hidden.show_cells(_hidden_cells(design), ("size", "move"))
+
+
+def _verdict(design: Design) -> tuple[str, str]:
+    """Return the shape and the text of the badge."""
+    if design.worst > 1.0:
+        return "caution", say("engineer.design_missed")
+    if design.duration >= design.present:
+        return "caution", say("engineer.design_not_shorter")
+    return "good", say("engineer.design_reached")
+
+
+def _headline(design: Design) -> str:
+    values = {
+        "duration": duration_text(design.duration),
+        "longest": duration_text(design.longest),
+        "present": duration_text(design.present),
+        "times": design.present / design.duration,
+    }
+    reserve = design.longest > design.duration
+    first = say(f"engineer.design_{'with' if reserve else 'without'}_reserve", **values)
+    limiting = say("engineer.design_limiting", parameter=design.limiting, worst=design.worst)
+    return f"{first}\n{limiting}"
+
+
+def _about(design: Design, options: ScheduleOptions) -> str:
+    return say(
+        "engineer.design_made",
+        product=product_text(options.name),
+        station=options.station,
+        planned=design.planned,
+        reserve=len(design.moves) - design.planned,
+        rate=design.rate_dps,
+        acceleration=design.acceleration_dps2,
+        seconds=duration_text(design.seconds),
+    )
+
+
+def _parameter_cells(design: Design) -> dict[str, dict[str, str]]:
+    """Return the rows of all parameters with a limit, the limiting one first."""
+    cells = {}
+    for i in np.argsort(-design.ratios):
+        name, ratio = NAMES[i], float(design.ratios[i])
+        if not np.isfinite(design.limits[i]):
+            continue
+        sigma, unit = display(name, float(design.sigma[i]))
+        cells[name] = {
+            "unit": unit,
+            "sigma": f"{sigma:.3g}",
+            "limit": f"{display(name, float(design.limits[i]))[0]:.3g}",
+            "ratio": f"{ratio:.3f}",
+            "state": "good" if ratio <= 1.0 else "bad",
+        }
+    return cells
+
+
+def _variation_cells(design: Design) -> dict[str, dict[str, str]]:
+    """Return the rows of the conditions; of several with the same name, that of the worst."""
+    cells = {}
+    for variation in sorted(design.variations, key=_by_severity):
+        angle = variation.value if variation.name == "noise" else float(np.rad2deg(variation.value))
+        condition = say(f"engineer.design_{variation.name}", value=angle)
+        reached = variation.duration
+        cells[condition] = {
+            "condition": condition,
+            "reached": term("engineer", "missed") if reached is None else duration_text(reached),
+            "worst": f"{variation.worst:.2f}",
+            "state": "caution" if reached is None else "good",
+        }
+    return cells
+
+
+def _by_severity(variation: Variation) -> tuple[bool, float, float]:
+    return variation.duration is None, variation.duration or 0.0, variation.worst
+
+
+def _hidden_cells(design: Design) -> dict[str, dict[str, str]]:
+    """Return the rows of the effects, those that leave the largest error first."""
+    cells = {}
+    for number, limit in enumerate(sorted(design.hidden, key=lambda limit: -limit.move)):
+        if limit.parameter:
+            effect = say("engineer.design_drift", parameter=limit.parameter)
+            size, unit = display(limit.parameter, limit.size)
+        else:
+            effect = f"{term('group', limit.cause)} {limit.component}".strip()
+            size, unit = display_by_unit(limit.unit, limit.size)
+        seen = bool(np.isfinite(limit.size))
+        cells[str(number)] = {
+            "effect": effect,
+            "size": f"{size:.3g}" if seen else "∞",
+            "unit": unit,
+            "moved": parameter_text(limit.moved) if limit.moved in INDEX else _NONE,
+            "move": f"{limit.move:.1f}" if seen else _NONE,
+        }
+    return cells
+
+
+def _sees(design: Design) -> list[str]:
+    """Return the sentences about rests, latitude and noise."""
+    longest = max(design.rests)
+    if design.gravity_rest is None:
+        sentences = [say("engineer.design_rests", count=len(design.rests), longest=longest)]
+    else:
+        count = sum(rest >= design.gravity_rest for rest in design.rests)
+        sentences = [say("engineer.design_long_rests", count=count, shortest=design.gravity_rest, longest=longest)]
+    if design.latitude_sigma is None:
+        sentences.append(say("engineer.design_no_latitude"))
+    else:
+        sentences.append(say("engineer.design_latitude", sigma=design.latitude_sigma / DEGREE))
+    return [*sentences, say("engineer.design_noise_seen", percent=100.0 * design.noise_seen)]

@@ -1,0 +1,158 @@
+"""The form of a search for a schedule."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtCore import QLocale, Qt
+from PySide6.QtWidgets import QAbstractSpinBox, QComboBox, QDoubleSpinBox, QFrame, QVBoxLayout, QWidget
+
+from calstation import design
+from calstation.config import ScheduleOptions
+from calstation.gui.text import bind, on_language_change
+from calstation.gui.widgets import Words, button, column, enable, label, row, show_text, theme
+
+if TYPE_CHECKING:
+    from calstation.design import DesignRequest
+
+#: Goals of a search.
+SHORTEST, GIVEN_TIME, AS_PRESENT = "shortest", "given_time", "as_present"
+
+
+class DesignForm(QFrame):
+    """Goal, margin or duration, time for the search, and speeds; its button calls `begin`."""
+
+    def __init__(self, begin: Callable[[], None]) -> None:
+        super().__init__()
+        self.setProperty("kind", "panel")
+        self._goal = QComboBox()
+        self._goal.setObjectName("design_goal_combo")
+        for goal in (SHORTEST, GIVEN_TIME, AS_PRESENT):
+            self._goal.addItem("", goal)
+        self._goal.currentIndexChanged.connect(lambda _: self._show_goal())
+        self._margin = _spin("design_margin_spin", 0.05, 1.0, 0.05, 2)
+        self._minutes = _spin("design_minutes_spin", 0.5, 60.0, 0.5, 1)
+        self._search = _spin("design_search_spin", 0.0, 3600.0, 10.0, 0)
+        self._rate = _spin("design_rate_spin", 0.0, 1000.0, 1.0, 1)
+        self._acceleration = _spin("design_acceleration_spin", 0.0, 1000.0, 1.0, 1)
+        self._seed = _spin("design_seed_spin", 0.0, 9999.0, 1.0, 0)
+        self._margin.setValue(0.8)
+        self._minutes.setValue(5.0)
+        self.button = button("design_button", lambda: self.tr("Design"), begin, kind="primary")
+        self._more = button("design_more_button", lambda: self.tr("Advanced"))
+        self._more.setCheckable(True)
+        self._advanced = self._make_advanced()
+        self._advanced.hide()
+        self._more.toggled.connect(self._advanced.setVisible)
+        self._reason = label(kind="muted", name="design_reason_label", wrap=True)
+        self._margin_box = _captioned(
+            lambda: self.tr("Margin"),
+            self._margin,
+            lambda: self.tr("Every σ must fall below this fraction of its limit"),
+        )
+        self._minutes_box = _captioned(
+            lambda: self.tr("Duration, min"), self._minutes, lambda: self.tr("Duration of the stage")
+        )
+        search = _captioned(
+            lambda: self.tr("Search for, s"),
+            self._search,
+            lambda: self.tr("A longer search finds shorter schedules; usual: one to three minutes"),
+        )
+        goal_box = column(label(lambda: self.tr("Goal"), buddy=self._goal), self._goal, spacing=0)
+        buttons = column(None, row(self._more, self.button))
+        column(
+            row((goal_box, 1), self._margin_box, self._minutes_box, search, buttons, spacing=2 * theme.GRID),
+            self._advanced,
+            self._reason,
+            on=self,
+            margins=(2 * theme.GRID, theme.GRID // 2, theme.GRID, theme.GRID),
+        )
+        on_language_change(self, self._show_texts)
+
+    def _make_advanced(self) -> QWidget:
+        made = QWidget()
+        rate = _captioned(
+            lambda: self.tr("Rate, °/s"),
+            self._rate,
+            lambda: self.tr("Automatic: 85 % of the table's largest rate, at most 80 % of the gyros' range"),
+        )
+        acceleration = _captioned(
+            lambda: self.tr("Acceleration, °/s²"),
+            self._acceleration,
+            lambda: self.tr("Automatic: 75 % of the table's largest acceleration"),
+        )
+        seed = _captioned(
+            lambda: self.tr("Seed"), self._seed, lambda: self.tr("Another number makes another random search")
+        )
+        row(rate, acceleration, seed, None, on=made, spacing=2 * theme.GRID)
+        return made
+
+    @property
+    def goal(self) -> str:
+        """The goal chosen."""
+        return str(self._goal.currentData())
+
+    def offer(self, options: ScheduleOptions) -> None:
+        """Limit the speeds to those of a table."""
+        self._rate.setMaximum(options.rate)
+        self._acceleration.setMaximum(options.acceleration)
+
+    def lock(self, why: str, *, shown: bool) -> None:
+        """Disable the button for the given reason, which is also `shown` below the form; "" enables it."""
+        enable(self.button, why, self.tr("Computed without moving the table; takes one to three minutes"))
+        show_text(self._reason, why if shown else "")
+
+    def request(self, station: Path | None, product: Path, stop: Path) -> "DesignRequest":
+        """Return the request for a product on a station; `stop` ends the search."""
+        goal = self.goal
+        return design.DesignRequest(
+            station=station,
+            product=product,
+            margin=1.0 if goal == AS_PRESENT else self._margin.value(),
+            duration=60.0 * self._minutes.value() if goal == GIVEN_TIME else None,
+            as_present=goal == AS_PRESENT,
+            time_limit=self._search.value() or None,
+            seed=round(self._seed.value()),
+            rate_dps=self._rate.value() or None,
+            acceleration_dps2=self._acceleration.value() or None,
+            stop=stop,
+        )
+
+    def _show_goal(self) -> None:
+        for box, goal in ((self._margin_box, SHORTEST), (self._minutes_box, GIVEN_TIME)):
+            box.setVisible(self.goal == goal)
+
+    def _show_texts(self) -> None:
+        goals = (
+            self.tr("Shortest that reaches the limits"),
+            self.tr("Smallest σ in a given time"),
+            self.tr("Shortest as good as the present stages"),
+        )
+        for index, text in enumerate(goals):
+            self._goal.setItemText(index, text)
+        self._search.setSpecialValueText(self.tr("usual"))
+        for spin in (self._rate, self._acceleration):
+            spin.setSpecialValueText(self.tr("automatic"))
+        self._show_goal()
+
+
+def _spin(name: str, low: float, high: float, step: float, decimals: int) -> QDoubleSpinBox:
+    made = QDoubleSpinBox()
+    made.setObjectName(name)
+    made.setLocale(QLocale.c())
+    made.setDecimals(decimals)
+    made.setRange(low, high)
+    made.setSingleStep(step)
+    made.setButtonSymbols(QAbstractSpinBox.ButtonSymbols.NoButtons)
+    made.setAlignment(Qt.AlignmentFlag.AlignRight)
+    made.setMinimumWidth(11 * theme.GRID)
+    return made
+
+
+def _captioned(caption: Words, spin: QDoubleSpinBox, tip: Words) -> QWidget:
+    made = QWidget()
+    box: QVBoxLayout = column(label(caption, buddy=spin), spin, on=made, spacing=0)
+    box.setStretch(1, 0)
+    bind(spin.setAccessibleName, caption)
+    bind(spin.setToolTip, tip)
+    return made

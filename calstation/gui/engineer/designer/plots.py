@@ -1,0 +1,278 @@
+"""Plots of a design: duration against worst sigma, joint angles over time, and the directions of gravity visited."""
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QSlider, QWidget
+
+from calstation.design import Design
+from calstation.gui.engineer.preview import MotionPlot
+from calstation.gui.engineer.shared_views import Band, dashed, time_unit
+from calstation.gui.text import bind
+from calstation.gui.widgets import (
+    VIEWER,
+    LogAxis,
+    PlotNote,
+    ThemedPlot,
+    circle,
+    column,
+    label,
+    row,
+    screen,
+    theme,
+)
+from calstation.physics import BoolArray, FloatArray, TableGeometry, axis_rotation
+from calstation.results import Preview
+
+#: Largest turn of a joint between two points of the drawn path, rad.
+_STEP = np.deg2rad(4.0)
+#: Range of the ratios shown; the first moves are far above it.
+_HIGHEST = 30.0
+#: Degrees that an arrow key turns the sphere.
+_TURN = 10
+
+
+class FrontPlot(ThemedPlot):
+    """The smallest worst ratio of a sigma to its limit found for each duration, with the schedule chosen."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.getPlotItem().setAxisItems({"left": LogAxis("left")})
+        self.setLogMode(y=True)
+        self.getAxis("left").setStyle(tickFont=theme.font())
+        self.getAxis("left").setWidth(9 * theme.GRID)
+        self.getAxis("left").enableAutoSIPrefix(False)
+        self.getAxis("left").label.setFont(theme.font())
+        self.getViewBox().setDefaultPadding(0.08)
+        self.showGrid(x=True, y=True, alpha=0.15)
+        self._note = PlotNote(self.getViewBox())
+        self._note.setAnchor((1, 0))  # the curve descends from the left
+        self.getViewBox().sigResized.connect(lambda box: self._note.setPos(box.width() - 4, 0))
+        self._design: Design | None = None
+        self.apply_theme()
+        theme.on_appearance_change(self, self._draw)
+
+    def show_design(self, design: Design) -> None:
+        """Show the front of a design."""
+        self._design = design
+        self._draw()
+
+    def _draw(self) -> None:
+        self.setLabel("left", self.tr("largest σ / limit"))
+        design = self._design
+        if design is None:
+            return
+        c = theme.colours()
+        self.getPlotItem().clear()
+        chosen = np.array([(design.duration, design.worst)])
+        better = [p for p in design.front if p[0] < design.duration or p[1] < design.worst]
+        front = np.array(sorted([*better, (design.duration, design.worst)]))
+        size = time_unit(float(front[-1, 0]))
+        self.setLabel("bottom", self.tr("duration, s") if size == 1.0 else self.tr("duration, min"))
+        found = pg.PlotDataItem(front[:, 0] / size, front[:, 1], pen=pg.mkPen(c.accent, width=1), name="found")
+        found.setSymbol("o")
+        found.setSymbolSize(5)
+        found.setSymbolBrush(c.accent)
+        found.setSymbolPen(None)
+        mark = pg.PlotDataItem(chosen[:, 0] / size, chosen[:, 1], pen=None, name="chosen")
+        mark.setSymbol("d")
+        mark.setSymbolSize(16)
+        mark.setSymbolBrush(c.good)
+        mark.setSymbolPen(c.panel)
+        low, high = float(front[:, 1].min()), float(front[:, 1].max())
+        self.setYRange(np.log10(0.8 * low), np.log10(min(high, _HIGHEST * low)), padding=0.0)
+        self.addItem(found)
+        self.addItem(pg.InfiniteLine(np.log10(design.margin), 0, pen=dashed(c.bad)))
+        self.addItem(mark)
+        self._note.say(
+            [
+                (self.tr("● found during the search"), c.accent),
+                (self.tr("◆ chosen"), c.good),
+                (self.tr("– – margin {0:.2f}").format(design.margin), c.bad),
+            ]
+        )
+
+
+@dataclass(frozen=True)
+class Path3D:
+    """The motion of a design as the plots need it."""
+
+    design: Design
+    preview: Preview
+    geometry: TableGeometry
+
+    @property
+    def visited(self) -> tuple[FloatArray, FloatArray]:
+        """Times, s, shape (n,), and directions of gravity in the body frame, shape (n, 3), close to each other."""
+        p = self.preview
+        turns = np.maximum(np.abs(np.diff(p.outer)), np.abs(np.diff(p.inner)))
+        knots = np.arange(len(p.time), dtype=np.float64)
+        between = [np.linspace(k, k + 1.0, 1 + int(n / _STEP), endpoint=False) for k, n in enumerate(turns)]
+        fine = np.concatenate([*between, knots[-1:]])
+        time, outer, inner = (np.interp(fine, knots, values) for values in (p.time, p.outer, p.inner))
+        return time, self.down(outer, inner)
+
+    @property
+    def rests(self) -> FloatArray:
+        """Directions of gravity in the body frame at the rests, shape (moves, 3)."""
+        angles = np.deg2rad([move[:2] for move in self.design.moves])
+        return self.down(angles[:, 0], angles[:, 1])
+
+    def down(self, outer: FloatArray, inner: FloatArray) -> FloatArray:
+        """Return directions of gravity in the body frame, shape (n, 3), at joint angles, rad, shape (n,)."""
+        return np.array([-self.geometry.body_to_home(a, b)[2] for a, b in zip(outer, inner, strict=True)])
+
+
+class PathPlot(MotionPlot):
+    """The angles of both joints against time, with the planned part and the reserve."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._planned = 0.0
+
+    def show_path(self, path: Path3D) -> None:
+        """Show the motion of a design."""
+        self._planned = path.design.duration
+        self.show_data(path.preview)
+
+    def bands(self, preview: Preview) -> list[Band]:
+        """Return the planned part and the reserve, if there is one."""
+        size = time_unit(preview.duration)
+        planned, end = self._planned / size, preview.duration / size
+        bands = [(self.tr("planned"), 0.0, planned)]
+        return [*bands, (self.tr("reserve"), planned, end)] if end > planned * 1.001 else bands
+
+
+class Sphere(ThemedPlot):
+    """The path of the direction of gravity on a sphere in the body frame, with the rests numbered in order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._path: Path3D | None = None
+        self._points: list[tuple[FloatArray, FloatArray]] = []
+        self._turn = 0.0
+        for side in ("left", "bottom"):
+            self.hideAxis(side)
+        self.setAspectLocked(True)
+        self.getViewBox().invertY()
+        self._note = PlotNote(self.getViewBox())
+        theme.on_appearance_change(self, self._draw)
+
+    def show_path(self, path: Path3D) -> None:
+        """Show the motion of a design."""
+        self._path = path
+        time, down = path.visited
+        planned = time <= path.design.duration + 1e-6
+        self._points = [(time[planned], down[planned]), (time[~planned], down[~planned])]
+        self._draw()
+
+    def turn(self, degrees: int) -> None:
+        """Turn the sphere about its vertical axis."""
+        self._turn = float(np.deg2rad(degrees))
+        self._draw()
+
+    def write_csv(self, target: Path) -> None:
+        """Write times and directions of gravity in the body frame."""
+        with target.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow(["time_s", "down_x", "down_y", "down_z", "part"])
+            for part, (time, down) in zip(("planned", "reserve"), self._points, strict=False):
+                writer.writerows([t, *d, part] for t, d in zip(time.tolist(), down.tolist(), strict=True))
+
+    def _draw(self) -> None:
+        path = self._path
+        if path is None:
+            return
+        c = theme.colours()
+        self.getPlotItem().clear()
+        self._line(circle(VIEWER) @ self._view, c.line, faint=False)
+        for axis, name in enumerate("xyz"):
+            ends = np.outer((-1.0, 1.0), np.eye(3)[axis])
+            self._line(circle(np.eye(3)[axis]), c.line, width=1)
+            self._line(ends, theme.AXIS_COLOURS[name], width=1)
+            text = pg.TextItem(name, color=theme.axis_text(name), anchor=(0.5, 0.5))
+            text.setFont(theme.font(theme.SECTION, bold=True))
+            text.setPos(*self._on_screen(1.14 * ends[1:])[0])
+            self.addItem(text)
+        planned, reserve = (down for _, down in self._points)
+        self._line(reserve, c.muted, width=2, style=Qt.PenStyle.DashLine)
+        self._line(planned, c.accent, width=2)
+        self._draw_rests(path)
+        note = [(self.tr("— planned"), c.accent)]
+        if len(self._points[1][0]):
+            note.append((self.tr("- - reserve"), c.muted))
+        self._note.say(note)
+        self.setRange(xRange=(-1.2, 1.2), yRange=(-1.2, 1.2), padding=0.0)
+
+    def _draw_rests(self, path: Path3D) -> None:
+        """Draw a dot for every attitude of a planned rest, with the numbers of the rests there."""
+        c = theme.colours()
+        found: dict[tuple[float, ...], list[int]] = {}
+        for number, down in enumerate(path.rests[: path.design.planned], start=1):
+            found.setdefault(tuple(np.round(down, 3).tolist()), []).append(number)
+        for place, numbers in found.items():
+            down = np.array([place])
+            front = bool(self._in_front(down)[0])
+            at = self._on_screen(down)[0]
+            dot = pg.ScatterPlotItem([at[0]], [at[1]], size=9 if front else 6, pen=pg.mkPen(c.panel))
+            dot.setBrush(theme.faint(c.text, 255 if front else 110))
+            self.addItem(dot)
+            shown = ", ".join(map(str, numbers[:3])) + (" …" if len(numbers) > 3 else "")
+            text = pg.TextItem(shown, color=c.text if front else c.muted, anchor=(-0.1, 1.0))
+            text.setFont(theme.font(12))
+            text.setPos(*at)
+            self.addItem(text, ignoreBounds=True)
+
+    def _line(
+        self,
+        points: FloatArray,
+        colour: str,
+        *,
+        width: float = 1.0,
+        style: Qt.PenStyle = Qt.PenStyle.SolidLine,
+        faint: bool = True,
+    ) -> None:
+        """Draw a line, shape (n, 3) in the body frame, faint behind the sphere if `faint`."""
+        if len(points) < 2:
+            return
+        at, front = self._on_screen(points), self._in_front(points)
+        sides = ((front, 255), (~front, 90)) if faint else ((np.ones(len(points), dtype=bool), 255),)
+        for side, alpha in sides:
+            joined = np.append(side[:-1] | side[1:] if alpha == 255 else side[:-1] & side[1:], False)
+            pen = pg.mkPen(theme.faint(colour, alpha), width=width, style=style)
+            self.addItem(pg.PlotCurveItem(at[:, 0], at[:, 1], connect=joined.astype(np.int32), pen=pen, antialias=True))
+
+    @property
+    def _view(self) -> FloatArray:
+        """Rotation of the body frame to the drawing, shape (3, 3)."""
+        return np.asarray(axis_rotation((0.0, 0.0, 1.0), self._turn))
+
+    def _in_front(self, points: FloatArray) -> BoolArray:
+        """Return for each point whether it is on the side of the viewer, shape (n,)."""
+        return np.asarray(points @ self._view.T @ VIEWER >= 0.0)
+
+    def _on_screen(self, points: FloatArray) -> FloatArray:
+        """Project points, shape (n, 3), onto the screen, shape (n, 2)."""
+        return np.array([screen(point).toTuple() for point in points @ self._view.T])
+
+
+class SphereBox(QWidget):
+    """The sphere and a slider that turns it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.sphere = Sphere()
+        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setObjectName("design_turn_slider")
+        self.slider.setRange(-180, 180)
+        self.slider.setSingleStep(_TURN)
+        self.slider.setPageStep(3 * _TURN)
+        self.slider.valueChanged.connect(self.sphere.turn)
+        bind(self.slider.setAccessibleName, lambda: self.tr("Turn the sphere"))
+        title = label(lambda: self.tr("Direction of gravity in the axes of the unit"), "muted", wrap=True)
+        turn = label(lambda: self.tr("Turn"), buddy=self.slider)
+        column(title, (self.sphere, 1), row(turn, (self.slider, 1)), on=self, spacing=theme.GRID // 2)

@@ -1,0 +1,251 @@
+"""The schedule designer: starts and ends a search, shows its progress and answer, and saves the answer."""
+
+import json
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import QWidget
+
+from calstation import design
+from calstation.config import RunRequest, ScheduleOptions, Version
+from calstation.errors import CalstationError
+from calstation.gui.engineer.designer.form import GIVEN_TIME, DesignForm
+from calstation.gui.engineer.designer.save_bar import SaveBar
+from calstation.gui.shell import AppContext
+from calstation.gui.text import duration_text, error_text, on_language_change, say
+from calstation.gui.widgets import (
+    Choice,
+    EmptyState,
+    JobRow,
+    JobWatch,
+    NoticeBar,
+    ask_file,
+    button,
+    column,
+    enable,
+    label,
+    row,
+    show_text,
+    stack,
+    theme,
+)
+from calstation.results import Preview, compute_preview
+
+if TYPE_CHECKING:
+    from calstation.design import Design
+    from calstation.gui.engineer.designer.answer import DesignAnswer
+
+
+class DesignView(QWidget):
+    """Designs a schedule for the product on the station; `author` returns the engineer's name."""
+
+    def __init__(self, app: AppContext, notice: NoticeBar, author: Callable[[], str]) -> None:
+        super().__init__()
+        self._app, self._notice, self._author = app, notice, author
+        self._options: ScheduleOptions | None = None
+        #: Product and table of the answer, and those and the station file of the current search.
+        self._designed: ScheduleOptions | None = None
+        self._searched: tuple[ScheduleOptions, Path | None] | None = None
+        self._design: Design | None = None
+        self._answer: DesignAnswer | None = None
+        self._why_not = self._why_not_save = ""
+        self._goal = ""
+        self._error: CalstationError | None = None
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        self._stopping = False
+        self.watch = JobWatch(self, self._found, self._failed, self._refresh)
+        self.driving, self._saving = JobWatch(self, self._driven), JobWatch(self, self._saved)
+        self.form = DesignForm(self._begin)
+        self._job = JobRow(self.watch, "cancel_design_button", self._progress_text)
+        self._stop_button = button("stop_design_button", lambda: self.tr("Stop with the best so far"), self._stop)
+        self._progress = QWidget()
+        row((self._job, 1), self._stop_button, on=self._progress)
+        self._problem = label(kind="error", name="design_problem", wrap=True)
+        self.save_bar = SaveBar(self._save)
+        self._empty = EmptyState()
+        self._stack = stack(self._empty)
+        column(
+            self.form,
+            self._progress,
+            self._problem,
+            self.save_bar,
+            (self._stack, 1),
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        self.watch.busy_changed.connect(self._end)
+        for watch in (self.watch, self._saving):
+            watch.busy_changed.connect(self._refresh)
+        notice.report_failures(self._saving, lambda: self.tr("The product was not saved"), self.setFocus)
+        notice.report_failures(self.driving, lambda: self.tr("The path cannot be drawn"), self.setFocus)
+        on_language_change(self, self._show_texts)
+
+    @property
+    def answer(self) -> "DesignAnswer":
+        """The view of the answer, made at its first use."""
+        if self._answer is None:
+            from calstation.gui.engineer.designer.answer import DesignAnswer  # it needs the solvers
+
+            self._answer = DesignAnswer(self.driving, self._ask_name, self._copy, self._ask_file)
+            self._stack.addWidget(self._answer)
+            for before, after in pairwise((self.save_bar.last, *self._answer.tab_order)):
+                QWidget.setTabOrder(before, after)
+        return self._answer
+
+    def offer(self, options: ScheduleOptions | None) -> None:
+        """Design for this product and station from now on; None if they cannot be used."""
+        self._options = options
+        if options is not None:
+            self.form.offer(options)
+
+    def lock(self, why: str, why_not_save: str) -> None:
+        """Disable the search and saving for the given reasons; "" enables them."""
+        options = self._options
+        if not why and options is not None and (options.by_hand or options.geometry.gimbal is not None):
+            why = say("engineer.design_needs_table")
+        self._why_not, self._why_not_save = why, why_not_save
+        self._refresh()
+
+    # ---- the search
+
+    def _begin(self) -> None:
+        assert self._options is not None
+        self._searched = self._options, self._app.station_path
+        self._goal, self._stopping, self._error = self.form.goal, False, None
+        self.driving.cancel()
+        self.save_bar.hide()
+        self._folder = tempfile.TemporaryDirectory(prefix="calstation-")
+        request = self.form.request(self._app.station_path, self._options.product, self._stop_file)
+        self.watch.watch(self._app.job_queue.submit(design.design_schedule, request))
+
+    @property
+    def _stop_file(self) -> Path:
+        """File that ends the search."""
+        assert self._folder is not None
+        return Path(self._folder.name) / "stop"
+
+    def _stop(self) -> None:
+        self._stop_file.touch()
+        self._stopping = True
+        self._refresh()
+
+    def _end(self) -> None:
+        if not self.watch.busy and self._folder is not None:
+            self._folder.cleanup()
+            self._folder = None
+
+    def _progress_text(self) -> str:
+        job = self.watch.job
+        note = "" if job is None else job.note
+        if note in ("checking", "present"):
+            return say(f"engineer.design_{note}")
+        if self._stopping:
+            return say("engineer.design_stopping")
+        if note in ("", "inf"):
+            return say("engineer.design_searching")
+        if self._goal == GIVEN_TIME:
+            return say("engineer.design_best_ratio", ratio=float(note))
+        return say("engineer.design_best_duration", duration=duration_text(float(note)))
+
+    def _found(self, found: "Design") -> None:
+        assert self._searched is not None
+        self._design, (self._designed, station) = found, self._searched
+        self.answer.show_design(found, self._designed)
+        self._stack.setCurrentWidget(self.answer)
+        schedule = {
+            "moves": [list(move) for move in found.moves],
+            "rate_dps": found.rate_dps,
+            "acceleration_dps2": found.acceleration_dps2,
+            "stop_at_limits": False,
+        }
+        stage = design.STAGE
+        request = RunRequest(
+            "-", station, self._designed.product, (stage,), self._app.runs_folder, schedule={stage: schedule}
+        )
+        self.driving.watch(self._app.job_queue.submit(compute_preview, request))
+        self._refresh()
+
+    def _driven(self, preview: Preview) -> None:
+        self.answer.show_path(preview)
+
+    def _failed(self, error: CalstationError) -> None:
+        self._error = error
+        self._refresh()
+
+    # ---- the answer
+
+    def _ask_name(self) -> None:
+        assert self._designed is not None
+        self.save_bar.ask(self._designed.product.stem)
+
+    def _save(self, name: str) -> None:
+        assert self._design is not None
+        assert self._designed is not None
+        work = design.save_design, self._designed.product, name, self._design, self._author()
+        self._saving.watch(self._app.job_queue.submit(*work, cancellable=False))
+
+    def _saved(self, saved: tuple[Path, Version]) -> None:
+        path, version = saved
+        self._notice.ask(
+            "good",
+            lambda: say("engineer.saved", product=version.name, number=version.number),
+            lambda: say("engineer.design_saved"),
+            (
+                Choice("keep_product_button", lambda: self.tr("Keep the present product"), self.setFocus),
+                Choice(
+                    "select_product_button",
+                    lambda: self.tr("Select {0}").format(version.name),
+                    partial(self._app.set_product, path),
+                    primary=True,
+                ),
+            ),
+        )
+
+    def _copy(self) -> None:
+        assert self._design is not None
+        QGuiApplication.clipboard().setText(_schedule_text(self._design))
+
+    def _ask_file(self) -> None:
+        assert self._designed is not None
+        name = Path(f"{self._designed.product.stem}_design.json")
+        ask_file(self, self.tr("Save the design"), name, ["JSON (*.json)"], self._export)
+
+    def _export(self, target: Path) -> None:
+        assert self._design is not None
+        text = json.dumps(self._design.to_json(), indent=1, ensure_ascii=False) + "\n"
+        target.write_text(text, encoding="utf-8")
+
+    # ---- state
+
+    def _show_texts(self) -> None:
+        self._empty.say(say("engineer.design_empty"), say("engineer.design_about"))
+        self._refresh()
+
+    def _refresh(self) -> None:
+        busy = self.watch.busy
+        self._progress.setVisible(busy)
+        enable(self._stop_button, say("engineer.design_stopping") if self._stopping else "")
+        self.form.lock(say("engineer.design_running") if busy else self._why_not, shown=not busy)
+        show_text(self._problem, "" if busy or self._error is None else error_text(self._error).sentences)
+        why_not_save = say("engineer.saving") if self._saving.busy else self._why_not_save
+        self.save_bar.lock(why_not_save)
+        if self._answer is not None:
+            self._answer.lock(why_not_save)
+
+
+def _schedule_text(found: "Design") -> str:
+    """Return the schedule as it is written in a product file, with a line for every move."""
+    values = found.schedule()
+    moves = values.pop("moves")
+    targets = values.pop("targets", None)
+    lines = [f"[schedule.{design.STAGE}]"]
+    lines += [f"{key} = {json.dumps(value)}" for key, value in values.items()]
+    lines += ["moves = [", *(f"    {json.dumps(move)}," for move in moves), "]"]
+    if targets is not None:
+        lines += [f"[schedule.{design.STAGE}.targets]", *(f"{key} = {value!r}" for key, value in targets.items())]
+    return "\n".join(lines) + "\n"

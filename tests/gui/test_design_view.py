@@ -1,0 +1,325 @@
+"""The schedule designer on the engineer page, operated by clicks: form, progress, answer, saving and export."""
+
+import json
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QGuiApplication
+from PySide6.QtWidgets import (
+    QComboBox,
+    QDoubleSpinBox,
+    QFileDialog,
+    QLabel,
+    QLineEdit,
+    QPushButton,
+    QSlider,
+    QTabBar,
+)
+
+from calstation.config import library, versions
+from calstation.gui.engineer.designer.answer import DesignAnswer
+from calstation.gui.engineer.designer.form import DesignForm
+from calstation.gui.engineer.designer.plots import FrontPlot, Sphere
+from calstation.gui.engineer.designer.view import DesignView
+from calstation.gui.widgets.layout import PageArea
+from tests.gui import design_jobs
+from tests.gui.conftest import SiteFolder
+from tests.gui.test_engineer_page import Engineer
+
+DESIGN_VIEW = 6
+
+
+class Designer(Engineer):
+    """Operates the designer."""
+
+    def open_view(self) -> "Designer":
+        """Show the designer."""
+        self.open_page()
+        self.show_view(DESIGN_VIEW)
+        return self
+
+    def design(self) -> None:
+        """Press Design and wait for the answer and its path."""
+        self.press("design_button")
+        self.until(lambda: not (self.view.watch.busy or self.view.driving.busy))
+
+    def show_answer(self, number: int) -> None:
+        """Show a part of the answer: duration, path, parameters, robustness, hidden effects."""
+        self.widget("design_views", QTabBar).setCurrentIndex(number)
+
+    @property
+    def view(self) -> DesignView:
+        """The designer."""
+        return self.page.design
+
+    @property
+    def headline(self) -> str:
+        """The headline of the answer."""
+        return str(self.widget("design_headline", QLabel).text())
+
+
+@pytest.fixture
+def designer(window: Any, qtbot: Any, site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> Designer:
+    """The designer with a search that ends at once."""
+    use(monkeypatch, "found")
+    return Designer(window, qtbot, site_folder).open_view()
+
+
+def use(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Use a search of `design_jobs`."""
+    monkeypatch.setattr("calstation.design.design_schedule", getattr(design_jobs, name))
+
+
+def test_the_answer_is_shown_with_path_parameters_and_robustness(designer: Designer) -> None:
+    assert "The shortest schedule for this product" in designer.says()
+    designer.design()
+    assert "The shortest schedule for this product" not in designer.says()
+    assert designer.headline == (
+        "0:33 planned, 0:48 at most; the present stages 5:30 (10 times).\n"
+        "Limited by accel bias y: σ is 0.78 of its limit."
+    )
+    assert "limits reached" in designer.says()
+    assert "short on test bench: 4 moves and 2 in reserve at 60 °/s and 60 °/s²" in designer.says()
+    (front,) = designer.page.findChildren(FrontPlot)
+    x, y = front.getPlotItem().listDataItems()[0].getOriginalDataset()
+    np.testing.assert_allclose(x, [10.0, 20.0, 30.0, 33.0])
+    np.testing.assert_allclose(y, [20.0, 2.0, 0.9, 0.78])
+
+    designer.show_answer(1)
+    path = designer.view.answer._path
+    assert [label for label, _, _ in path.bands(path._data)] == ["planned", "reserve"]
+    assert path._data.duration == pytest.approx(sum(move[2] for move in design_jobs.MOVES) + 30.0, abs=20.0)
+
+    designer.show_answer(2)
+    rows = designer.cells("design_parameters")
+    assert list(rows) == ["accel_bias_y", "gyro_bias_x", "accel_scale_z"]
+    assert rows["accel_bias_y"]["σ / limit"] == "0.780"
+    assert (rows["accel_scale_z"]["σ planned"], rows["accel_scale_z"]["σ limit"]) == ("25", "100")
+
+    designer.show_answer(3)
+    conditions = designer.cells("design_variations")
+    assert [tuple(row.values()) for row in conditions.values()] == [
+        ("Unit mounted 1.7° askew", "0:40", "0.95"),
+        ("1.5 times the noise", "0:48", "0.99"),
+        ("Table heading turned by 90°", "missed", "1.25"),
+    ]
+    assert "4 rests, the longest 6 s" in designer.says()
+    assert "latitude with σ = 0.5°" in designer.says()
+    assert "Noise 9 % above" in designer.says()
+
+    designer.show_answer(4)
+    hidden = [list(row.values()) for row in designer.cells("design_hidden").values()]
+    assert [row[0] for row in hidden] == ["drift of gyro bias z", "gyro g-sensitivity yy", "time skew"]
+    assert hidden[0][2:] == ["°/h", "gyro bias z", "10.1"]
+    assert hidden[2][1:] == ["∞", "ms", "–", "–"]
+
+
+def test_the_sphere_shows_the_direction_of_gravity_and_turns(designer: Designer, tmp_path: Path) -> None:
+    designer.design()
+    designer.show_answer(1)
+    (sphere,) = designer.page.findChildren(Sphere)
+    sphere.write_csv(tmp_path / "path.csv")
+    lines = [line.split(",") for line in (tmp_path / "path.csv").read_text(encoding="utf-8").splitlines()]
+    assert lines[0] == ["time_s", "down_x", "down_y", "down_z", "part"]
+    down = np.array([[float(cell) for cell in line[1:4]] for line in lines[1:]])
+    np.testing.assert_allclose(np.linalg.norm(down, axis=1), 1.0)
+    np.testing.assert_allclose(down[0], [0.0, 0.0, -1.0], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(np.diff(down, axis=0), axis=1).max(), 0.0, atol=0.15)
+    assert {line[4] for line in lines[1:]} == {"planned", "reserve"}
+    slider, before = designer.widget("design_turn_slider", QSlider), sphere.grab().toImage()
+    slider.setFocus()
+    designer.qtbot.keyClick(slider, Qt.Key.Key_Right)
+    assert slider.value() == 10
+    assert sphere.grab().toImage() != before
+
+
+def test_the_form_makes_the_request(designer: Designer) -> None:
+    (form,) = designer.page.findChildren(DesignForm)
+    stop, product = Path("stop"), Path("short.toml")
+    assert form.request(None, product, stop).margin == 0.8
+    assert form.request(None, product, stop).time_limit is None
+    for name in ("design_rate_spin", "design_minutes_spin"):
+        assert not designer.widget(name, QDoubleSpinBox).isVisible()
+    designer.press("design_more_button")
+    for name, text in (
+        ("design_margin_spin", "0.7"),
+        ("design_search_spin", "90"),
+        ("design_rate_spin", "500"),
+        ("design_seed_spin", "3"),
+    ):
+        spin = designer.widget(name, QDoubleSpinBox)
+        spin.setFocus()
+        spin.selectAll()
+        designer.qtbot.keyClicks(spin, text)
+        designer.qtbot.keyClick(spin, Qt.Key.Key_Tab)
+    request = form.request(None, product, stop)
+    assert (request.margin, request.duration, request.as_present) == (0.7, None, False)
+    assert (request.time_limit, request.seed, request.acceleration_dps2) == (90.0, 3, None)
+    assert request.rate_dps == pytest.approx(50.0), "500 is more than the table reaches, so its last digit is refused"
+    combo = designer.widget("design_goal_combo", QComboBox)
+    combo.setFocus()
+    designer.qtbot.keyClick(combo, Qt.Key.Key_Down)
+    assert form.request(None, product, stop).duration == 300.0
+    assert not designer.widget("design_margin_spin", QDoubleSpinBox).isVisible()
+    designer.qtbot.keyClick(combo, Qt.Key.Key_Down)
+    request = form.request(None, product, stop)
+    assert (request.as_present, request.margin, request.duration) == (True, 1.0, None)
+
+
+@pytest.mark.parametrize(("goal", "best"), [(0, "Best so far 0:34"), (1, "Best so far σ / limit 0.82")])
+def test_a_search_is_stopped_with_its_best_or_cancelled(
+    designer: Designer, monkeypatch: pytest.MonkeyPatch, goal: int, best: str
+) -> None:
+    use(monkeypatch, "searching")
+    designer.widget("design_goal_combo", QComboBox).setCurrentIndex(goal)
+    designer.press("design_button")
+    designer.until(lambda: best in designer.says())
+    assert designer.why_not("design_button") == "A search is in progress."
+    stop = designer.view._stop_file
+    designer.press("stop_design_button")
+    assert not designer.widget("stop_design_button", QPushButton).isEnabled()
+    designer.until(lambda: not designer.view.watch.busy)
+    assert designer.headline.startswith("0:33 planned")
+    assert not stop.parent.exists()
+    designer.until(lambda: not designer.view.driving.busy)
+
+    designer.press("design_button")
+    designer.until(lambda: best in designer.says())
+    designer.press("cancel_design_button")
+    assert not designer.view.watch.busy
+    assert designer.widget("design_button", QPushButton).isEnabled()
+    assert designer.headline.startswith("0:33 planned"), "the last answer stays"
+
+
+def test_a_cancelled_search_for_another_product_leaves_the_answer(
+    designer: Designer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    designer.design()
+    use(monkeypatch, "searching")
+    designer.choose("mems_c")
+    designer.press("design_button")
+    designer.until(lambda: "Best so far" in designer.says())
+    designer.press("cancel_design_button")
+    assert "short on test bench" in designer.widget("design_about", QLabel).text()
+    designer.unlock()
+    designer.press("save_as_button")
+    assert designer.widget("design_name_edit", QLineEdit).text() == "short_fast"
+
+
+def test_an_error_is_shown_below_the_form(designer: Designer, monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, "unreachable")
+    designer.design()
+    problem = designer.widget("design_problem", QLabel)
+    assert problem.text().startswith("gyro bias x cannot be brought below 1 °/h")
+    assert problem.isVisible()
+    use(monkeypatch, "found")
+    designer.design()
+    assert not problem.isVisible()
+
+
+def test_a_design_is_saved_as_a_product_and_selected(designer: Designer) -> None:
+    designer.design()
+    assert "PIN" in designer.why_not("save_as_button")
+    designer.unlock()
+    designer.press("save_as_button")
+    name = designer.widget("design_name_edit", QLineEdit)
+    assert name.text() == "short_fast"
+    for wrong, problem in (("short fast", "Only letters"), ("short", "keeps its own stages"), ("", "Type a name")):
+        designer.type("design_name_edit", wrong)
+        assert problem in designer.why_not("save_design_button")
+    designer.type("design_name_edit", "short_fast")
+    designer.press("save_design_button")
+    designer.until(lambda: "short_fast: version 1 saved" in designer.says())
+    path = library.find("products", "short_fast")
+    stored = tomllib.loads(path.read_text(encoding="utf-8"))
+    assert stored["stages"] == ["designed"]
+    assert stored["schedule"]["designed"]["moves"] == [list(move) for move in design_jobs.MOVES]
+    assert versions.list_versions("products", "short_fast")[0].author == "wang"
+    designer.window.show_page("operator_page")
+    combo = designer.widget("product_combo", QComboBox)
+    assert "short, designed" in [combo.itemText(index) for index in range(combo.count())]
+    designer.window.show_page("engineer_page")
+    designer.press("select_product_button")
+    assert designer.window.app.product_path == path
+    assert designer.page.choice.parts.stages == ("designed",)
+
+    designer.press("save_as_button")
+    assert "The product short_fast exists" in designer.says()
+    designer.press("cancel_save_design_button")
+    assert not name.isVisible()
+
+
+def test_the_schedule_is_copied_and_the_design_exported(designer: Designer, tmp_path: Path) -> None:
+    designer.design()
+    designer.press("copy_schedule_button")
+    copied = tomllib.loads(QGuiApplication.clipboard().text())["schedule"]["designed"]
+    assert copied == json.loads(json.dumps(design_jobs.design().schedule()))
+    designer.press("export_design_button")
+    dialog = designer.view.findChild(QFileDialog)
+    assert dialog is not None
+    dialog.fileSelected.emit(str(tmp_path / "design.json"))
+    dialog.close()
+    exported = json.loads((tmp_path / "design.json").read_text(encoding="utf-8"))
+    assert exported["limiting"] == "accel_bias_y"
+
+
+def test_only_a_table_with_drives_can_be_designed_for(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:
+    designer = Designer(window, qtbot, site_folder).open_view()
+    for station, product in (("virtual_hand", "mems_hand"), ("virtual_gimbal", "mems_gimbal")):
+        designer.window.app.set_product(library.find("products", product))
+        designer.window.app.set_station(library.find("stations", station))
+        assert "needs a two-axis table with drives" in designer.why_not("design_button")
+        assert "needs a two-axis table with drives" in designer.says()
+
+
+@pytest.mark.parametrize("code", ["en", "zh_CN"])
+def test_everything_fits_a_small_window_in_both_languages(designer: Designer, code: str) -> None:
+    designer.window.resize(1280, 720)
+    designer.window.app.set_language(code)
+    designer.unlock()
+    designer.design()
+    designer.press("design_more_button")
+    designer.press("save_as_button")
+    area = next(a for a in designer.window.findChildren(PageArea) if a.isAncestorOf(designer.page))
+    for number in range(5):
+        designer.show_answer(number)
+        designer.qtbot.wait(1)
+        assert area.verticalScrollBar().maximum() == area.horizontalScrollBar().maximum() == 0, number
+        for button in designer.view.findChildren(QPushButton):
+            if button.isVisible():
+                assert button.width() >= button.fontMetrics().horizontalAdvance(button.text()), button.text()
+
+
+def test_the_designer_is_reached_by_the_keyboard(designer: Designer) -> None:
+    designer.design()
+    designer.show_answer(1)
+    designer.unlock()
+    designer.widget("design_goal_combo").setFocus()
+    seen = []
+    for _ in range(10):
+        seen.append(designer.window.focusWidget().objectName())
+        designer.qtbot.keyClick(designer.window.focusWidget(), Qt.Key.Key_Tab)
+    assert seen[:4] == ["design_goal_combo", "design_margin_spin", "design_search_spin", "design_more_button"]
+    assert seen[4:6] == ["design_button", "design_views"]
+    assert seen[6:] == ["copy_schedule_button", "export_design_button", "save_as_button", "design_turn_slider"]
+    assert isinstance(designer.view.answer, DesignAnswer)
+
+
+@pytest.mark.long
+def test_a_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_folder: SiteFolder) -> None:
+    designer = Designer(window, qtbot, site_folder).open_view()
+    designer.choose("mems_c")
+    designer.widget("design_search_spin", QDoubleSpinBox).setValue(5.0)
+    designer.press("design_button")
+    designer.until(lambda: "Best so far" in designer.says())
+    designer.until(lambda: not (designer.view.watch.busy or designer.view.driving.busy), 300.0)
+    assert "limits reached" in designer.says()
+    design = designer.view._design
+    assert design is not None
+    assert design.duration < 0.1 * design.present
+    designer.show_answer(2)
+    assert next(iter(designer.cells("design_parameters"))) == design.limiting
