@@ -324,9 +324,11 @@ class _Designer:
                 if self._over():
                     break
             found = min((point for point in self._front.points() if point[0] <= duration), key=lambda point: point[1])
-            if found[1] > _LESS * worst or self._over():
+            better = found[1] <= _LESS * worst
+            if found[1] < worst:
+                _, worst, best = found
+            if not better or self._over():
                 break
-            _, worst, best = found
             margin = _LESS * worst
         for step in range(_STEPS):
             exchange = Exchange(self._problem(_LESS * worst), best, self._request.seed)

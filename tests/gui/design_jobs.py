@@ -32,6 +32,7 @@ def design() -> Design:
     return Design(
         moves=MOVES,
         planned=4,
+        least=1,
         rate_dps=60.0,
         acceleration_dps2=60.0,
         duration=33.0,

@@ -191,20 +191,18 @@ def _verdict(design: Design) -> tuple[str, str]:
     """Return the shape and the text of the badge."""
     if design.worst > 1.0:
         return "caution", say("engineer.design_missed")
-    if design.duration >= design.present:
+    if design.present is not None and design.duration >= design.present:
         return "caution", say("engineer.design_not_shorter")
     return "good", say("engineer.design_reached")
 
 
 def _headline(design: Design) -> str:
-    values = {
-        "duration": duration_text(design.duration),
-        "longest": duration_text(design.longest),
-        "present": duration_text(design.present),
-        "times": design.present / design.duration,
-    }
+    values = {"duration": duration_text(design.duration), "longest": duration_text(design.longest)}
     reserve = design.longest > design.duration
     first = say(f"engineer.design_{'with' if reserve else 'without'}_reserve", **values)
+    if design.present is not None:
+        times = design.present / design.duration
+        first += " " + say("engineer.design_present", present=duration_text(design.present), times=times)
     limiting = say("engineer.design_limiting", parameter=design.limiting, worst=design.worst)
     return f"{first}\n{limiting}"
 

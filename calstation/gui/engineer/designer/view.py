@@ -143,7 +143,7 @@ class DesignView(QWidget):
         job = self.watch.job
         note = "" if job is None else job.note
         if note in ("checking", "present"):
-            return say(f"engineer.design_{note}")
+            return say("engineer.design_checking" if note == "checking" else "engineer.design_predicting")
         if self._stopping:
             return say("engineer.design_stopping")
         if note in ("", "inf"):
