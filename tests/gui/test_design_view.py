@@ -79,7 +79,7 @@ def test_the_answer_is_shown_with_path_parameters_and_robustness(designer: Desig
     designer.design()
     assert "The shortest schedule for this product" not in designer.says()
     assert designer.headline == (
-        "0:33 planned, 0:48 at most; the present stages 5:30 (10 times).\n"
+        "0:33 planned, 0:48 at most. The present stages take 5:30, 10 times as long.\n"
         "Limited by accel bias y: σ is 0.78 of its limit."
     )
     assert "limits reached" in designer.says()

@@ -97,7 +97,7 @@ def test_a_spoilt_step_is_repeated(designed: SiteFolder) -> None:
 @pytest.mark.long
 def test_more_noise_than_that_of_the_profile_needs_more_moves(designed: SiteFolder) -> None:
     assert designed.run().outcome == "passed"
-    write(designed, effects={"gyro_noise": 1.8})
+    write(designed, effects={"gyro_noise": 2.5})
     verdict = designed.run()
     assert verdict.outcome == "passed", [c for c in verdict.result["checks"] if not c["passed"]]
     quiet, noisy = designed.events_of(StageEnded)
