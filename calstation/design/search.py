@@ -25,8 +25,8 @@ _TIMES = 400
 FIRST_REST = 12
 #: Number of moves of the walk that shows what can be reached, and time that it may take, s.
 _WALK, _HOUR = 30, 3600.0
-#: Rests of the walk, in units of `REST_UNIT`: long ones suit the accelerometers, many moves the gyros.
-_WALK_RESTS = (2, 10, 40)
+#: Rests of the walks, in units of `REST_UNIT`: long ones suit the accelerometers, many moves the gyros.
+_WALK_RESTS = ((2, 10, 40), (40, 60), (120,))
 #: Number of schedules per step of the exchanges.
 _BATCH = 48
 
@@ -227,20 +227,33 @@ class Beam:
 
 
 def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
-    """Return a schedule that reaches all targets within `_HOUR`, and the ratios after it, shape (c,); None without one.
+    """Return the shortest random walk that reaches all targets within `_HOUR`, and the ratios after it, shape (c,).
 
-    It repeats a random walk, so that its information is joined quickly.
+    If none does, it is None, with the ratios of the one that comes nearest.
+    """
+    walks = [_walk(problem, rests, seed) for rests in _WALK_RESTS]
+    found = [(durations(problem.library, stops)[-1], stops, ratios) for stops, ratios in walks if ratios.max() <= 1.0]
+    if found:
+        _, stops, ratios = min(found, key=lambda walk: walk[0])
+        return stops, ratios
+    return None, min((ratios for _, ratios in walks), key=lambda ratios: float(ratios.max()))
+
+
+def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, FloatArray]:
+    """Return a random walk with rests by a pattern, and the ratios after it.
+
+    It is repeated until all targets are reached or an hour has passed, so that its information is joined quickly.
     """
     rng, library = np.random.default_rng(seed), problem.library
-    walk = [(0, 0)]
+    positions = [(0, 0)]
     for _ in range(_WALK):
-        near = list(problem.next_positions(walk[-1]))
-        walk.append(near[int(rng.integers(len(near)))])
-    home = [to for to in ((0, walk[-1][1]), (0, 0)) if to != walk[-1]]
+        near = list(problem.next_positions(positions[-1]))
+        positions.append(near[int(rng.integers(len(near)))])
+    home = [to for to in ((0, positions[-1][1]), (0, 0)) if to != positions[-1]]
     if len(home) == 2 and home[0] == home[1]:
         del home[0]
-    rests = cycle(_WALK_RESTS)
-    loop = tuple(Stop(position, next(rests)) for position in [*walk[1:], *home])
+    rests = cycle(pattern)
+    loop = tuple(Stop(position, next(rests)) for position in [*positions[1:], *home])
     first = Stop((0, 0), FIRST_REST)
     state = library.begin(first.position, first.rest)
     segment: FloatArray | None = None
@@ -251,10 +264,8 @@ def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
     times, seconds = 1, durations(library, (first, *loop))[-1] - first.rest * REST_UNIT
     while True:
         ratios = problem.ratios(advanced(state[None], segment[None]))[0]
-        if ratios.max() <= 1.0:
+        if ratios.max() <= 1.0 or times * seconds > _HOUR:
             return (first, *(times * loop)), ratios
-        if times * seconds > _HOUR:
-            return None, ratios
         times, segment = 2 * times, joined(segment, segment, library.states)
 
 
