@@ -5,6 +5,7 @@ motion and the noise of the profiles, not on the values found, so that this does
 """
 
 from collections.abc import Iterator
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -21,7 +22,7 @@ class Schedule(RepeatedSchedule):
     A round is a move and its rest; `rounds` is at most the number of moves, and 0 means all.
     """
 
-    moves: list[tuple[float, float, float]] = Field(
+    moves: list[tuple[float, float, Annotated[float, Field(ge=0.0, le=3600.0)]]] = Field(
         [
             (0.0, 0.0, 8.0),
             (90.0, 180.0, 2.0),
@@ -48,6 +49,7 @@ class Schedule(RepeatedSchedule):
     def _at_most_all(self) -> "Schedule":
         count = len(self.moves)
         self.rounds = min(self.rounds or count, count)
+        self.least_moves = min(self.least_moves, self.rounds)
         return self
 
 

@@ -294,6 +294,9 @@ def design(
 
     request = DesignRequest(station, product, margin, duration, as_present, time_limit, seed, rate, acceleration)
     command = shorten_command if keep_stages else design_command
+    for option, value in (("--duration", duration), ("--time-limit", time_limit)) if keep_stages else ():
+        if value is not None:
+            raise ConfigurationError("design.with_stages", option=option)
     raise typer.Exit(command(request, product, out, json))
 
 

@@ -32,7 +32,7 @@ from calstation.devices.links import SOCKETS
 from calstation.devices.profiles import ImuProfile, TableProfile, check_baud, load_imu_profile, load_table_profile, span
 from calstation.errors import ConfigurationError
 from calstation.estimation import RepeatedSchedule
-from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext
+from calstation.estimation.common import BIAS_SIGMAS, SLOWEST, SolveContext, without_gravity
 from calstation.physics import INDEX, NAMES, PARAMETERS, GimbalTurn, Step, group_indices
 from calstation.records import (
     FileSection,
@@ -315,6 +315,19 @@ def _stop_rule(schedule: BaseModel) -> StopRule:
     )
 
 
+def _with_limits(resolved: ResolvedConfiguration, schedule: BaseModel) -> BaseModel:
+    """Return a schedule that ends at the product's limits with their sigmas as targets, without gravity's error."""
+    if not getattr(schedule, "stop_at_limits", False) or getattr(schedule, "targets", None):
+        return schedule
+    any_unit = replace(resolved, request=replace(resolved.request, serial=resolved.product.example))
+    limits = any_unit.sigma_limits()
+    margin = getattr(schedule, "margin", 1.0)
+    wanted = np.array([margin * limits.get(name, np.inf) for name in NAMES])
+    left = without_gravity(wanted, any_unit.solve_context().site.relative_gravity_sigma)
+    targets = {name: float(sigma) for name, sigma in zip(NAMES, left, strict=True) if np.isfinite(sigma)}
+    return schedule.model_copy(update={"targets": targets})
+
+
 #: Type of a function that changes a configuration before it is checked, for example for fault injection.
 Adjustment = Callable[[ResolvedConfiguration], ResolvedConfiguration]
 
@@ -345,6 +358,7 @@ def resolve_configuration(request: RunRequest, adjust: Adjustment = lambda resol
         schedules=schedules,
         sources={kind: SourceFile.read(kind, path) for kind, path in paths.items()},
     )
+    resolved = replace(resolved, schedules={s: _with_limits(resolved, p) for s, p in resolved.schedules.items()})
     options = {"--faults": request.faults, "--speed": request.speed, "--seed": request.seed}
     for option, value in options.items() if station.bench is None else ():
         if value is not None:

@@ -287,14 +287,9 @@ def missing_files(product: ProductConfig, path: Path | None = None) -> Iterator[
 def schedule_values(product: ProductConfig, stage: str, instead: Mapping[str, Any]) -> dict[str, JsonValue]:
     """Return the values of a stage's schedule; those in `instead` override those of the product."""
     values: dict[str, JsonValue] = {**product.schedule.get(stage, {}), **instead}
-    if "targets" in method(stage).schedule.model_fields and product.targets and "targets" not in values:
+    fields = method(stage).schedule.model_fields
+    if "targets" in fields and "stop_at_limits" not in fields and product.targets and "targets" not in values:
         values["targets"] = dict(product.targets)
-    schedule = method(stage).schedule.model_fields
-    if "stop_at_limits" in schedule and values.get("stop_at_limits", True) and "targets" not in values:
-        margin = values.get("margin", schedule["margin"].default)
-        sigmas = {name: limit.sigma_below for name, limit in product.limits.items() if limit.sigma_below is not None}
-        if isinstance(margin, int | float):
-            values["targets"] = {name: margin * sigma for name, sigma in sigmas.items()}
     return values
 
 

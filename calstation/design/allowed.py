@@ -22,7 +22,8 @@ def speeds(setup: ResolvedConfiguration, request: DesignRequest) -> tuple[float,
     per_count = imu.gyro_lsb * (imu.sample_rate if imu.output == "increment" else 1.0)
     ends = span(setup.imu.frame)
     reach = float(np.min(np.minimum(-ends.low[:3], ends.high[:3]))) * per_count
-    rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach))
+    both = 2.0**0.5  # two perpendicular joints that turn at once
+    rate = np.rad2deg(min(_RATE * min(limits.rate), _RANGE * reach / both))
     acceleration = _ACCELERATION * np.rad2deg(min(limits.acceleration))
     return request.rate_dps or _rounded(rate), request.acceleration_dps2 or _rounded(acceleration)
 

@@ -38,7 +38,7 @@ class Variation:
     name: str  #: ``mounting``, ``heading`` or ``noise``.
     value: float  #: Rotation of the mounting, rad; heading, rad; ratio of the noise.
     duration: float | None  #: Duration until all targets are reached, s; None if the moves are not enough.
-    worst: float  #: Largest ratio of a sigma to its limit then, or after all moves.
+    worst: float  #: Largest ratio of a sigma to what is wanted of it then, or after all moves.
 
 
 @dataclass(frozen=True)
@@ -90,10 +90,10 @@ class Design:
             "rate_dps": self.rate_dps,
             "acceleration_dps2": self.acceleration_dps2,
             "stop_at_limits": stops,
+            "least_moves": self.least,
         }
         if stops:
             values["margin"] = round(self.margin, 4)
-            values["least_moves"] = self.least
         if self.stop_targets:
             values["targets"] = self.stop_targets
         return {**values, "moves": [list(move) for move in self.moves]}

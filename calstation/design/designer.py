@@ -12,12 +12,10 @@ from calstation.config import RunRequest, check_manual_rig, resolve_configuratio
 from calstation.design.allowed import SERIAL, speeds, stages_duration
 from calstation.design.design import STAGE, Design, DesignRequest, Variation
 from calstation.design.search import (
-    FIRST_REST,
     Beam,
     Exchange,
     Front,
     Problem,
-    Stop,
     Stops,
     durations,
     reachable,
@@ -26,12 +24,13 @@ from calstation.design.search import (
 from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
 from calstation.design.trial import MORE_NOISE, Moves, Trial
 from calstation.errors import ConfigurationError
-from calstation.estimation.common import rest_mean_variance
+from calstation.estimation.common import rest_mean_variance, without_gravity
 from calstation.estimation.effects import CONSTANT, MOST_EXCESS
 from calstation.jobs import ProgressCallback
-from calstation.physics import COUNT, DISPLAY, NAMES, PARAMETERS, FloatArray
+from calstation.physics import COUNT, DISPLAY, NAMES, PARAMETERS, FloatArray, Move
 from calstation.records import context_from_meta, prior_from_meta
 from calstation.results import compute_preview, one_blas_thread
+from calstation.sequencer import check_limits
 from procedures import method
 
 #: A joint turns at most this far from home, even if its travel is longer, because of cables and the way back, °.
@@ -83,19 +82,24 @@ class _Designer:
         check_manual_rig(setup)
         self._meta = setup.log_meta()
         self._geometry, self._settle = setup.table.geometry(), setup.table.settle_s
+        self._table = setup.table.name
         self._context = context_from_meta(self._meta)
         self._product = setup.product
         self._rate_dps, self._acceleration_dps2 = speeds(setup, request)
+        rate, acceleration = float(np.deg2rad(self._rate_dps)), float(np.deg2rad(self._acceleration_dps2))
+        check_limits(self._geometry.limits, Move(0.0, 0.0, rate, acceleration))
         self._effects = tuple(c for c in CONSTANT if c.cause in self._product.diagnosis)
         trial = Trial(self._meta, self._geometry, self._settle, self._rate_dps, self._acceleration_dps2)
         self._trial = trial
-        rate, acceleration = float(np.deg2rad(self._rate_dps)), float(np.deg2rad(self._acceleration_dps2))
         prior = prior_from_meta(self._meta)
         self._conditions = Conditions(
             self._context, prior, self._geometry, self._settle, rate, acceleration, trial.mount, self._effects
         )
         self._library = SegmentLibrary(self._conditions)
         self._limits = self._present_sigmas(present) if request.as_present else self._sigma_limits(setup.sigma_limits())
+        #: Fraction of their limits that the sigmas should reach.
+        self._margin = request.margin if request.duration is None and not request.as_present else 1.0
+        self._goal = self._wanted()
         self._front = Front()
         self._gravity_rest = self._shortest_gravity_rest()
         self._present = stages_duration(resolve_configuration(present))
@@ -116,13 +120,16 @@ class _Designer:
         estimated = method(STAGE).estimates(self._context)
         return np.where([name in estimated for name in NAMES], last.sigma, np.inf)
 
-    def _problem(self, margin: float) -> Problem:
-        """Return the problem with a margin to the limits, without the error of gravity, which no motion reduces."""
-        gravity = np.zeros(COUNT)
-        gravity[[name.startswith("accel_scale") for name in NAMES]] = self._context.site.relative_gravity_sigma
-        square = (margin * self._limits) ** 2 - gravity**2
-        for i in np.flatnonzero(square <= 0.0):
-            self._refuse("design.gravity", int(i), float(gravity[i]) / margin)
+    def _wanted(self) -> FloatArray:
+        """Return the sigmas that the stage must leave, shape (30,): the limits with their margin, without gravity."""
+        relative = self._context.site.relative_gravity_sigma
+        wanted = without_gravity(self._margin * self._limits, relative)
+        for i in np.flatnonzero(wanted <= 0.0):
+            self._refuse("design.gravity", int(i), relative)
+        return wanted
+
+    def _problem(self, factor: float = 1.0) -> Problem:
+        """Return the problem for sigmas that are `factor` times those wanted."""
         low, high = (
             self._lattice(self._geometry.limits.low, up=True),
             self._lattice(self._geometry.limits.high, up=False),
@@ -130,9 +137,13 @@ class _Designer:
         whole = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
         turns = _TURNS if whole else _SHORT_TURNS
         sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]
-        targets = np.concatenate([np.sqrt(square), np.array(sizes) / np.sqrt(MOST_EXCESS + 1.0)])
-        rests = (0, 0) if self._gravity_rest is None else (self._gravity_rest, _GRAVITY_RESTS)
-        return Problem(self._library, targets, low, high, turns, margin, *rests)
+        targets = np.concatenate([factor * self._goal, np.array(sizes) / np.sqrt(MOST_EXCESS + 1.0)])
+        shortest = self._request.duration is None and self._gravity_rest is not None
+        rests = (self._gravity_rest or 0, _GRAVITY_RESTS) if shortest else (0, 0)
+        problem = Problem(self._library, targets, low, high, turns, factor * self._margin, *rests)
+        if not any(problem.next_positions((0, 0))):
+            raise ConfigurationError("design.no_travel", table=self._table, step_deg=LATTICE_DEG)
+        return problem
 
     @staticmethod
     def _lattice(ends: tuple[float, float], *, up: bool) -> Position:
@@ -149,15 +160,14 @@ class _Designer:
         """Search, correct the answer, add the reserve, and check everything."""
         request = self._request
         if request.duration is None:
-            margin = 1.0 if request.as_present else request.margin
-            stops = self._corrected(self._shortest(margin), margin)
+            stops, factor = self._corrected(self._shortest()), 1.0
+            planned = len(stops)
+            stops = self._with_reserve(stops)
         else:
-            stops, margin = self._best(request.duration)
-        planned = len(stops)
-        if request.duration is None:
-            stops = self._with_reserve(stops, margin)
+            stops, factor = self._best(request.duration)
+            planned = len(stops)
         self._report(_SEARCHED, note="checking")
-        goal, moves = margin * self._limits, _moves(stops)
+        goal, moves = factor * self._goal, _moves(stops)
         tried = goal if request.duration is None else _NEARLY * goal
         times = list(self._trial.after_moves(moves))
         least = self._least(stops[:planned])
@@ -174,7 +184,7 @@ class _Designer:
             acceleration_dps2=self._acceleration_dps2,
             duration=times[planned - 1][0],
             longest=times[-1][0],
-            margin=margin,
+            margin=factor * self._margin,
             sigma=solved.solution.belief.sigma,
             limits=self._limits,
             stop_targets=targets if request.as_present and request.duration is None else None,
@@ -191,7 +201,7 @@ class _Designer:
 
     def _least(self, stops: Stops) -> int:
         """Return the number of moves that show the effects of the product's diagnosis and gravity at enough rests."""
-        problem, ends = self._problem(1.0), np.array(states(self._library, stops))
+        problem, ends = self._problem(), np.array(states(self._library, stops))
         shown = np.all(problem.ratios(ends)[:, COUNT:] <= _SHOWN, axis=1)
         enough = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
         both = np.flatnonzero(shown & enough)
@@ -214,12 +224,12 @@ class _Designer:
             self._report(_SEARCHED + (1.0 - _SEARCHED) * number / len(conditions), note="checking")
             yield self._trial.under(condition, moves, goal)
 
-    def _shortest(self, margin: float) -> Stops:
+    def _shortest(self) -> Stops:
         """Return the shortest schedule found."""
-        problem = self._problem(margin)
+        problem = self._problem()
         best, ratios = reachable(problem, self._request.seed)
         if best is None:
-            self._refuse_unreachable(ratios, margin)
+            self._refuse_unreachable(ratios)
         for number in self._beams():
             longest = durations(self._library, best)[-1]
             for stops in self._attempt(problem, number, longest):
@@ -227,11 +237,11 @@ class _Designer:
                     best = stops
         return best
 
-    def _refuse_unreachable(self, ratios: FloatArray, margin: float) -> Never:
+    def _refuse_unreachable(self, ratios: FloatArray) -> Never:
         """Refuse targets that an hour does not reach, given the ratios of the sigmas to them."""
         parameter = int(np.argmax(ratios[:COUNT]))
         if ratios[parameter] > 1.0:
-            self._refuse("design.unreachable", parameter, float(ratios[parameter] * self._limits[parameter]))
+            self._refuse("design.unreachable", parameter, float(ratios[parameter] * self._goal[parameter]))
         names = [f"{c.cause}_{component}".rstrip("_") for c in self._effects for component in c.components]
         worst = int(np.argmax(ratios[COUNT:]))
         raise ConfigurationError("design.effect_unreachable", effect=names[worst], times=float(ratios[COUNT + worst]))
@@ -281,31 +291,31 @@ class _Designer:
         done = (number + share) / _BEAMS if limit is None else min(spent / limit, 1.0)
         self._report(_PROBED + (_SEARCHED - _PROBED) * done, note=f"{best:.1f}")
 
-    def _corrected(self, stops: Stops, margin: float) -> Stops:
+    def _corrected(self, stops: Stops) -> Stops:
         """Return a schedule that also reaches the targets in the filter, which differs slightly from the segments."""
-        tightened = margin
+        factor = 1.0
         for _ in range(_CORRECTIONS):
             *_, (_, sigma) = self._trial.after_moves(_moves(stops))
-            worst = float(np.max(sigma / (margin * self._limits)))
+            worst = float(np.max(sigma / self._goal))
             if worst <= 1.0:
                 break
-            tightened /= worst * 1.002
-            stops = self._continued(stops, tightened)
+            factor /= worst * 1.002
+            stops = self._continued(stops, factor)
         return stops
 
-    def _with_reserve(self, stops: Stops, margin: float) -> Stops:
+    def _with_reserve(self, stops: Stops) -> Stops:
         """Return a schedule that goes on until the targets are reached with more noise and under other conditions."""
-        stops = self._continued(stops, margin / MORE_NOISE)
+        stops = self._continued(stops, 1.0 / MORE_NOISE)
         for condition in self._trial.conditions():
-            if self._trial.under(condition, _moves(stops), margin * self._limits).duration is None:
+            if self._trial.under(condition, _moves(stops), self._goal).duration is None:
                 other = replace(self._conditions, context=condition.context, mount=condition.mount)
-                stops = self._continued(stops, _TIGHTER * margin, SegmentLibrary(other))
+                stops = self._continued(stops, _TIGHTER, SegmentLibrary(other))
         return stops
 
-    def _continued(self, stops: Stops, margin: float, library: SegmentLibrary | None = None) -> Stops:
-        """Return a schedule with more moves, which reach a smaller margin; by default under the planned conditions."""
+    def _continued(self, stops: Stops, factor: float, library: SegmentLibrary | None = None) -> Stops:
+        """Return a schedule with more moves, for `factor` times the sigmas; by default under the planned conditions."""
         library = library or self._library
-        problem = replace(self._problem(margin), library=library)
+        problem = replace(self._problem(factor), library=library)
         seconds = durations(library, stops)[-1]
         before = stops, states(library, stops)[-1], seconds
         for _, found in Beam(problem, _RESERVE_WIDTH, _LONGEST_RESERVE * seconds).run(before):
@@ -314,22 +324,30 @@ class _Designer:
         return stops
 
     def _best(self, duration: float) -> tuple[Stops, float]:
-        """Return the schedule with the smallest worst ratio within a duration, s, and this ratio."""
-        margin, width = _OUT_OF_REACH, _WIDTH
-        worst = np.inf
-        best: Stops = (Stop((0, 0), FIRST_REST),)
+        """Return the schedule with the smallest worst ratio within a duration, s, and this ratio.
+
+        Raises ConfigurationError if the effects of the product's diagnosis need more time.
+        """
+        factor, worst = _OUT_OF_REACH, np.inf
+        best: Stops | None = None
         for step in range(_STEPS):
-            for seconds, _ in Beam(self._problem(margin), width, duration, self._front).run():
+            # The first beam is narrow and never ended early: only at its end does it know long schedules.
+            beam = Beam(self._problem(factor), _WIDTH if step else _RESERVE_WIDTH, duration, self._front)
+            for seconds, _ in beam.run():
                 self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=_ratio(worst))
-                if self._over():
+                if step and self._over():
                     break
-            found = min((point for point in self._front.points() if point[0] <= duration), key=lambda point: point[1])
-            better = found[1] <= _LESS * worst
-            if found[1] < worst:
-                _, worst, best = found
+            found = [point for point in self._front.points() if point[0] <= duration]
+            if not found:
+                raise ConfigurationError("design.too_short", seconds=duration)
+            _, ratio, stops = min(found, key=lambda point: point[1])
+            better = ratio <= _LESS * worst
+            if ratio < worst:
+                worst, best = ratio, stops
             if not better or self._over():
                 break
-            margin = _LESS * worst
+            factor = _LESS * worst
+        assert best is not None
         for step in range(_STEPS):
             exchange = Exchange(self._problem(_LESS * worst), best, self._request.seed)
             for share in exchange.run(_EXCHANGES // 3):

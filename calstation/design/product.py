@@ -28,6 +28,7 @@ def designed_product(text: str, design: Design) -> str:
         ("name",): f"{data['name'].removesuffix(_DESIGNED)}{_DESIGNED}",
         ("stages",): [STAGE],
     }
+    changes["targets",] = None
     changes |= {("schedule", stage): None for stage in data.get("schedule", {})}
     changes |= {("limits", name, "sigma_below_after"): None for name in data.get("limits", {})}
     changes |= {("checks", name): None for name in _OF_RESTS}

@@ -13,7 +13,7 @@ import numpy as np
 
 from calstation.design.segments import REST_UNIT, Position, SegmentLibrary
 from calstation.estimation.navigation import advanced, joined, sigmas
-from calstation.physics import FloatArray
+from calstation.physics import COUNT, FloatArray
 
 #: Largest sum of the angles of both joints in a move, in units of the lattice.
 _LONGEST = 10
@@ -150,7 +150,10 @@ class Beam:
         `before` are the stops to continue, the information after them and their duration.
         """
         if before is None:
-            state, time = self._problem.library.begin((0, 0), FIRST_REST), FIRST_REST * REST_UNIT
+            state, time = (
+                self._problem.library.begin((0, 0), FIRST_REST),
+                durations(self._problem.library, self._begun)[0],
+            )
         else:
             self._begun, state, time = before
         first = _Node(state, self._begun[-1].position, time, np.inf, np.inf)
@@ -181,8 +184,8 @@ class Beam:
                 kept.append(node)
             if len(kept) == self._width:
                 break
-        if self._front is not None and kept and np.isfinite(kept[0].worst):
-            best = min(kept, key=lambda node: node.worst)
+        best = min(kept, key=lambda node: node.worst, default=None)
+        if self._front is not None and best is not None and np.isfinite(best.worst):
             self._front.add(best.time, self._problem.margin * best.worst, self._whole(best))
         return kept
 
@@ -214,7 +217,10 @@ class Beam:
             return
         states = advanced(np.array([node.information for node in before]), np.array(segments))
         ratios = self._problem.ratios(states)
-        left, worst = missing(ratios), ratios.max(axis=1)
+        left = missing(ratios)
+        # A schedule that does not show all effects is no point of the front.
+        shown = np.all(ratios[:, COUNT:] <= 1.0, axis=1)
+        worst = np.where(shown, ratios[:, :COUNT].max(axis=1), np.inf)
         for node in nodes:
             node.information = None
         for k, (to, time, rest) in enumerate(after):
@@ -261,7 +267,7 @@ def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, F
         for part in (library.move(a.position, b.position)[0], library.rest(b.position, b.rest - 1)):
             segment = part if segment is None else joined(segment, part, library.states)
     assert segment is not None
-    times, seconds = 1, durations(library, (first, *loop))[-1] - first.rest * REST_UNIT
+    times, seconds = 1, durations(library, (first, *loop))[-1] - durations(library, (first,))[0]
     while True:
         ratios = problem.ratios(advanced(state[None], segment[None]))[0]
         if ratios.max() <= 1.0 or times * seconds > _HOUR:
@@ -271,7 +277,7 @@ def _walk(problem: Problem, pattern: Sequence[int], seed: int) -> tuple[Stops, F
 
 def durations(library: SegmentLibrary, stops: Stops) -> list[float]:
     """Return the time at the end of every stop, s."""
-    times = [stops[0].rest * REST_UNIT]
+    times = [library.settle + stops[0].rest * REST_UNIT]
     for a, b in pairwise(stops):
         times.append(times[-1] + library.move(a.position, b.position)[1] + (b.rest - 1) * REST_UNIT)
     return times
@@ -307,12 +313,15 @@ class Exchange:
     def run(self, steps: int) -> Iterator[float]:
         """Yield the share done; `best` and `time` are the best answer so far."""
         problem, rng = self._problem, self._rng
+        if len(self._stops) < 2:
+            return
         price = 2.0 * self.time  # of what is missing, s
         cost = self.time + price * float(missing(problem.ratios(self._states[-1][None]))[0])
         for step in range(steps):
             heat = 0.01 * self.time * (1.0 - step / steps) ** 2
             cut = int(rng.integers(1, len(self._stops)))
             tried = [t for t in (self._changed(cut) for _ in range(_BATCH)) if t is not None]
+            yield (step + 1) / steps
             if not tried:
                 continue
             ends, times = self._ends(cut, tried)
@@ -327,7 +336,6 @@ class Exchange:
             if costs[chosen] < cost + heat * rng.exponential():
                 cost = float(costs[chosen])
                 self._take(tried[chosen])
-            yield (step + 1) / steps
 
     def _changed(self, cut: int) -> Stops | None:
         """Return the schedule with a random change at or after stop `cut`, or None if the table cannot do it."""

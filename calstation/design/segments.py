@@ -44,6 +44,7 @@ class SegmentLibrary:
 
     def __init__(self, conditions: Conditions) -> None:
         self._conditions = conditions
+        self.settle = conditions.settle  #: Settling time after a move, s.
         self.states = 0  #: Number of boundary states, once there is a segment.
         self._moves: dict[tuple[int, int, int, int], tuple[FloatArray, float]] = {}
         self._rests: dict[tuple[int, int, int], FloatArray] = {}

@@ -3,16 +3,17 @@
 The solvers use the priors and noise from which the bench draws; `docs/explanation/study.md` explains tests and bands.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any, Literal
 
 import numpy as np
+from pydantic import BaseModel
 
 from calstation.bench import BenchConfig
 from calstation.bench.truth import GRADES, BenchTruth, Effects, GradeName, Simulator
-from calstation.config import library, load_product, schedule_values
+from calstation.config import RunRequest, library, resolve_configuration
 from calstation.estimation import StageSolver
 from calstation.estimation.common import (
     Belief,
@@ -134,8 +135,9 @@ def run_study(
 
 def _fast(grade: GradeName) -> Schedules:
     """Return the designed schedule of a grade's product."""
-    _, product = load_product(library.find("products", FAST[grade]))
-    return {"designed": schedule_values(product, "designed", {})}
+    product = library.find("products", FAST[grade])
+    setup = resolve_configuration(RunRequest("study", None, product))
+    return {"designed": setup.schedules["designed"].model_dump()}
 
 
 def _map(jobs: list[_Job], workers: int) -> Iterator[tuple[GradeName, list[UnitResult]]]:
@@ -230,7 +232,7 @@ def _solve(
         m = method(stage)
         schedule = m.schedule(**schedules.get(stage, {}))
         solver = m.solver(context, belief, schedule)
-        samples = _feed(solver, data[stage], getattr(schedule, "targets", {}))
+        samples = _feed(solver, data[stage], schedule)
         seconds += len(samples.seq) / context.imu.sample_rate
         solution = solver.finish()
         belief = solution.belief
@@ -260,17 +262,18 @@ def _solve(
     return UnitResult(case.name, estimated, error, joint.covariance, bound.covariance + added, nis, cost, seconds)
 
 
-def _feed(solver: StageSolver, samples: SampleBlock, targets: Mapping[str, float]) -> SampleBlock:
-    """Feed the samples, with targets move by move until these are reached as in a run; return those fed."""
-    if not targets:
+def _feed(solver: StageSolver, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
+    """Feed the samples, of a designed stage until its targets are reached, as in a run; return those fed."""
+    targets, least = getattr(schedule, "targets", {}), getattr(schedule, "least_moves", None)
+    if not targets or least is None:
         solver.feed(samples)
         return samples
     ends = np.append(np.flatnonzero(np.diff(samples.step)) + 1, len(samples.step))
     first = 0
-    for end in ends:
+    for move, end in enumerate(ends, start=1):
         solver.feed(samples.part(first, int(end)))
         first = int(end)
-        if reached(solver.sigma(), targets):
+        if move >= least and reached(solver.sigma(), targets):
             break
     return samples.part(0, first)
 

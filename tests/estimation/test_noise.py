@@ -123,7 +123,7 @@ def test_noise_at_rest_is_that_of_the_profile():
 @pytest.mark.parametrize("velocity_sigma", [1e-5, 1e-3])
 def test_noise_of_each_sensor_is_told_from_that_of_the_table(velocity_sigma):
     found = noise_of(velocity_sigma=velocity_sigma, effects={"gyro_noise": 3.0, "accel_noise": 10.0})
-    for ratio, factor in ((found.gyro[0], 3.0), (found.accel[1], 10.0)):
+    for ratio, factor in ((found.gyro[0], 3.0), (found.accel[0], 10.0)):
         assert ratio.excess == pytest.approx(factor, rel=0.15)
     assert found.velocity.excess == pytest.approx(1.0)
 

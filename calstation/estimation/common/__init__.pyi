@@ -21,6 +21,7 @@ from .context import StoredPair as StoredPair
 from .context import TableModel as TableModel
 from .gravity import gravity_sensitivity as gravity_sensitivity
 from .gravity import with_gravity as with_gravity
+from .gravity import without_gravity as without_gravity
 from .latitude import LatitudeEstimate as LatitudeEstimate
 from .latitude import RestOutput as RestOutput
 from .latitude import resolves_earth_rate as resolves_earth_rate
@@ -40,6 +41,7 @@ from .noise import BIAS_DRIFT_TIME as BIAS_DRIFT_TIME
 from .noise import FilterNoise as FilterNoise
 from .noise import RestNoise as RestNoise
 from .noise import filter_noise as filter_noise
+from .noise import gyro_excess as gyro_excess
 from .noise import noise_tests as noise_tests
 from .noise import rest_mean_variance as rest_mean_variance
 from .noise import rest_noise as rest_noise

@@ -48,3 +48,13 @@ def with_gravity(belief: Belief, sensitivity: FloatArray, sigma: float) -> Belie
     """Return the estimate with the error of gravity, of relative standard deviation `sigma`, in its covariance."""
     shift = sensitivity * sigma
     return Belief(belief.mean, belief.covariance + np.outer(shift, shift))
+
+
+def without_gravity(sigma: FloatArray, gravity: float) -> FloatArray:
+    """Return the sigmas, shape (30,), that a stage may leave for `sigma` to be reached with the error of gravity.
+
+    `gravity` is its relative standard deviation. The sigma is 0 where that error alone is larger.
+    """
+    common = np.zeros(COUNT)
+    common[list(group_indices("accel_scale"))] = gravity
+    return np.sqrt(np.maximum(sigma**2 - common**2, 0.0))

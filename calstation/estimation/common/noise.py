@@ -22,9 +22,12 @@ _COARSE = 2.5
 _COARSE_TIME = 20.0
 #: Noise beyond this ratio to the profile's fails a unit or a table; less of it widens the sigmas.
 MOST_NOISE = 3.0
-#: Averaging times, s. White noise dominates the first two: the shortest suffices a short run for the gyros, while the
-#: motion of the table hides that of the accelerometers. The last one shows slower noise.
-_TIMES = (0.2, 1.0, 4.0)
+#: Averaging times, s: the first is that at which white noise dominates, the second shows slower noise.
+_TIMES = (1.0, 4.0)
+#: Averaging time, s, at which few rests suffice for the gyros if their resolution is fine.
+_SHORT_TIME = 0.2
+#: Largest share of rounding in the Allan variance at that time.
+_FINE = 0.05
 #: Median of the χ² distribution with 1 degree of freedom.
 _MEDIAN = 0.4549
 #: Share of the table's part of an Allan variance that is uncertain, because its velocity is not quite white.
@@ -164,6 +167,22 @@ def rest_noise(data: StageData, context: SolveContext, bias: FloatArray, bias_si
     limit = np.sqrt(1.0 + _SIGMAS * scatter[0] / noise.velocity / np.sqrt(3.0))
     quiet = bool(ratio[0] < 0.25 - _SIGMAS * scatter[1] / noise.velocity / np.sqrt(3.0))
     return RestNoise(tuple(gyro), tuple(accel), NoiseRatio(noise.interval, np.sqrt(ratio), np.array([limit])), quiet)
+
+
+def gyro_excess(data: StageData, context: SolveContext, bias: FloatArray, bias_sigma: float) -> float:
+    """Return the largest significant ratio of a gyro's noise to its profile's over short times at rest, at least 1.
+
+    A stage that may end early asks for it: rests of a few seconds suffice. Arguments are those of `rest_noise`.
+    """
+    noise = filter_noise(context)
+    expected = noise.rate / _SHORT_TIME
+    per_count = 1.0 if context.imu.output == "increment" else data.dt
+    rounding = 0.25 * (context.imu.quantisation[0] * per_count / _SHORT_TIME) ** 2
+    if rounding > _FINE * expected:
+        return 1.0
+    found = (find_rests(data, segment, context.imu, bias, bias_sigma) for segment in data.segments)
+    rests = [data.gyro[a:b] for each in found for a, b in each]
+    return float(_ratio(_SHORT_TIME, rests, max(round(_SHORT_TIME / data.dt), 1), expected).excess.max())
 
 
 def _vibration(rests: list[FloatArray], noise: FilterNoise, dt: float) -> tuple[FloatArray, int]:

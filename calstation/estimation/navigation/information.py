@@ -19,10 +19,12 @@ from calstation.estimation.effects import Candidate, mean_errors
 from calstation.estimation.navigation.filter import NavigationFilter
 from calstation.estimation.navigation.response import motion_between_observations
 from calstation.estimation.navigation.velocity_group import BIAS
-from calstation.physics import COUNT, PARAMETER_START, STATES, FloatArray, IntArray
+from calstation.physics import COUNT, PARAMETER_START, PARAMETERS, STATES, FloatArray, IntArray
 
 #: Number of navigation states at a boundary: φ and δv; nothing depends on δp.
 _OBSERVED = 6
+#: Variance of a parameter that is known, in units of its usual prior variance.
+_KNOWN = 1e-12
 _PARAMETERS = np.arange(PARAMETER_START, STATES)
 
 
@@ -65,7 +67,12 @@ class _Gatherer:
         kf, states = run.kf, _boundary(run)
         if self._start is None:
             both = np.r_[states, _PARAMETERS]
-            self._start = np.linalg.inv(kf.P[np.ix_(both, both)])
+            covariance = kf.P[np.ix_(both, both)]
+            known = np.diag(covariance) == 0.0  # parameters that the table fixes
+            covariance[known, known] = (
+                _KNOWN * np.array([0.0] * len(states) + [p.prior_sigma**2 for p in PARAMETERS])[known]
+            )
+            self._start = np.linalg.inv(covariance)
             return
         m, rows = len(states), len(kf.H)
         jacobian = np.zeros((m + rows, 2 * m + COUNT))

@@ -20,6 +20,7 @@ from calstation.estimation.common import (
     Spool,
     StageData,
     TableModel,
+    gyro_excess,
     nis_consistency,
     noise_tests,
     rest_noise,
@@ -96,6 +97,7 @@ class NavigationStage:
     ) -> None:
         self.stage, self.context, self.prior, self.estimated = stage, context, prior, estimated
         self._targets = targets
+        self._measured: tuple[int, float] | None = None  # number of samples, and the excess of their noise at rest
         self._spool = Spool()
         self._live = LiveFilter(context, prior)
 
@@ -112,8 +114,10 @@ class NavigationStage:
         sigma = self._live.sigma()
         if not self._targets or not reached(sigma, self._targets):
             return sigma
-        measured = self._rest_noise(self._data())
-        return np.asarray(sigma * max(measured.worst()[0], float(measured.velocity.excess[0])))
+        data = self._data()
+        if self._measured is None or self._measured[0] != len(data):
+            self._measured = len(data), self._noise_excess(data)
+        return np.asarray(sigma * self._measured[1])
 
     def ranking(self) -> Ranking | None:
         """Return the observability at the last call of `sigma`; None before the first observation."""
@@ -156,6 +160,14 @@ class NavigationStage:
     def _rest_noise(self, data: StageData) -> RestNoise:
         bias = group_indices("gyro_bias")
         return rest_noise(data, self.context, self.prior.mean[bias], float(self.prior.sigma[bias].max()))
+
+    def _noise_excess(self, data: StageData) -> float:
+        """Return by how much the noise at rest exceeds that of the profiles, at least 1."""
+        bias = group_indices("gyro_bias")
+        mean, sigma = self.prior.mean[bias], float(self.prior.sigma[bias].max())
+        measured = rest_noise(data, self.context, mean, sigma)
+        excess = measured.worst()[0], float(measured.velocity.excess[0])
+        return max(*excess, gyro_excess(data, self.context, mean, sigma))
 
     def _sensitivity(
         self, data: StageData, context: SolveContext, mask: BoolArray, result: NavigationResult
