@@ -323,13 +323,31 @@ def test_an_unhomed_table_is_homed() -> None:
     assert scene.table.commands[:2] == ["enable", "home"]
 
 
-def test_warm_up_waits() -> None:
-    scene = Scene(warm_up=30.0, warm_up_slope=0.5)
+def test_the_table_is_prepared_and_checked_while_the_unit_warms_up() -> None:
+    def length(**warm_up: float) -> float:
+        scene = Scene(**warm_up)
+        assert scene.run().state is State.PASSED
+        return float(next(e["station_time"] for e in scene.journal.events if e.get("state") == "running"))
+
+    prepared = length()
+    assert length(warm_up=0.5 * prepared) == prepared
+    assert length(warm_up=prepared + 30.0) == pytest.approx(prepared + 30.0, abs=FakeClock.tick)
+
+
+def test_the_temperature_slope_is_measured_at_rest_after_the_checks() -> None:
+    scene, cold = Scene(warm_up=10.0, warm_up_slope=0.5), Scene()
     assert scene.run().state is State.PASSED
-    assert scene.events_of(Message)[0].id == "identified"
-    cold = Scene()
     cold.run()
-    assert scene.clock.time > cold.clock.time + 29.0
+    assert scene.clock.time > cold.clock.time + 19.0
+    ids = [message.id for message in scene.events_of(Message)]
+    assert ids.index("checking_mounting") < ids.index("warming_up")
+
+
+def test_a_unit_that_is_mounted_wrongly_is_refused_before_it_is_warm() -> None:
+    scene = Scene(warm_up=1000.0)
+    scene.imu.upside_down = True
+    assert code(scene.run()) == "preflight.gravity_direction"
+    assert scene.clock.time < 100.0
 
 
 def test_a_plan_outside_the_limits_is_refused_before_anything_moves() -> None:
