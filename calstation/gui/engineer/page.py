@@ -66,7 +66,7 @@ class EngineerPage(Page):
 
     def _lay_out(self) -> None:
         self._tabs = ViewTabs("engineer_views")
-        self._views = stack(self.preview, *self.analysis.views, self.registers)
+        self._views = stack(self.preview, *self.analysis.views, self.registers, self.analysis.cycle)
         for _ in range(self._views.count()):
             self._tabs.addTab("")
         self._source = ElidedLabel("muted")
@@ -111,7 +111,7 @@ class EngineerPage(Page):
 
     def _show_texts(self) -> None:
         titles = [self.tr("Preview"), self.tr("Parameters"), self.tr("Innovations"), self.tr("Residuals")]
-        titles += [self.tr("Observability"), self.tr("Registers")]
+        titles += [self.tr("Observability"), self.tr("Registers"), self.tr("Cycle")]
         for index, title in enumerate(titles):
             self._tabs.setTabText(index, title)
         self._source.setText(self.analysis.source())

@@ -30,6 +30,34 @@
     </message>
 </context>
 <context>
+    <name>CycleView</name>
+    <message>
+        <source>Phases of the cycle, to scale</source>
+        <extracomment>Height of a bar, and size of a colour in the legend, px. Role in the palette and opacity of each phase that is not a stage. Opacity of the first stage, its decrease from stage to stage, and the lowest opacity. A phase and, if it is the motion of a stage, that stage, otherwise &quot;&quot;.</extracomment>
+        <translation>节拍各环节（按比例）</translation>
+    </message>
+    <message>
+        <source>Phases except the stages, to scale</source>
+        <translation>标定阶段以外的各环节（按比例）</translation>
+    </message>
+    <message>
+        <source>Everything except the stages</source>
+        <translation>标定阶段以外</translation>
+    </message>
+    <message>
+        <source>Cycle: {0:.1f} s</source>
+        <translation>节拍：{0:.1f} s</translation>
+    </message>
+    <message>
+        <source>All stages</source>
+        <translation>全部标定阶段</translation>
+    </message>
+    <message>
+        <source>Everything else</source>
+        <translation>其余合计</translation>
+    </message>
+</context>
+<context>
     <name>EngineerPage</name>
     <message>
         <source>Show an earlier result or log</source>
@@ -46,6 +74,10 @@
     <message>
         <source>The log could not be solved again</source>
         <translation>日志无法重新解算</translation>
+    </message>
+    <message>
+        <source>Cycle</source>
+        <translation>节拍</translation>
     </message>
     <message>
         <source>The product was not saved</source>
@@ -386,7 +418,7 @@
     <name>ResultView</name>
     <message>
         <source>Unit</source>
-        <extracomment>Maximum height of the table of checks that do not concern a single parameter, px. Badge shape (`widgets.badge.KINDS`) of each parameter verdict.</extracomment>
+        <extracomment>Maximum height of the table of checks that do not concern a single parameter, px. Columns that compare with the previous run, or with the result without an added state. Badge shape (`widgets.badge.KINDS`) of each parameter verdict.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
