@@ -157,10 +157,10 @@ class Preflight:
         return rates
 
     def _check_signs(self, bias: FloatArray) -> None:
-        """Turn each joint by a small angle and back; check the size, axis and sign that the gyro measures."""
+        """Turn each joint by a small angle, then both back; check the size, axis and sign that the gyro measures."""
+        target = [0.0, 0.0]
         for joint, axis in enumerate(JOINTS):
             start = self._runner.position()
-            target = [0.0, 0.0]
             inside = self._geometry.limits.within(joint, self._limits.turn)
             target[joint] = self._limits.turn if inside else -self._limits.turn
             with self._acquisition.tap() as blocks:
@@ -184,7 +184,7 @@ class Preflight:
                     expected_deg=float(np.rad2deg(size)),
                     measured_deg=float(np.rad2deg(along)),
                 )
-            self._runner.drive(self._turn_to(0.0, 0.0))
+        self._runner.drive(self._turn_to(0.0, 0.0))
 
     def _turn_to(self, outer: float, inner: float) -> Move:
         rate = self._limits.turn_rate
