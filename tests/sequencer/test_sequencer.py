@@ -92,7 +92,7 @@ def test_a_unit_outside_its_limits_fails() -> None:
 
 
 def test_stop_in_every_state_is_a_safe_stop(tick: float) -> None:
-    for moment in (0.05, 1.0, 4.0, 8.0, 12.0, 16.0):
+    for moment in (0.05, 1.0, 3.0, 6.0, 9.0, 12.0):
         scene = Scene()
         scene.clock.at(moment, lambda scene=scene: scene.control.send(Command.STOP))
         assert scene.run().state is State.STOPPED
@@ -568,7 +568,7 @@ def test_a_channel_without_its_noise_is_reported_as_stuck() -> None:
     scene.unit = replace(scene.unit, model=noisy)
     assert scene.run().state is State.FAULT
     (fault,) = scene.events_of(Fault)
-    assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro x"})
+    assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro y"})
     assert scene.table.commands[-1] == "disable"
 
 
@@ -586,7 +586,7 @@ def test_a_channel_of_floats_is_stuck_however_small_its_noise_is_in_counts() -> 
     scene.unit = replace(scene.unit, span=Span(step=np.zeros(6)))
     assert scene.run().state is State.FAULT
     (fault,) = scene.events_of(Fault)
-    assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro x"})
+    assert (fault.code, fault.values) == ("stream.stuck", {"channel": "gyro y"})
 
 
 def test_non_numeric_output_is_reported_before_the_axes_are_switched_on() -> None:
