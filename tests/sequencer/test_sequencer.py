@@ -470,7 +470,7 @@ def test_the_restarted_unit_is_captured_in_data_that_no_log_holds() -> None:
     assert scene.run().state is State.PASSED
     (fresh,) = scene.proved
     ups = np.array(fresh.rests)[:, 3:] / GRAVITY
-    assert np.allclose(np.abs(ups @ ups.T), [[1, 0, 1, 0], [0, 1, 0, 0], [1, 0, 1, 0], [0, 0, 0, 1]], atol=1e-3)
+    assert np.allclose(np.abs(ups @ ups.T), [[1, 0, 0, 1], [0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 1]], atol=1e-3)
     assert np.allclose(np.array(fresh.rests)[:, :3], 0.0, atol=1e-4)
     axes = np.array([turned.angle for turned in fresh.turns]) / (2.0 * np.pi)
     assert np.allclose(np.abs(axes), [[1, 0, 0], [0, 1, 0], [0, 0, 1]], atol=2e-3)
@@ -486,7 +486,7 @@ def test_a_unit_with_corrected_output_is_captured_before_and_after() -> None:
     assert scene.run().state is State.PASSED
     (fresh,) = scene.proved
     assert fresh.corrected
-    assert np.allclose(fresh.rests, fresh.reference.rests, atol=1e-3)
+    assert np.allclose(fresh.rests[:3], fresh.reference.rests, atol=1e-3)
     for own, before in zip(fresh.turns, fresh.reference.turns, strict=True):
         assert np.allclose(own.angle, before.angle, atol=1e-3)
     assert scene.imu.started[-2:] == [True, False], "the raw stream is on again afterwards"
@@ -511,11 +511,11 @@ def test_a_turn_with_a_gap_is_repeated_from_its_start(spoilt: int) -> None:
     again = ["move 180 0", "move 90 0"] * spoilt
     if spoilt == 3:
         assert code(ended) == "stream.lossy"
-        assert moved[2:] == again[:-1]
+        assert moved[1:] == again[:-1]
         assert scene.proved == []
         return
     assert ended.state is State.PASSED
-    assert moved[2 : 2 + len(again) + 1] == [*again, "move 180 0"]
+    assert moved[1 : 1 + len(again) + 1] == [*again, "move 180 0"]
     (fresh,) = scene.proved
     axes = np.array([turned.angle for turned in fresh.turns]) / (2.0 * np.pi)
     assert np.allclose(np.abs(axes), np.eye(3)[[0, 1, 2]], atol=2e-3)
@@ -553,7 +553,7 @@ def test_a_stop_without_the_operator_gives_its_reason() -> None:
 
 def test_non_numeric_samples_are_invalid_and_their_step_is_repeated() -> None:
     scene = Scene()
-    scene.clock.at(16.0, lambda: setattr(scene.imu, "nan", True))
+    scene.clock.at(13.0, lambda: setattr(scene.imu, "nan", True))
     assert scene.run().state is State.PASSED
     assert [m.values["reason"] for m in scene.events_of(Message) if m.id == "step_repeated"] == ["invalid"]
     blocks = scene.solving.blocks["rate"]
