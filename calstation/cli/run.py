@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from math import degrees
 
@@ -14,7 +14,7 @@ from calstation.cli.errors import command_options, complain, complete_commands, 
 from calstation.cli.show import check_json, emit_json, on_interrupt, on_line, result_table, say, show_line
 from calstation.config import RegisterOperation, RunRequest, load_station, prepare_run
 from calstation.errors import ConfigurationError, StoppedError
-from calstation.messages import Text, event_text, render, sentence, step_text
+from calstation.messages import Text, event_text, render, sentence, step_text, term
 from calstation.results import Result
 from calstation.runs import INTERNAL, Engine, filled, serial_of
 from calstation.sequencer import (
@@ -122,11 +122,20 @@ def _show_verdict(verdict: Verdict, json: str | None, request: RunRequest) -> No
     if json != "-":
         result_table(console, result)
     show_line(console, f"{result.serial}: {sentence(_outcome(verdict.outcome, result))}")
+    if result.cycle:
+        show_line(console, _cycle_line(result.cycle_seconds))
     show_line(console, f"log: {verdict.log}")
     show_line(console, f"result: {verdict.result_file}")
     if result.advice == "resume":
         command = shlex.join(["calstation", "run", "--resume", verdict.log])
         show_line(console, f"to resume: {command} {station_options(request.station, request.product)}".rstrip())
+
+
+def _cycle_line(seconds: Mapping[str, float]) -> str:
+    """Return the duration of the cycle and of its phases: the stages, then the others, the longest first."""
+    phases = sorted(seconds, key=lambda name: (name != "stage", -seconds[name]))
+    parts = [f"{term('cycle', name).lower()} {seconds[name]:.1f} s" for name in phases]
+    return say("cli.cycle", seconds=sum(seconds.values()), phases=parts)
 
 
 def _outcome(outcome: str, result: Result) -> Text:

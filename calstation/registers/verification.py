@@ -245,17 +245,27 @@ def compare(
     repeatability: float,
 ) -> tuple[VerificationCheck, ...]:
     """Compare each rest and turn of a unit's output with a reference; `repeatability` is that of the table, rad."""
-    seen, expected = np.array(data.rests), _expected(np.array(reference.rests), registers)
-    imu = context.imu
+    expected = _expected(np.array(reference.rests), registers)
+    imu, count = context.imu, len(expected)
+    seen = np.array(data.rests[:count])
+    difference = seen - expected
+    rate_noise = 2.0 * _rate_noise(imu, data.seconds) ** 2 * np.eye(3)
+    force_noise = [_force_scatter(here[3:], data.seconds, context, repeatability) for here in expected]
+    rate_drift, force_drift = (
+        (DRIFT * instability) ** 2 * np.eye(3)
+        for instability in (imu.gyro_bias_instability, imu.accel_bias_instability)
+    )
     checks = []
-    for own, here in zip(seen, expected, strict=True):
-        force, rate = own[3:] - here[3:], own[:3] - here[:3]
-        force_scatter = _force_scatter(here[3:], data.seconds, context, repeatability)
-        rate_variance = 2.0 * _rate_noise(imu, data.seconds) ** 2 + (DRIFT * imu.gyro_bias_instability) ** 2
-        checks.append(_difference("force_difference", force, force_scatter, "m/s²"))
-        checks.append(_difference("rate_difference", rate, rate_variance * np.eye(3), "rad/s"))
+    # The mean of all rests, last, resolves smaller biases.
+    for own, rate, force in (
+        *((own, rate_noise, noise) for own, noise in zip(difference, force_noise, strict=True)),
+        (difference.mean(axis=0), rate_noise / count, np.sum(force_noise, axis=0) / count**2),
+    ):
+        checks.append(_difference("force_difference", own[3:], force + force_drift, "m/s²"))
+        checks.append(_difference("rate_difference", own[:3], rate + rate_drift, "rad/s"))
     for own_turn, before in zip(data.turns, reference.turns, strict=True):
-        there = _net(before, _expected_turn(before, reference.rests[before.turn.still], registers), expected)
+        mean = _expected((before.integral / before.seconds)[None], registers)[0]
+        there = _net(before, mean[:3] * before.seconds, expected)
         difference = _net(own_turn, own_turn.angle, seen) - there
         scatter = _turn_scatter(there, (before.seconds, data.seconds), imu, repeatability)
         # Earth rate accumulates if one turn takes longer than the other.
@@ -362,16 +372,6 @@ def _compensated(raw: FloatArray, held: Mapping[str, float]) -> tuple[FloatArray
     return compensate(constants, less[:, :3], less[:, 3:])
 
 
-def _expected_turn(turned: Turned, rest: FloatArray, registers: AppliedRegisters) -> FloatArray:
-    """Return the integral of the reference's rate over a turn with the unit's current registers, rad, shape (3,).
-
-    Over a whole turn, the mean of the force at the `rest` before it is its component along the axis.
-    """
-    axis = turned.angle / np.linalg.norm(turned.angle)
-    mean = np.hstack([turned.angle / turned.seconds, (rest[3:] @ axis) * axis])[None]
-    return _expected(mean, registers)[0, :3] * turned.seconds
-
-
 def _raw(output: FloatArray, registers: Mapping[str, float] | None) -> FloatArray:
     """Return the raw output of a unit that applied `registers`, shape (n, 6), without the size effect (0 at rest)."""
     if registers is None:
@@ -394,11 +394,13 @@ def _net(turned: Turned, angle: FloatArray, rests: FloatArray) -> FloatArray:
 
 
 def _force_scatter(force: FloatArray, seconds: float, context: SolveContext, repeatability: float) -> FloatArray:
-    """Return the covariance of a force difference, (m/s²)², shape (3, 3); table tilt acts only across the force."""
+    """Return the covariance of a force difference without bias drift, (m/s²)², shape (3, 3).
+
+    Table tilt acts only across the force.
+    """
     size = float(np.linalg.norm(force))
     up = force / size
-    drift = DRIFT * context.imu.accel_bias_instability
-    noise = (2.0 * _force_noise(context, seconds) ** 2 + drift**2) * np.eye(3)
+    noise = 2.0 * _force_noise(context, seconds) ** 2 * np.eye(3)
     return np.asarray(noise + 2.0 * (repeatability * size) ** 2 * (np.eye(3) - np.outer(up, up)))
 
 

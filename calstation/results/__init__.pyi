@@ -52,6 +52,7 @@ from .resolving import resolve as resolve
 from .resolving import resolve_with_state as resolve_with_state
 from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
+from .result import CyclePhase as CyclePhase
 from .result import Parameter as Parameter
 from .result import Registers as Registers
 from .result import Result as Result

@@ -27,7 +27,7 @@ from calstation.records import (
     undetermined,
     unobservable,
 )
-from calstation.results.result import SCHEMA, CalibrationUsed, Parameter, Result, StageConsistency, plain
+from calstation.results.result import SCHEMA, CalibrationUsed, CyclePhase, Parameter, Result, StageConsistency, plain
 from procedures import DEFAULT_STAGES
 
 #: Kinds of checks that may fail because the model does not describe the data.
@@ -118,6 +118,7 @@ class Ending:
     stop_reason: str | None = None  #: Source of the stop of a stopped run.
     advice: str | None = None  #: Recommended action, see `calstation.runs.verdict`.
     finished_stages: tuple[str, ...] | None = None  #: Stages that an incomplete run solved before it ended.
+    cycle: Sequence[CyclePhase] | None = None  #: Phases of the run.
 
 
 def build_result(
@@ -134,6 +135,7 @@ def build_result(
         "error_values": None if error is None else values_to_json(error.values),
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
+        "cycle": ending.cycle,
         "latitude_untold": unconfirmed_latitude(meta, solutions),
         "resumed_from": run.resumed_from if run else None,
     }

@@ -127,6 +127,14 @@ class LogSection(_Section):
     damaged: list[DamagedRange] = Field(default_factory=list)
 
 
+class CyclePhase(_Section):
+    """A phase of the run's cycle and its duration, s: device time, or host time while the station computes."""
+
+    phase: str  #: Name in the catalogue family ``cycle``.
+    stage: str = ""  #: Stage of a phase ``stage`` or ``solving``.
+    seconds: Number
+
+
 class LatitudeUnknown(_Section):
     """An inconsistent stage, and the latitude, degrees, that it assumed but no rest confirmed."""
 
@@ -178,6 +186,8 @@ class Result(_Section):
     software: Software | None = None
     started_utc: str | None = None
     duration_s: Number = 0.0
+    #: Phases from the start of the run to the result, in order; empty for a result of an older version.
+    cycle: list[CyclePhase] = Field(default_factory=list)
     error: str | None = None  #: The fault that ended the run, in English.
     error_code: str | None = None  #: Catalogue code of the fault.
     error_values: dict[str, JsonValue] | None = None  #: Values of the fault's message.
@@ -230,6 +240,14 @@ class Result(_Section):
         """Parameters that neither the run's data nor the current calibration determine."""
         known = self.calibration.not_improved if self.calibration is not None else ()
         return [name for name in self.unobservable if name not in known]
+
+    @property
+    def cycle_seconds(self) -> dict[str, float]:
+        """Duration of the cycle's phases by name, s; all stages together are ``stage``."""
+        seconds: dict[str, float] = {}
+        for part in self.cycle:
+            seconds[part.phase] = seconds.get(part.phase, 0.0) + part.seconds
+        return seconds
 
     @property
     def failed_checks(self) -> list[Check]:

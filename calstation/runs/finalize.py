@@ -77,6 +77,7 @@ class Finalization:
         if not self._entries.parameters:
             return Finalized(passed=True, written=False)
         # Only this thread may write the log, so the registers are read and logged before the transfer begins.
+        run.emit(Message("registers_reading"))
         old = run_in_background(lambda: flash_registers(self._imu))
         self._log_old(old, run_in_background)
         wanted = self._wanted(solutions)

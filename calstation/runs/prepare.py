@@ -15,6 +15,7 @@ from calstation.physics import INDEX
 from calstation.records import RESERVE, LogMeta, RawLogWriter, free_space
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
 from calstation.results import History, StageChain, current_calibration, is_partial, register_pending
+from calstation.runs.cycle import Cycle
 from calstation.runs.hooks import RunHooks
 from calstation.runs.incomplete import finish_incomplete
 from calstation.runs.resume import Continuation
@@ -29,11 +30,17 @@ class PreparedRun:
 
     setup: ResolvedConfiguration
     history: History
-    emit: Emit
+    listener: Emit
     control: Control
     hooks: RunHooks
     continuation: Continuation | None
     started: datetime
+    cycle: Cycle
+
+    def emit(self, event: Event) -> None:
+        """Pass an event to the listener; it may begin another phase of the cycle."""
+        self.cycle.follow(event)
+        self.listener(event)
 
     @property
     def folder(self) -> Path:
@@ -115,7 +122,7 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
 
     Raises ConfigurationError or InputError if the run is not possible as requested.
     """
-    continuation = None
+    cycle, continuation = Cycle(), None
     if request.resume is not None:
         continuation = Continuation.of(request, request.resume)
         request = continuation.request
@@ -134,7 +141,7 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     check_flash(setup, request.out, emit)
     check_interrupted(setup, request.out)
     emit = hooks.listener(setup, request.out, emit)
-    prepared = PreparedRun(setup, history, emit, control, hooks, continuation, datetime.now(UTC))
+    prepared = PreparedRun(setup, history, emit, control, hooks, continuation, datetime.now(UTC), cycle)
     meta, _ = prepared.meta(None)  # refuses a run that cannot be resumed unchanged
     files = (meta.run.files if meta.run else None) or {}
     logger.info("run of %s, stages %s", request.serial, ", ".join(setup.stages))

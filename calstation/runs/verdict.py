@@ -30,6 +30,7 @@ def close_run(run: OpenRun, ended: Ended) -> None:
         error=ended.error,
         stop_reason=str(control.stop_reason) if outcome == "stopped" else None,
         advice=advice(run.setup.product, outcome, failures, finished),
+        cycle=run.prepared.cycle.phases(),
     )
     judgement = replace(judgement, passed=ended.state is State.PASSED)
     result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()

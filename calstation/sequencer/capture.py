@@ -28,7 +28,7 @@ from calstation.sequencer.steps import StepRunner
 REST = 10.0
 
 #: Duration of a rest in each attitude on a table, s.
-SHORT_REST = 3.0
+SHORT_REST = 1.9
 
 #: IMU time recorded after a move has settled, so that its last samples are included, s.
 _AFTER_MOVE = 0.1
@@ -36,18 +36,20 @@ _AFTER_MOVE = 0.1
 _ATTEMPTS = 3
 
 #: Approximate time to capture a unit's output on a table before and after its restart, s.
-DURATION = 72.0
+DURATION = 45.0
 
 #: Expected time for turning a unit over manually, s.
 _CARRY_TIME = 6.0
 
-#: Maximum rate, rad/s, and acceleration, rad/s²; the turns take a minute if the table and the unit's range allow it.
-RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(120.0)
+#: Maximum rate, rad/s, and acceleration, rad/s², and maximum fraction of the table's own.
+RATE, ACCELERATION = np.deg2rad(110.0), np.deg2rad(180.0)
+_SPEED_FRACTION = 0.9
 
 _FULL_TURN, _HALF_TURN, _QUARTER_TURN = 2.0 * np.pi, np.pi, 0.5 * np.pi
-#: Candidate turn angles, rad; the first that travel allows is used. Full turns come first, because the encoder error
-#: cancels in them.
-_AMOUNTS = tuple(np.deg2rad(v) for a in (360.0, 180.0, 90.0, 30.0) for v in (a, -a))
+#: Candidate turn angles, rad; the first that travel allows is used.
+_AMOUNTS = tuple(np.deg2rad(v) for a in (180.0, 90.0, 30.0) for v in (a, -a))
+#: Candidates without a reference: full turns come first, because the encoder error cancels in them.
+_WHOLE_AMOUNTS = (_FULL_TURN, -_FULL_TURN, *_AMOUNTS)
 
 #: Candidate moves of the inner joint before the outer one turns again about another body axis, rad.
 _QUARTERS = tuple(np.deg2rad(v) for a in (90.0, 30.0) for v in (a, -a))
@@ -59,11 +61,15 @@ _NEW_UP = np.deg2rad(20.0)
 
 @dataclass(frozen=True)
 class Leg:
-    """A move of one joint; `turn` is the number of its turn, or None; if `rest`, the unit rests at its end."""
+    """A move; `turn` is the number of the turn of one joint it belongs to, or None; if `rest`, a rest follows.
+
+    If `opposite`, gravity is opposite to that of another rest: a rest is not needed in a reference.
+    """
 
     move: Move
     turn: int | None
     rest: bool
+    opposite: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,67 +96,90 @@ class VerificationPath:
 
 
 def verification_path(
-    start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float = np.inf
+    start: tuple[float, float],
+    geometry: TableGeometry,
+    own: JointLimits,
+    fastest: float = np.inf,
+    *,
+    compared: bool = True,
 ) -> VerificationPath:
     """Return a path: the outer joint turns, turns back at another inner angle, then the inner joint turns.
 
     The path starts at joint angles `start`, rad, is no faster than `fastest`, rad/s, and stays within the limits of the
-    profile and the table's `own` limits. Raises ConfigurationError if a joint cannot turn.
+    profile and the table's `own` limits. Half turns are enough if the turns are `compared` with a reference along the
+    same path. Raises ConfigurationError if a joint cannot turn.
     """
-    path = _PathBuilder(start, geometry, own, fastest)
+    path = _PathBuilder(start, geometry, own, fastest, _AMOUNTS if compared else _WHOLE_AMOUNTS)
     there = path.amount(OUTER)
     quarter = path.first(INNER, _QUARTERS)
     path.turn(OUTER, there)
-    path.go(INNER, quarter)
+    path.go(path.further(there), quarter)
     path.turn(OUTER, -there)
-    # In the opposite direction, a full turn ends three quarters of a turn from the start instead of five.
+    # In the opposite direction, a turn ends closer to the start.
     path.turn(INNER, -np.sign(quarter) * abs(path.amount(INNER, -np.sign(quarter))))
-    path.go(INNER, start[INNER] - path.pose[INNER])
+    path.go(start[OUTER] - path.pose[OUTER], start[INNER] - path.pose[INNER])
     return VerificationPath(start, tuple(path.legs), tuple(path.turns))
 
 
 class _PathBuilder:
     """Builds a path leg by leg."""
 
-    def __init__(self, start: tuple[float, float], geometry: TableGeometry, own: JointLimits, fastest: float) -> None:
+    def __init__(
+        self,
+        start: tuple[float, float],
+        geometry: TableGeometry,
+        own: JointLimits,
+        fastest: float,
+        amounts: tuple[float, ...],
+    ) -> None:
         self.pose = list(start)
         self.legs: list[Leg] = []
         self.turns: list[Turn] = []
-        self._geometry, self._own = geometry, own
-        self._speeds = geometry.limits.limited(min(RATE, fastest), ACCELERATION)
+        self._geometry, self._own, self._amounts = geometry, own, amounts
+        rate, acceleration = (_SPEED_FRACTION * v for v in geometry.limits.limited(np.inf, np.inf))
+        self._speeds = min(RATE, rate, fastest), min(ACCELERATION, acceleration)
         self._rested = [(start, self._up(start))]
+        self._has_opposite = False
 
     def amount(self, joint: int, sign: float = 0.0) -> float:
         """Return how far a joint can turn from here, rad; only in the direction of `sign` unless it is 0."""
-        return self.first(joint, tuple(a for a in _AMOUNTS if sign * a >= 0.0))
+        return self.first(joint, tuple(a for a in self._amounts if sign * a >= 0.0))
 
     def first(self, joint: int, amounts: tuple[float, ...]) -> float:
         """Return the first of `amounts` that travel allows from here. Raises ConfigurationError."""
-        limits, here = self._geometry.limits, self.pose[joint]
         for amount in amounts:
-            if limits.within(joint, here + amount) and self._own.within(joint, here + amount):
+            if self._reaches(joint, amount):
                 return float(amount)
         angle_deg = float(np.rad2deg(_AMOUNTS[-2]))
         raise ConfigurationError("motion.no_turn", axis=JOINTS[joint], angle_deg=angle_deg)
 
-    def go(self, joint: int, amount: float) -> None:
-        """Move a joint without measuring a turn."""
-        if abs(amount) > 1e-12:
-            self._add(joint, amount, None, self._is_new(self._after(joint, amount)))
+    def further(self, turned: float) -> float:
+        """Return a further quarter turn of the outer joint after it `turned` by at least half a turn, or 0, rad.
+
+        Beyond it, the turn back begins with gravity across the axis of the inner joint and needs no stop on its way.
+        """
+        quarter = float(np.sign(turned) * _QUARTER_TURN)
+        return quarter if abs(turned) > _HALF_TURN - 1e-9 and self._reaches(OUTER, quarter) else 0.0
+
+    def go(self, outer: float, inner: float) -> None:
+        """Move both joints without measuring a turn."""
+        if max(abs(outer), abs(inner)) > 1e-12:
+            self._add((outer, inner), None)
 
     def turn(self, joint: int, amount: float) -> None:
-        """Turn a joint, with a rest wherever gravity has a new direction in the body frame."""
+        """Turn a joint, with a stop wherever gravity has a new direction in the body frame."""
         number, left, step = len(self.turns), amount, float(np.sign(amount) * _LEG_STEP)
+        way = np.array([joint == OUTER, joint == INNER], dtype=float)
         stops = range(1, round(abs(amount) / _LEG_STEP) + 1)
-        if self._still(joint) is None and not any(self._is_new(self._after(joint, k * step)) for k in stops):
+        if self._still(joint) is None and not any(self._is_new(self._after(k * step * way)) for k in stops):
             self.legs[-1] = Leg(self.legs[-1].move, self.legs[-1].turn, True)
             self._rest()
         while abs(left) > 1e-12:
             leg = step
-            while abs(leg) < abs(left) - 1e-12 and not self._is_new(self._after(joint, leg)):
+            while abs(leg) < abs(left) - 1e-12 and not self._rest_here(self._after(leg * way)):
                 leg += step
             leg = leg if abs(leg) < abs(left) else left
-            self._add(joint, leg, number, self._is_new(self._after(joint, leg)))
+            self._add(leg * way, number)
             left -= leg
         still = self._still(joint)
         if still is None:
@@ -166,10 +195,16 @@ class _PathBuilder:
                 return number
         return None
 
-    def _add(self, joint: int, amount: float, turn: int | None, rest: bool) -> None:
-        self.pose[joint] += amount
-        move = Move(self.pose[OUTER], self.pose[INNER], *self._speeds, ("verify",))
-        self.legs.append(Leg(move, turn, rest))
+    def _reaches(self, joint: int, amount: float) -> bool:
+        to = self.pose[joint] + amount
+        return self._geometry.limits.within(joint, to) and self._own.within(joint, to)
+
+    def _add(self, amounts: FloatArray | tuple[float, float], turn: int | None) -> None:
+        pose = self._after(amounts)
+        rest, opposite = self._is_new(pose), self._is_opposite(pose)
+        self.pose = list(pose)
+        self.legs.append(Leg(Move(*pose, *self._speeds, ("verify",)), turn, rest, opposite))
+        self._has_opposite |= opposite
         if rest:
             self._rest()
 
@@ -177,28 +212,39 @@ class _PathBuilder:
         pose = (self.pose[OUTER], self.pose[INNER])
         self._rested.append((pose, self._up(pose)))
 
-    def _after(self, joint: int, amount: float) -> tuple[float, float]:
-        pose = list(self.pose)
-        pose[joint] += amount
-        return pose[OUTER], pose[INNER]
+    def _after(self, amounts: FloatArray | tuple[float, float]) -> tuple[float, float]:
+        return self.pose[OUTER] + float(amounts[OUTER]), self.pose[INNER] + float(amounts[INNER])
 
     def _up(self, pose: tuple[float, float]) -> FloatArray:
         return np.asarray(self._geometry.body_to_home(*pose).T @ UP)
 
+    def _rest_here(self, pose: tuple[float, float]) -> bool:
+        return self._is_new(pose) or self._is_opposite(pose)
+
     def _is_new(self, pose: tuple[float, float]) -> bool:
-        """Whether gravity has a new axis in the body frame, or is opposite to that of the first rest."""
-        up = self._up(pose)
-        first, *others = (known for _, known in self._rested)
-        return bool(up @ first < np.cos(_NEW_UP)) and all(abs(up @ known) < np.cos(_NEW_UP) for known in others)
+        """Whether gravity has a new axis in the body frame."""
+        return bool(np.abs(self._cosines(pose)).max() < np.cos(_NEW_UP))
+
+    def _is_opposite(self, pose: tuple[float, float]) -> bool:
+        """Whether gravity is, for the first time, opposite to that of a rest."""
+        return not self._has_opposite and bool(self._cosines(pose).min() <= -np.cos(_NEW_UP))
+
+    def _cosines(self, pose: tuple[float, float]) -> FloatArray:
+        return np.array([known for _, known in self._rested]) @ self._up(pose)
 
 
 @dataclass(frozen=True)
 class Turned:
-    """A measured turn: the integral of the gyro output over its legs, rad, shape (3,), and its duration, s."""
+    """A measured turn: the integral of the output over its legs, rad and m/s, shape (6,), and its duration, s."""
 
     turn: Turn
-    angle: FloatArray
+    integral: FloatArray
     seconds: float
+
+    @property
+    def angle(self) -> FloatArray:
+        """Integral of the gyro output, rad, shape (3,)."""
+        return self.integral[:3]
 
 
 @dataclass(frozen=True)
@@ -206,9 +252,10 @@ class VerificationData:
     """Output of a unit, captured for verification.
 
     `rests` are means at rest over `seconds`, gyro rad/s and accel m/s², each of shape (6,). On a table there are
-    `turns`; on a manual rig there is `carried`, the samples between two rests, shape (n, 6), at intervals of `period`,
-    s; on a gimbal there are `drifts` only. `reference` is the same data before the transfer or without the registers
-    applied, or None if there is no comparison.
+    `turns`, and the last rest is opposite to another one, except in a reference; on a manual rig there is `carried`,
+    the samples between two rests, shape (n, 6), at intervals of `period`, s; on a gimbal there are `drifts` only.
+    `reference` is the same data before the transfer or without the registers applied, or None if there is no
+    comparison.
     """
 
     rests: tuple[FloatArray, ...]
@@ -225,12 +272,12 @@ class Restarted(Interruption):
     """The unit restarted during a capture: samples before and after must not be mixed."""
 
 
-def verification_data(runner: StepRunner, path: VerificationPath) -> VerificationData:
-    """Capture rests and turns along a path that returns to its start.
+def verification_data(runner: StepRunner, path: VerificationPath, *, opposite: bool) -> VerificationData:
+    """Capture rests, also the `opposite` one or not, and turns along a path that returns to its start.
 
     The table must be at the start, and the stream must not be broken. Raises DeviceFaultError or Restarted.
     """
-    rests = [_rest(runner)]
+    rests, opposites = [_rest(runner)], []
     parts: list[list[Turned]] = [[] for _ in path.turns]
     here = path.start
     for leg in path.legs:
@@ -240,9 +287,11 @@ def verification_data(runner: StepRunner, path: VerificationPath) -> Verificatio
             parts[leg.turn].append(_turn(runner, path.turns[leg.turn], leg, here))
         if leg.rest:
             rests.append(_rest(runner))
+        elif leg.opposite and opposite:
+            opposites.append(_rest(runner))
         here = leg.move.outer, leg.move.inner
-    turns = (Turned(p[0].turn, np.sum([q.angle for q in p], axis=0), sum(q.seconds for q in p)) for p in parts)
-    return VerificationData(tuple(rests), SHORT_REST, tuple(turns))
+    turns = (Turned(p[0].turn, np.sum([q.integral for q in p], axis=0), sum(q.seconds for q in p)) for p in parts)
+    return VerificationData((*rests, *opposites), SHORT_REST, tuple(turns))
 
 
 def _rest(runner: StepRunner) -> FloatArray:
@@ -271,8 +320,7 @@ def _turn(runner: StepRunner, turn: Turn, leg: Leg, start: tuple[float, float]) 
         if _is_complete(runner, blocks):
             counts = np.concatenate([block.counts for block in blocks])
             period = float(blocks[-1].time[-1] - blocks[0].time[0]) / (len(counts) - 1)
-            angle = (counts.sum(axis=0) * runner.acquisition.scale * period)[:3]
-            return Turned(turn, angle, period * len(counts))
+            return Turned(turn, counts.sum(axis=0) * runner.acquisition.scale * period, period * len(counts))
     raise _lossy_error(runner)
 
 

@@ -69,9 +69,9 @@ class PreflightLimits:
     rate_low: FloatArray = field(default_factory=lambda: np.full(3, -np.inf))
     rate_high: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
     turn: float = np.deg2rad(5.0)
-    turn_rate: float = np.deg2rad(5.0)
+    turn_rate: float = np.deg2rad(60.0)
     turn_tolerance: float = 0.1
-    flow: float = 2.0
+    flow: float = 1.0
     output: bool = True
 
 
@@ -105,8 +105,8 @@ class Task:
     latency: float = 0.0
     settle: float = SETTLE
     load_angle: tuple[float, float] = (0.0, 0.0)
-    travel_rate: float = np.deg2rad(20.0)
-    travel_acceleration: float = np.deg2rad(20.0)
+    travel_rate: float = np.deg2rad(90.0)
+    travel_acceleration: float = np.deg2rad(90.0)
     gimbal_turn: GimbalTurn | None = None
 
     @property

@@ -132,7 +132,7 @@ class Driving:
         if self._context.task.gimbal:  # its own turns are checked before each of them
             return
         own = self.control_loop.status.limits
-        for leg in self._path_from_here().legs:
+        for leg in self._path_from_here(compared=False).legs:
             check_limits(self._context.task.geometry.limits, leg.move)
             check_travel(own, leg.move)
 
@@ -147,7 +147,7 @@ class Driving:
         self._path = None
         with self.acquisition.unlogged_samples():
             self.stream.restore()
-            self._reference = self._capture("stream.restarts_before_write")
+            self._reference = self._capture("stream.restarts_before_write", is_reference=True)
 
     def verification_data(self, *, restarted: bool = True) -> VerificationData:
         """Capture the unit's output at rest and in turns without logging it; the raw stream is on again afterwards.
@@ -169,29 +169,31 @@ class Driving:
             elif gimbal:
                 data = VerificationData((), 0.0, drifts=self.runner.gimbal.verification_turns())
             else:
-                data = self._capture("stream.restarts_after_write")
+                data = self._capture("stream.restarts_after_write", is_reference=False)
             if asked:
                 self.stream.start(corrected=False)
         # The next capture starts from the table's position at that time.
         reference, self._reference, self._path = self._reference, None, None
         return replace(data, corrected=gimbal or corrected is not Output.NEVER, reference=reference)
 
-    def _path_from_here(self) -> VerificationPath:
+    def _path_from_here(self, *, compared: bool) -> VerificationPath:
         span = self._context.slot.unit.span
         ends = np.concatenate([span.high[:3], -span.low[:3]]) * self.acquisition.scale[0]
         return verification_path(
-            self.runner.position(),
+            self.runner.target or self.runner.position(),
             self._context.task.geometry,
             self.control_loop.status.limits,
             _RANGE_FRACTION * float(ends.min()),
+            compared=compared,
         )
 
-    def _capture(self, code: str) -> VerificationData:
+    def _capture(self, code: str, *, is_reference: bool) -> VerificationData:
         """Capture the unit's output; if the unit restarts during the capture, begin again.
 
-        `code` is the code of the error raised if the unit restarts during every attempt.
+        `code` is the code of the error raised if the unit restarts during every attempt. The path is that of the
+        reference, or a new one.
         """
-        there, path = self._path is not None, self._path or self._path_from_here()
+        there, path = self.runner.target is not None, self._path or self._path_from_here(compared=is_reference)
         self._path = path
         for _ in range(_MAX_CAPTURES):
             if not there:
@@ -202,7 +204,7 @@ class Driving:
                 if self.stream.broken:
                     self.stream.restore()
             try:
-                return verification_data(self.runner, path)
+                return verification_data(self.runner, path, opposite=not is_reference)
             except Restarted:
                 self._context.emit(Message("look_repeated"))
                 there = False

@@ -1,4 +1,4 @@
-"""Checks before the first stage: identity, power, home, warm-up, gravity, signs and data flow."""
+"""Checks before the first stage: identity, power, home, gravity, signs and data flow, while the unit warms up."""
 
 import re
 from collections import deque
@@ -13,12 +13,15 @@ from calstation.sequencer.guard import check_power
 from calstation.sequencer.steps import StepRunner
 from calstation.sequencer.unit_stream import check_unit
 
-#: Time over which the temperature slope is computed, s, and minimum warm-up for a slope, s.
+#: Time over which the temperature slope is computed, s, and minimum time at rest for a slope, s.
 _SLOPE_OVER, _SLOPE_AFTER = 60.0, 20.0
 
 
 class Preflight:
-    """Runs the checks in an order in which each can rely on the previous ones."""
+    """Runs the checks in an order in which each can rely on the previous ones.
+
+    The warm-up begins with the first check: a unit that is mounted wrongly is refused before it is warm.
+    """
 
     def __init__(self, runner: StepRunner) -> None:
         self._runner = runner
@@ -32,13 +35,17 @@ class Preflight:
 
     def run(self) -> None:
         """Run all checks. Raises DeviceFaultError or ConfigurationError."""
-        by_hand = self._context.task.by_hand
+        begin = self._context.clock.now()
         self._identify()
         self._wait_until_ready()
         if self._limits.output:
             self._check_flow()
-        if by_hand:
-            self._warm_up()
+        self._check_mounting()
+        self._warm_up(begin)
+
+    def _check_mounting(self) -> None:
+        """Switch the axes on, move home, and check gravity and signs."""
+        if self._context.task.by_hand:
             self._check_gravity()
             return
         check_power(self._control_loop.status)
@@ -50,12 +57,10 @@ class Preflight:
         self._home()
         if self._context.task.gimbal:
             self._runner.gimbal.home()
-            self._warm_up()
             self._check_gravity()
             return
         if not self._runner.arrived((0.0, 0.0)):
             self._runner.drive(self._turn_to(0.0, 0.0))
-        self._warm_up()
         if self._limits.output:
             self._check_signs(self._check_gravity())
 
@@ -89,26 +94,27 @@ class Preflight:
             DeviceFaultError("motion.homing_timeout", seconds=timeout),
         )
 
-    def _warm_up(self) -> None:
+    def _warm_up(self, begin: float) -> None:
+        """Wait for the rest of the warm-up, which began at station time `begin`, s."""
         limits, clock = self._limits, self._context.clock
-        if limits.warm_up <= 0.0 and limits.warm_up_slope is None:
+        slope_after = 0.0 if limits.warm_up_slope is None else _SLOPE_AFTER
+        end = max(begin + limits.warm_up, clock.now() + slope_after)
+        if end <= clock.now():
             return
-        self._context.emit(Message("warming_up", {"seconds": limits.warm_up}))
-        begin = clock.now()
+        self._context.emit(Message("warming_up", {"seconds": round(end - clock.now(), 1)}))
         track: deque[tuple[float, float]] = deque()
         while True:
             self._control_loop.tick()
             now = clock.now()
             if limits.warm_up_slope is None:
-                if now - begin >= limits.warm_up:
+                if now >= end:
                     return
                 continue
             if self._acquisition.recent is not None and self._acquisition.recent[1] is not None:
                 track.append((now, self._acquisition.recent[1]))
             while track and now - track[0][0] > _SLOPE_OVER:
                 track.popleft()
-            least = max(limits.warm_up, _SLOPE_AFTER)
-            if now - begin >= least and abs(_slope(track)) <= limits.warm_up_slope:
+            if now >= end and abs(_slope(track)) <= limits.warm_up_slope:
                 return
             if now - begin > limits.warm_up_timeout:
                 raise DeviceFaultError(
@@ -151,10 +157,10 @@ class Preflight:
         return rates
 
     def _check_signs(self, bias: FloatArray) -> None:
-        """Turn each joint by a small angle and back; check the size, axis and sign that the gyro measures."""
+        """Turn each joint by a small angle, then both back; check the size, axis and sign that the gyro measures."""
+        target = [0.0, 0.0]
         for joint, axis in enumerate(JOINTS):
             start = self._runner.position()
-            target = [0.0, 0.0]
             inside = self._geometry.limits.within(joint, self._limits.turn)
             target[joint] = self._limits.turn if inside else -self._limits.turn
             with self._acquisition.tap() as blocks:
@@ -178,7 +184,7 @@ class Preflight:
                     expected_deg=float(np.rad2deg(size)),
                     measured_deg=float(np.rad2deg(along)),
                 )
-            self._runner.drive(self._turn_to(0.0, 0.0))
+        self._runner.drive(self._turn_to(0.0, 0.0))
 
     def _turn_to(self, outer: float, inner: float) -> Move:
         rate = self._limits.turn_rate

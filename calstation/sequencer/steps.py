@@ -51,7 +51,8 @@ class StepRunner:
         self._context = control_loop.context
         self._limits = self._context.task.geometry.limits
         self._on_state = on_state
-        self._target: tuple[float, float] | None = None
+        #: Commanded joint angles at which the table has arrived, rad; None if they are not known.
+        self.target: tuple[float, float] | None = None
         self._last_move: tuple[tuple[float, float], Move] | None = None
 
     def run(self, step: DrivenStep) -> None:
@@ -68,7 +69,7 @@ class StepRunner:
             self._run(step)
 
     def _run(self, step: DrivenStep) -> None:
-        start = self._target or self.position()
+        start = self.target or self.position()
         moved = isinstance(step, Move)
         todo: list[DrivenStep] = [step]
         again = todo
@@ -113,7 +114,7 @@ class StepRunner:
         check_move(self.control_loop.status, self._limits, move)
         start = self.position()
         self.acquisition.step += 1
-        self._target = None
+        self.target = None
         self._started("move", move.label)
         self._context.table.move(move.outer, move.inner, move.rate, move.acceleration)
         self.control_loop.wait(
@@ -121,7 +122,7 @@ class StepRunner:
             1.5 * move_time(start, move) + 15.0,
             lambda: self._arrival_error((move.outer, move.inner)),
         )
-        self._target = (move.outer, move.inner)
+        self.target = (move.outer, move.inner)
 
     def arrived(self, target: tuple[float, float]) -> bool:
         """Whether the table is at rest and settled at `target` (rad)."""

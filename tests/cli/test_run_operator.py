@@ -1,10 +1,12 @@
-"""A station where operators sign in needs a badge on the command line, too."""
+"""`calstation run`: the badge of an operator who signs in, and the summary of the cycle."""
 
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
 import tomli_w
 
 from tests.site_folder import SiteFolder
@@ -25,3 +27,11 @@ def test_a_run_needs_the_badge_of_its_operator(tmp_path: Path, calstation: Calla
     done = calstation(*where, "--operator", "B1234", "--json", "-")
     assert done.code == 0, done.err
     assert done.json["operator"] == "Li Na"
+
+    found = re.search(r"^Cycle (\S+) s: stages (\S+) s, (.*)\.$", done.err, re.MULTILINE)
+    assert found is not None, done.err
+    assert "preparation" in found[3]
+    seconds = [phase["seconds"] for phase in done.json["cycle"]]
+    assert float(found[1]) == pytest.approx(sum(seconds), abs=0.06)
+    (stage,) = (phase for phase in done.json["cycle"] if phase["phase"] == "stage")
+    assert float(found[2]) == pytest.approx(stage["seconds"], abs=0.06)

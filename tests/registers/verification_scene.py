@@ -71,7 +71,7 @@ class Recording:
         self._steps: list[list[Any]] = [[Dwell(SHORT_REST)]]
         for leg in self.path.legs:
             self._steps.append([leg.move, Dwell(0.1)])
-            if leg.rest:
+            if leg.rest or leg.opposite:
                 self._steps.append([Dwell(SHORT_REST)])
 
     def capture(self, number: int) -> list[FloatArray]:
@@ -111,18 +111,19 @@ class Captures:
         parts = iter(self._recording.capture(self._taken))
         self._taken += 1
         path = self._recording.path
-        rests = [mean_at_rest(self._output(next(parts), corrected=corrected))]
-        angles = [np.zeros(3) for _ in path.turns]
+        rests, opposites = [mean_at_rest(self._output(next(parts), corrected=corrected))], []
+        integrals = [np.zeros(6) for _ in path.turns]
         seconds = [0.0 for _ in path.turns]
         for leg in path.legs:
             moved = self._output(next(parts), corrected=corrected)
             if leg.turn is not None:
-                angles[leg.turn] += moved[:, :3].sum(axis=0) / RATE
+                integrals[leg.turn] += moved.sum(axis=0) / RATE
                 seconds[leg.turn] += len(moved) / RATE
-            if leg.rest:
-                rests.append(mean_at_rest(self._output(next(parts), corrected=corrected)))
-        turned = tuple(Turned(*of) for of in zip(path.turns, angles, seconds, strict=True))
-        return VerificationData(tuple(rests), SHORT_REST, turned, corrected=corrected)
+            if leg.rest or leg.opposite:
+                rest = mean_at_rest(self._output(next(parts), corrected=corrected))
+                (rests if leg.rest else opposites).append(rest)
+        turned = tuple(Turned(*of) for of in zip(path.turns, integrals, seconds, strict=True))
+        return VerificationData((*rests, *(opposites if corrected else ())), SHORT_REST, turned, corrected=corrected)
 
     def _output(self, counts: FloatArray, *, corrected: bool) -> FloatArray:
         values = counts * self.scale

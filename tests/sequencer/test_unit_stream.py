@@ -45,8 +45,8 @@ def messages(scene: Scene) -> list[str]:
 
 
 def turned(data: Any) -> list[float]:
-    """The measured turns, in full revolutions."""
-    return [float(np.linalg.norm(t.angle)) / (2.0 * np.pi) for t in data.turns]
+    """The measured turns, as fractions of the commanded ones."""
+    return [float(np.linalg.norm(t.angle) / abs(t.turn.amount)) for t in data.turns]
 
 
 @pytest.mark.parametrize("mute", [False, True])

@@ -16,7 +16,7 @@ WIDE = JointLimits((-19.0, -19.0), (19.0, 19.0), (3.0, 3.0), (3.0, 3.0))
 
 
 def poses(path: VerificationPath) -> list[tuple[float, float]]:
-    """At each rest."""
+    """At each rest of a reference."""
     return [path.start, *((leg.move.outer, leg.move.inner) for leg in path.legs if leg.rest)]
 
 
@@ -37,16 +37,20 @@ def axes(path: VerificationPath, geometry: TableGeometry) -> np.ndarray:
         ((0, 0, 1.0), (1.0, 0, 0), 2),  # nothing brings x upwards there
     ],
 )
-def test_whole_turns_about_three_axes_and_rests_in_every_direction(
-    outer: tuple[float, float, float], inner: tuple[float, float, float], directions: int
+@pytest.mark.parametrize("compared", [False, True])
+def test_turns_about_three_axes_and_rests_in_every_direction(
+    outer: tuple[float, float, float], inner: tuple[float, float, float], directions: int, compared: bool
 ) -> None:
     geometry = TableGeometry(outer, inner, WIDE)
-    path = verification_path((0.1, -0.2), geometry, WIDE)
-    assert all(turn.whole for turn in path.turns)
+    path = verification_path((0.1, -0.2), geometry, WIDE, compared=compared)
+    size = np.pi if compared else 2.0 * np.pi
+    assert [abs(turn.amount) for turn in path.turns] == pytest.approx([size] * 3)
+    assert [turn.whole for turn in path.turns] == [not compared] * 3
     assert abs(np.linalg.det(axes(path, geometry))) > 0.99
     ups = np.array([geometry.body_to_home(*pose)[2] for pose in poses(path)])
     assert (np.linalg.svd(ups)[1] > 0.9).sum() == directions
-    assert (ups @ ups[0]).min() < -0.99, "one rest is upside down to the first"
+    (opposite,) = (leg.move for leg in path.legs if leg.opposite)
+    assert (ups @ geometry.body_to_home(opposite.outer, opposite.inner)[2]).min() < -0.99
 
 
 @given(
@@ -54,9 +58,10 @@ def test_whole_turns_about_three_axes_and_rests_in_every_direction(
     low=st.tuples(*[st.floats(0.0, 12.0)] * 2),
     high=st.tuples(*[st.floats(0.0, 12.0)] * 2),
     tilt=st.floats(-0.5, 0.5),
+    compared=st.booleans(),
 )
 def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
-    start: tuple[float, float], low: tuple[float, float], high: tuple[float, float], tilt: float
+    start: tuple[float, float], low: tuple[float, float], high: tuple[float, float], tilt: float, compared: bool
 ) -> None:
     bounds = (
         (start[0] - low[0], start[1] - low[1]),
@@ -66,17 +71,18 @@ def test_every_leg_is_within_travel_and_the_last_ends_at_the_start(
     geometry = TableGeometry((np.cos(tilt), 0.0, np.sin(tilt)), (0.0, 0.0, 1.0), limits)
     if max(low[0], high[0]) < 30 * DEG or max(low[1], high[1]) < 30 * DEG:
         with raises_code(ConfigurationError, "motion.no_turn"):
-            verification_path(start, geometry, limits)
+            verification_path(start, geometry, limits, compared=compared)
         return
-    path = verification_path(start, geometry, limits)
+    path = verification_path(start, geometry, limits, compared=compared)
     here = start
     sizes = [0.0] * len(path.turns)
     for leg in path.legs:
         check_limits(limits, leg.move)
         check_travel(limits, leg.move)
         to = leg.move.outer, leg.move.inner
-        assert (to[0] == here[0]) != (to[1] == here[1]), "one joint at a time"
+        assert to != here
         if leg.turn is not None:
+            assert (to[0] == here[0]) != (to[1] == here[1]), "one joint at a time"
             joint = path.turns[leg.turn].joint
             sizes[leg.turn] += to[joint] - here[joint]
         here = to

@@ -68,7 +68,7 @@ class EngineerPage(Page):
 
     def _lay_out(self) -> None:
         self._tabs = ViewTabs("engineer_views")
-        self._views = stack(self.preview, *self.analysis.views, self.registers, self.design)
+        self._views = stack(self.preview, *self.analysis.views, self.registers, self.analysis.cycle, self.design)
         for _ in range(self._views.count()):
             self._tabs.addTab("")
         self._source = ElidedLabel("muted")
@@ -113,7 +113,7 @@ class EngineerPage(Page):
 
     def _show_texts(self) -> None:
         titles = [self.tr("Preview"), self.tr("Parameters"), self.tr("Innovations"), self.tr("Residuals")]
-        titles += [self.tr("Observability"), self.tr("Registers"), self.tr("Design")]
+        titles += [self.tr("Observability"), self.tr("Registers"), self.tr("Cycle"), self.tr("Design")]
         for index, title in enumerate(titles):
             self._tabs.setTabText(index, title)
         self._source.setText(self.analysis.source())

@@ -1,4 +1,4 @@
-"""Four views of a finished run, the first of which is the parameter table; jobs compute their contents."""
+"""Views of a finished run, the first of which is the parameter table; jobs compute the contents of some."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,6 +8,7 @@ from PySide6.QtCore import QObject, Signal
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from calstation.errors import CalstationError
+from calstation.gui.engineer.cycle_view import CycleView
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ResidualsView
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.shared_views import CellTable
@@ -227,7 +228,7 @@ def _display(name: str, value: float) -> tuple[float, str]:
 
 
 class ResultAnalysis(QObject):
-    """The four views of a result and the jobs that compute their contents.
+    """The views of a result and the jobs that compute the contents of some.
 
     Emits `changed` whenever the opening of a run starts or ends, `loaded(run)` when the run is open, and
     `failed(error)` if it cannot be opened.
@@ -256,6 +257,7 @@ class ResultAnalysis(QObject):
         self.result, self.observability = _LazyView(self._result_view), _LazyView(ObservabilityView)
         self.innovations = _LazyView(InnovationsView, self._diagnosing)
         self.residuals = _LazyView(ResidualsView, self._diagnosing)
+        self.cycle = _LazyView(CycleView)
         self._computed = self.innovations, self.residuals
         #: The views in order: parameters, innovations, residuals, observability.
         self.views: tuple[QWidget, ...] = (self.result, *self._computed, self.observability)
@@ -339,6 +341,11 @@ class ResultAnalysis(QObject):
         self.observability.show_view()
         for lazy in self._computed:
             lazy.show_empty()
+        if run.result.cycle:
+            self.cycle.view.show_result(run.result)
+            self.cycle.show_view()
+        else:
+            self.cycle.show_empty(lambda: say("engineer.no_cycle"))
         self.changed.emit()
         self.loaded.emit(run)
 

@@ -248,6 +248,7 @@ class RunDetails(QFrame):
         for name, text in (
             (self.tr("Started"), local_time(run.started_utc, zone=True)),
             (self.tr("Duration"), duration_text(run.duration)),
+            (self.tr("Cycle"), self._cycle_text()),
             (self.tr("Product"), product_text(run.product or "")),
             (self.tr("Attempt"), str(run.attempt)),
             (self.tr("Station"), run.station),
@@ -261,6 +262,15 @@ class RunDetails(QFrame):
                 caption.setText(name)
                 value.setText(text)
                 self._facts.addRow(caption, value)
+
+    def _cycle_text(self) -> str:
+        """Return the durations of the cycle and of everything but its stages; "" for a result without them."""
+        seconds = {} if self._result is None else self._result.cycle_seconds
+        if not seconds:
+            return ""
+        total = sum(seconds.values())
+        others = duration_text(total - seconds.get("stage", 0.0))
+        return self.tr("{0}, of which {1} not in stages").format(duration_text(total), others)
 
     def _update_buttons(self, run: RunRecord) -> None:
         actions = self._actions

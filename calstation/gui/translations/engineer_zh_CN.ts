@@ -30,6 +30,34 @@
     </message>
 </context>
 <context>
+    <name>CycleView</name>
+    <message>
+        <source>Phases of the cycle, to scale</source>
+        <extracomment>Height of a bar, and size of a colour in the legend, px. Role in the palette and opacity of each phase that is not a stage. Opacity of the first stage, its decrease from stage to stage, and the lowest opacity. A phase and, if it is the motion of a stage, that stage, otherwise &quot;&quot;.</extracomment>
+        <translation>节拍各环节（按比例）</translation>
+    </message>
+    <message>
+        <source>Phases except the stages, to scale</source>
+        <translation>标定阶段以外的各环节（按比例）</translation>
+    </message>
+    <message>
+        <source>Everything except the stages</source>
+        <translation>标定阶段以外</translation>
+    </message>
+    <message>
+        <source>Cycle: {0:.1f} s</source>
+        <translation>节拍：{0:.1f} s</translation>
+    </message>
+    <message>
+        <source>All stages</source>
+        <translation>全部标定阶段</translation>
+    </message>
+    <message>
+        <source>Everything else</source>
+        <translation>其余合计</translation>
+    </message>
+</context>
+<context>
     <name>DesignAnswer</name>
     <message>
         <source>Save as product…</source>
@@ -254,6 +282,10 @@
     <message>
         <source>Design</source>
         <translation>设计</translation>
+    </message>
+    <message>
+        <source>Cycle</source>
+        <translation>节拍</translation>
     </message>
     <message>
         <source>The product was not saved</source>

@@ -372,6 +372,14 @@
         <translation>已经结束，不能再接着做。</translation>
     </message>
     <message>
+        <source>Cycle</source>
+        <translation>节拍</translation>
+    </message>
+    <message>
+        <source>{0}, of which {1} not in stages</source>
+        <translation>{0}，其中标定阶段以外 {1}</translation>
+    </message>
+    <message>
         <source>Close as incomplete</source>
         <translation>按未完成结束</translation>
     </message>

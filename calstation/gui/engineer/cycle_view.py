@@ -1,0 +1,142 @@
+"""View of a run's cycle: bars of its phases to scale, and a legend with their durations and shares."""
+
+from collections.abc import Sequence
+
+from PySide6.QtCore import Qt
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtWidgets import QLabel, QSizePolicy, QWidget
+
+from calstation.gui.text import bind, term
+from calstation.gui.widgets import clear, column, grid, label, row, theme
+from calstation.results import Result
+
+#: Height of a bar, and size of a colour in the legend, px.
+_BAR, _SWATCH = 5 * theme.GRID, 2 * theme.GRID
+#: Role in the palette and opacity of each phase that is not a stage.
+_COLOURS = {
+    "opening": ("muted", 255),
+    "resuming": ("muted", 120),
+    "preparation": ("caution", 255),
+    "warm_up": ("caution", 120),
+    "pause": ("track", 255),
+    "solving": ("partial", 255),
+    "transfer": ("good", 110),
+    "proof": ("good", 255),
+    "unloading": ("caution", 60),
+    "files": ("text", 255),
+    "stopping": ("bad", 255),
+}
+#: Opacity of the first stage, its decrease from stage to stage, and the lowest opacity.
+_FIRST, _DECREASE, _LOWEST = 255, 55, 60
+
+#: A phase and, if it is the motion of a stage, that stage, otherwise "".
+_Part = tuple[str, str]
+
+
+class CycleBar(QWidget):
+    """A horizontal bar of segments whose widths are proportional to their durations."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._segments: tuple[tuple[float, QColor], ...] = ()
+        self.setFixedHeight(_BAR)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+
+    def show_segments(self, segments: Sequence[tuple[float, QColor]]) -> None:
+        """Show durations, s, with their colours, from left to right."""
+        self._segments = tuple(segments)
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        """Draw the segments."""
+        painter = QPainter(self)
+        scale = self.width() / (sum(seconds for seconds, _ in self._segments) or 1.0)
+        begin = 0.0
+        for seconds, colour in self._segments:
+            left, right = round(begin * scale), round((begin + seconds) * scale)
+            painter.fillRect(left, 0, right - left, self.height(), colour)
+            begin += seconds
+
+
+class CycleView(QWidget):
+    """The phases of a run from its start to the result: a bar of all, one of those that are not stages, a legend."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._result: Result | None = None
+        self.total_label = label(kind="section", name="cycle_total_label")
+        self._bar, self._others_bar = CycleBar(), CycleBar()
+        for bar, name in ((self._bar, "cycle_bar"), (self._others_bar, "cycle_others_bar")):
+            bar.setObjectName(name)
+        bind(self._bar.setAccessibleName, lambda: self.tr("Phases of the cycle, to scale"))
+        bind(self._others_bar.setAccessibleName, lambda: self.tr("Phases except the stages, to scale"))
+        self._legend = grid(across=2 * theme.GRID, down=theme.GRID // 2)
+        column(
+            self.total_label,
+            self._bar,
+            theme.GRID,
+            label(lambda: self.tr("Everything except the stages")),
+            self._others_bar,
+            theme.GRID,
+            row(self._legend, None),
+            None,
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        theme.on_appearance_change(self, self._show)
+
+    def show_result(self, result: Result) -> None:
+        """Show the cycle of a result, which has one."""
+        self._result = result
+        self._show()
+
+    def _show(self) -> None:
+        if self._result is None:
+            return
+        segments = [
+            ((part.phase, part.stage if part.phase == "stage" else ""), part.seconds) for part in self._result.cycle
+        ]
+        durations: dict[_Part, float] = {}
+        for part, seconds in segments:
+            durations[part] = durations.get(part, 0.0) + seconds
+        stages = [part for part in durations if part[0] == "stage"]
+        others = [part for part in durations if part[0] != "stage"]
+        colours = {part: _stage_colour(number) for number, part in enumerate(stages)}
+        colours |= {part: _colour(part[0]) for part in others}
+        self._bar.show_segments([(seconds, colours[part]) for part, seconds in segments])
+        self._others_bar.show_segments([(seconds, colours[part]) for part, seconds in segments if part in others])
+        total = sum(durations.values())
+        in_stages = sum(durations[part] for part in stages)
+        self.total_label.setText(self.tr("Cycle: {0:.1f} s").format(total))
+        clear(self._legend)
+        rows = [(term("stage", part[1]), durations[part], colours[part]) for part in stages]
+        rows += [(term("cycle", part[0]), durations[part], colours[part]) for part in others]
+        for name, seconds, colour in rows:
+            self._add_row(name, seconds, total, colour)
+        self._add_row(self.tr("All stages"), in_stages, total)
+        self._add_row(self.tr("Everything else"), total - in_stages, total)
+
+    def _add_row(self, name: str, seconds: float, total: float, colour: QColor | None = None) -> None:
+        """Add a row to the legend; a sum, which has no colour, is shown in bold."""
+        number = self._legend.rowCount()
+        if colour is not None:
+            swatch = CycleBar()
+            swatch.setFixedSize(_SWATCH, _SWATCH)
+            swatch.show_segments([(1.0, colour)])
+            self._legend.addWidget(swatch, number, 0)
+        share = 100.0 * seconds / total if total > 0.0 else 0.0
+        for index, text in enumerate((name, f"{seconds:.1f} s", f"{share:.1f} %"), 1):
+            cell = QLabel(text)
+            cell.setFont(theme.font(bold=colour is None))
+            if index > 1:
+                cell.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+            self._legend.addWidget(cell, number, index)
+
+
+def _colour(phase: str) -> QColor:
+    role, opacity = _COLOURS.get(phase, ("line", 255))
+    return theme.faint(getattr(theme.colours(), role), opacity)
+
+
+def _stage_colour(number: int) -> QColor:
+    return theme.faint(theme.colours().accent, max(_FIRST - number * _DECREASE, _LOWEST))

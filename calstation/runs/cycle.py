@@ -1,0 +1,94 @@
+"""Measures the phases of a run, from its start to the table at the load position and the result, from its events."""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from calstation.errors import DeviceFaultError
+from calstation.results import CyclePhase
+from calstation.sequencer import Clock, Event, Message, StageEnded, StageSolved, StageStarted, State, StateChanged
+
+#: Phase that begins with a state.
+_STATES: dict[str, str] = {
+    State.PREPARING: "preparation",
+    State.PAUSING: "pause",
+    State.STOPPING: "stopping",
+    **dict.fromkeys((State.STOPPED, State.FAULT, State.PASSED, State.FAILED), "files"),
+}
+
+#: Phase that begins with a message.
+_MESSAGES = {
+    "resumed": "resuming",
+    "warming_up": "warm_up",
+    "registers_reading": "transfer",
+    "reference": "proof",
+    "registers_transfer": "transfer",
+    "verifying": "proof",
+    "finishing": "unloading",
+}
+
+
+class Cycle:
+    """The phases of a run; the first one, ``opening``, begins when this object is created.
+
+    A phase lasts as long as the clock on which more time passed: on hardware the station's clock is that of the host;
+    on a bench at full speed, motion takes device time, and solving and files take host time.
+    """
+
+    def __init__(self) -> None:
+        self._clock: Clock | None = None
+        self._host, self._station = time.monotonic(), 0.0
+        self._done: list[CyclePhase] = []
+        self._phase, self._stage, self._seconds = "opening", "", 0.0
+        self._paused = ("", "")
+
+    @contextmanager
+    def on(self, clock: Clock) -> Iterator[None]:
+        """Use the station's clock, too, while the context is open."""
+        self._measure()
+        self._clock, self._station = clock, clock.now()
+        try:
+            yield
+        finally:
+            self._measure()
+            self._clock = None
+
+    def follow(self, event: Event) -> None:
+        """Begin another phase if the event begins one."""
+        if isinstance(event, StageStarted):
+            self._begin("stage", event.stage)
+        elif isinstance(event, StageEnded):
+            self._begin("solving", event.stage)
+        elif isinstance(event, StageSolved) and self._phase == "solving":
+            self._begin("files")
+        elif isinstance(event, StateChanged) and event.previous == State.PAUSED and event.state == State.RUNNING:
+            self._begin(*self._paused)
+        elif isinstance(event, StateChanged) and event.state in _STATES:
+            if event.state == State.PAUSING:
+                self._paused = self._phase, self._stage
+            self._begin(_STATES[event.state])
+        elif isinstance(event, Message) and event.id in _MESSAGES:
+            self._begin(_MESSAGES[event.id])
+
+    def phases(self) -> list[CyclePhase]:
+        """Return the phases so far, in order; the last one is still going on."""
+        self._measure()
+        return [*self._done, self._current()]
+
+    def _begin(self, phase: str, stage: str = "") -> None:
+        self._measure()
+        self._done.append(self._current())
+        self._phase, self._stage, self._seconds = phase, stage, 0.0
+
+    def _current(self) -> CyclePhase:
+        stage = {"stage": self._stage} if self._stage else {}
+        return CyclePhase(phase=self._phase, seconds=self._seconds, **stage)
+
+    def _measure(self) -> None:
+        """Add the time since the last call to the current phase."""
+        host, station = time.monotonic(), self._station
+        if self._clock is not None:
+            with suppress(DeviceFaultError):  # a virtual bench that has died has no time
+                station = self._clock.now()
+        self._seconds += max(host - self._host, station - self._station)
+        self._host, self._station = host, station
