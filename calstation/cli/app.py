@@ -294,6 +294,8 @@ def design(
 
     request = DesignRequest(station, product, margin, duration, as_present, time_limit, seed, rate, acceleration)
     command = shorten_command if keep_stages else design_command
+    if duration is not None and as_present:
+        raise ConfigurationError("design.one_goal")
     for option, value in (("--duration", duration), ("--time-limit", time_limit)) if keep_stages else ():
         if value is not None:
             raise ConfigurationError("design.with_stages", option=option)

@@ -28,7 +28,10 @@ _NOTES = {"checking": "other mountings, headings and noise", "present": "sigmas 
 
 
 def design_command(request: DesignRequest, product: Path | None, out: Path, json: str | None) -> int:
-    """Design a schedule, write the product with it, and show both; Ctrl-C ends the search with the best so far."""
+    """Design a schedule, write the product with it, and show both; Ctrl-C ends the search with the best so far.
+
+    Returns 1 if the schedule misses a limit, as the best one for a given time may.
+    """
     _check_out(out)
     check_json(json)
     with tempfile.TemporaryDirectory(prefix="calstation-design-") as folder, _following() as progress:
@@ -37,7 +40,7 @@ def design_command(request: DesignRequest, product: Path | None, out: Path, json
             found = design_schedule(progress, replace(request, stop=stop))
     out.write_text(designed_product(read_text(_file(product)), found), encoding="utf-8")
     report(found.to_json(), json, _lines(found, out))
-    return 0
+    return 0 if found.worst <= 1.0 else 1
 
 
 def shorten_command(request: DesignRequest, product: Path | None, out: Path, json: str | None) -> int:
@@ -77,6 +80,8 @@ def _following() -> Iterator[ProgressCallback]:
 def _lines(found: Design, out: Path) -> Iterator[str]:
     """Yield what a person wants to know of a design."""
     yield say("design.found", seconds=found.duration, moves=found.planned, worst=found.worst, parameter=found.limiting)
+    if not found.searched:
+        yield say("design.not_searched")
     if found.present is not None:
         yield say("design.present", seconds=found.present)
     if found.longest > found.duration:

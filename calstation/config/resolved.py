@@ -311,6 +311,7 @@ def _stop_rule(schedule: BaseModel) -> StopRule:
         rounds=schedule.rounds or None,
         duration=schedule.duration_s,
         targets=schedule.targets,
+        usual=getattr(schedule, "least_moves", None) if schedule.targets else None,
         repeated=True,
     )
 

@@ -1,11 +1,12 @@
-"""What table and unit allow: speeds, and the duration of a product's present stages."""
+"""What table and unit allow: speeds, rests that a check can judge, and the duration of the present stages."""
 
 import numpy as np
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import ProductConfig, ResolvedConfiguration
 from calstation.design.design import DesignRequest
 from calstation.devices.profiles import span
 from calstation.errors import ConfigurationError
+from calstation.estimation.common import SolveContext, rest_mean_variance
 from calstation.sequencer import plan_time
 
 #: Stands for the serial number of any unit of the product.
@@ -14,6 +15,8 @@ SERIAL = "design"
 _RATE, _ACCELERATION = 0.85, 0.75
 #: Fraction of the range of the gyros that a move may reach.
 _RANGE = 0.8
+#: Limit of the product's check of gravity in sigmas of the force at a rest.
+_GRAVITY_SIGMAS = 4.0
 
 
 def speeds(setup: ResolvedConfiguration, request: DesignRequest) -> tuple[float, float]:
@@ -32,6 +35,16 @@ def _rounded(value: float) -> float:
     """Return a positive number rounded down to two digits."""
     size = 10.0 ** np.floor(np.log10(value) - 1.0)
     return float(np.floor(value / size + 1e-9) * size)
+
+
+def gravity_rest(product: ProductConfig, context: SolveContext) -> float | None:
+    """Return the shortest rest, s, that the product's check of gravity can judge; None without this check."""
+    check = product.checks.gravity_at_rest if product.checks is not None else None
+    if check is None:
+        return None
+    enough = (check.within / _GRAVITY_SIGMAS) ** 2
+    rests = np.arange(1.0, check.shortest_rest_s, 0.5)
+    return next((float(rest) for rest in rests if rest_mean_variance(context, rest) < enough), check.shortest_rest_s)
 
 
 def stages_duration(setup: ResolvedConfiguration) -> float | None:

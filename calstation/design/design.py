@@ -59,6 +59,7 @@ class Design:
     limits: FloatArray  #: Largest sigmas wanted, before the margin.
     stop_targets: dict[str, float] | None  #: Sigmas at which the stage ends, SI; None for the product's limits.
     present: float | None  #: Duration of the product's present stages, s; None if this table has no way for them.
+    searched: bool  #: Whether the search found it; otherwise it is a random walk that reaches the targets.
     front: tuple[tuple[float, float], ...]  #: Durations, s, and the smallest worst ratio that was found for each.
     variations: tuple[Variation, ...]
     hidden: tuple[EffectLimit, ...]  #: How much of each effect the planned moves hide.
@@ -106,6 +107,8 @@ class Design:
             "duration_s": self.duration,
             "longest_duration_s": self.longest,
             "default_duration_s": self.present,
+            "margin": self.margin,
+            "searched": self.searched,
             "worst_sigma_over_limit": self.worst,
             "limiting": self.limiting,
             "rate_dps": self.rate_dps,

@@ -9,7 +9,7 @@ from typing import Never
 import numpy as np
 
 from calstation.config import RunRequest, check_manual_rig, resolve_configuration
-from calstation.design.allowed import SERIAL, speeds, stages_duration
+from calstation.design.allowed import SERIAL, gravity_rest, speeds, stages_duration
 from calstation.design.design import STAGE, Design, DesignRequest, Variation
 from calstation.design.search import (
     Beam,
@@ -24,7 +24,7 @@ from calstation.design.search import (
 from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
 from calstation.design.trial import MORE_NOISE, Moves, Trial
 from calstation.errors import ConfigurationError
-from calstation.estimation.common import rest_mean_variance, without_gravity
+from calstation.estimation.common import without_gravity
 from calstation.estimation.effects import CONSTANT, MOST_EXCESS
 from calstation.jobs import ProgressCallback
 from calstation.physics import COUNT, DISPLAY, NAMES, PARAMETERS, FloatArray, Move
@@ -47,16 +47,14 @@ _EXCHANGES = 1500
 _CORRECTIONS = 4
 #: Ratio of a size that is seen to the one wanted that counts as reached, in view of the segments' own error.
 _SHOWN = 1.02
-#: Number of rests that the product's check of gravity judges, and its limit in sigmas of the force at these rests.
-_GRAVITY_RESTS, _GRAVITY_SIGMAS = 3, 4.0
+#: Number of rests that the product's check of gravity judges.
+_GRAVITY_RESTS = 3
 #: Shares of the work up to the first beam, and up to the checks.
 _PROBED, _SEARCHED = 0.02, 0.9
 #: Steps of the search for the best sigmas in a given time: each asks for this much less.
 _LESS, _STEPS = 0.95, 8
 #: The first beam of this search cannot reach its targets and thus shows what the time allows.
 _OUT_OF_REACH = 0.05
-#: Excess of the best ratio for a given time that counts as reached under other conditions.
-_NEARLY = 1.05
 #: Factor of the margin that makes up for the difference between segments and filter.
 _TIGHTER = 0.97
 #: The reserve takes at most this many times the duration of the schedule.
@@ -101,7 +99,9 @@ class _Designer:
         self._margin = request.margin if request.duration is None and not request.as_present else 1.0
         self._goal = self._wanted()
         self._front = Front()
-        self._gravity_rest = self._shortest_gravity_rest()
+        self._searched = request.duration is not None  #: Whether a beam has found an answer.
+        rest = gravity_rest(self._product, self._context)
+        self._gravity_rest = None if rest is None else round(rest / REST_UNIT)
         self._present = stages_duration(resolve_configuration(present))
 
     def _sigma_limits(self, limits: dict[str, float]) -> FloatArray:
@@ -168,7 +168,6 @@ class _Designer:
             planned = len(stops)
         self._report(_SEARCHED, note="checking")
         goal, moves = factor * self._goal, _moves(stops)
-        tried = goal if request.duration is None else _NEARLY * goal
         times = list(self._trial.after_moves(moves))
         least = self._least(stops[:planned])
         reached = (k for k, (_, sigma) in enumerate(times, 1) if k >= least and np.all(sigma <= goal))
@@ -190,7 +189,8 @@ class _Designer:
             stop_targets=targets if request.as_present and request.duration is None else None,
             present=self._present,
             front=tuple((seconds, worst) for seconds, worst, _ in self._front.points()),
-            variations=tuple(self._variations(moves, tried)),
+            searched=self._searched,
+            variations=tuple(self._variations(moves, self._goal)),
             hidden=solved.hidden,
             gravity_rest=None if self._gravity_rest is None else self._gravity_rest * REST_UNIT,
             rests=tuple(stop.rest * REST_UNIT for stop in stops[:planned]),
@@ -206,16 +206,6 @@ class _Designer:
         enough = np.array([problem.rests_enough(stops[:k]) for k in range(1, len(stops) + 1)])
         both = np.flatnonzero(shown & enough)
         return int(both[0]) + 1 if len(both) else len(stops)
-
-    def _shortest_gravity_rest(self) -> int | None:
-        """Return the shortest rest that the product's check of gravity can judge, in units of `REST_UNIT`."""
-        check = self._product.checks.gravity_at_rest if self._product.checks is not None else None
-        if check is None:
-            return None
-        longest = round(check.shortest_rest_s / REST_UNIT)
-        enough = (check.within / _GRAVITY_SIGMAS) ** 2
-        rests = range(round(1.0 / REST_UNIT), longest)
-        return next((n for n in rests if rest_mean_variance(self._context, n * REST_UNIT) < enough), longest)
 
     def _variations(self, moves: Moves, goal: FloatArray) -> Iterator[Variation]:
         """Yield when a goal is reached under other conditions."""
@@ -268,6 +258,7 @@ class _Designer:
                 break
         if answer is None:
             return
+        self._searched = True
         answer = problem.with_long_rests(answer)
         self._note(problem, answer)
         yield answer

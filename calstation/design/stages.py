@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from calstation.config import RunRequest, check_manual_rig, edit_toml, resolve_configuration, schedule_fields
-from calstation.design.allowed import SERIAL, speeds, stages_duration
+from calstation.design.allowed import SERIAL, gravity_rest, speeds, stages_duration
 from calstation.design.design import DesignRequest
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
@@ -35,6 +35,7 @@ class ShorterStages:
     present: float  #: Duration before, s.
     sigma: FloatArray  #: Sigmas after the last stage.
     limits: FloatArray
+    gravity_rest: float | None  #: Shortest rest, s, that the product's check of gravity can judge; None without it.
     seconds: float  #: Duration of the search, s.
 
     @property
@@ -73,6 +74,8 @@ def shorter_product(text: str, found: ShorterStages) -> str:
     changes: dict[KeyPath, Any] = {
         ("schedule", stage, name): value for stage, values in found.schedule.items() for name, value in values.items()
     }
+    if found.gravity_rest is not None:
+        changes["checks", "gravity_at_rest", "shortest_rest_s"] = found.gravity_rest
     return edit_toml(text, changes)
 
 
@@ -86,6 +89,7 @@ class _Shortening:
         setup = resolve_configuration(self._run)
         check_manual_rig(setup)
         self._schedules = setup.schedules
+        self._rest = gravity_rest(setup.product, setup.solve_context())
         self._speeds = dict(zip(("rate_dps", "acceleration_dps2"), speeds(setup, request), strict=True))
         first = self._preview({})
         self._present = first.duration
@@ -101,6 +105,9 @@ class _Shortening:
         values = self._fastest()
         best = self._preview(values)
         if not self._reached(best):
+            values = {stage: {} for stage in self._schedules}
+            best = self._preview(values)
+        if not self._reached(best):
             sigma = _last_sigma(best)
             worst = NAMES[int(np.argmax((best.before if sigma is None else sigma) / self._limits))]
             raise ConfigurationError("design.stages_miss", parameter=worst)
@@ -113,7 +120,7 @@ class _Shortening:
         sigma = _last_sigma(best)
         assert sigma is not None
         spent = time.monotonic() - self._begun
-        return ShorterStages(values, best.duration, self._present, sigma, self._limits, spent)
+        return ShorterStages(values, best.duration, self._present, sigma, self._limits, self._rest, spent)
 
     def _fastest(self) -> Values:
         """Return the speeds of all stages that have some."""
@@ -146,7 +153,7 @@ class _Shortening:
                     continue
                 old = values[stage].get(field.name, float(getattr(schedule, field.name)))
                 step = _UNIT if rest else 1.0
-                least = max(float(field.low or 0.0), step)
+                least = max(float(field.low or 0.0), step, self._rest or 0.0 if field.name == "dwell_s" else 0.0)
                 new = max(float(np.floor(old * factor / step) * step), least)
                 if new < old:
                     value = new if rest else int(new)

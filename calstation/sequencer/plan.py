@@ -39,6 +39,8 @@ class StopRule:
     rounds: int | None = None
     duration: float | None = None
     targets: Mapping[str, float] = field(default_factory=dict)
+    #: Rounds after which its targets usually end a plan, for the duration that is shown; None if that is unknown.
+    usual: int | None = None
     repeated: bool = False  #: Whether the plan repeats; any other plan is executed to its end.
 
     @property
@@ -138,5 +140,10 @@ def planned(
 
 
 def plan_time(steps: Iterable[Step], rule: StopRule, start: tuple[float, float], settle: float = SETTLE) -> float:
-    """Return the total duration of the steps from `planned`, s."""
-    return sum(seconds for _, seconds in planned(steps, rule, start, settle))
+    """Return the total duration of the steps from `planned`, s, at most until the targets usually end the plan."""
+    total = 0.0
+    for step, seconds in planned(steps, rule, start, settle):
+        total += seconds
+        if isinstance(step, RoundEnd) and rule.usual is not None and step.rounds >= rule.usual:
+            break
+    return total

@@ -33,6 +33,7 @@ def design() -> Design:
         moves=MOVES,
         planned=4,
         least=1,
+        searched=True,
         rate_dps=60.0,
         acceleration_dps2=60.0,
         duration=33.0,

@@ -30,7 +30,7 @@ from tests.gui import design_jobs
 from tests.gui.conftest import SiteFolder
 from tests.gui.test_engineer_page import Engineer
 
-DESIGN_VIEW = 6
+DESIGN_VIEW = 7
 
 
 class Designer(Engineer):

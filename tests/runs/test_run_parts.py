@@ -71,7 +71,7 @@ def test_products_for_manual_rigs_and_tables_are_distinguished(home: Path) -> No
     assert [name for name, _ in compatible_products(rails, positions)] == ["mems_hand"]
     (home / "products").mkdir()
     (home / "products" / "broken.toml").write_text("name = 1", encoding="utf-8")
-    fit_a_table = ["mems_c", "mems_positions", "nav_a", "tactical_b"]
+    fit_a_table = ["mems_c", "mems_c_fast", "mems_positions", "nav_a", "nav_a_fast", "tactical_b", "tactical_b_fast"]
     assert [name for name, _ in compatible_products(None, positions)] == fit_a_table
     gimbal = library.find("stations", "virtual_gimbal")
     assert [name for name, _ in compatible_products(gimbal, positions)] == ["mems_gimbal"]

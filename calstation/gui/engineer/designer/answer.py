@@ -191,6 +191,8 @@ def _verdict(design: Design) -> tuple[str, str]:
     """Return the shape and the text of the badge."""
     if design.worst > 1.0:
         return "caution", say("engineer.design_missed")
+    if not design.searched:
+        return "caution", say("engineer.design_not_searched")
     if design.present is not None and design.duration >= design.present:
         return "caution", say("engineer.design_not_shorter")
     return "good", say("engineer.design_reached")
