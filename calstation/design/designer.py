@@ -37,8 +37,8 @@ from procedures import method
 _FARTHEST_DEG = 360.0
 #: Angles by which a joint turns in a move, in units of the lattice: of whole turns, and of shorter travel.
 _TURNS, _SHORT_TURNS = (-8, -4, -2, -1, 0, 1, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
-#: Width of the first beam, largest width, and number of beams if no time limit is given.
-_WIDTH, _WIDEST, _BEAMS = 24, 192, 2
+#: Widths of the beams: the first gives an answer soon, the last one is repeated; and number without a time limit.
+_WIDTHS, _BEAMS = (6, 24, 48, 96, 192), 3
 #: Width of the beam that adds the reserve.
 _RESERVE_WIDTH = 8
 #: Steps of the exchanges after each beam.
@@ -181,14 +181,14 @@ class _Designer:
             least=least,
             rate_dps=self._rate_dps,
             acceleration_dps2=self._acceleration_dps2,
-            duration=times[planned - 1][0],
-            longest=times[-1][0],
+            duration=float(times[planned - 1][0]),
+            longest=float(times[-1][0]),
             margin=factor * self._margin,
             sigma=solved.solution.belief.sigma,
             limits=self._limits,
             stop_targets=targets if request.as_present and request.duration is None else None,
             present=self._present,
-            front=tuple((seconds, worst) for seconds, worst, _ in self._front.points()),
+            front=tuple((float(seconds), float(worst)) for seconds, worst, _ in self._front.points()),
             searched=self._searched,
             variations=tuple(self._variations(moves, self._goal)),
             hidden=solved.hidden,
@@ -251,7 +251,7 @@ class _Designer:
     def _attempt(self, problem: Problem, number: int, longest: float) -> Iterator[Stops]:
         """Yield the answers of a beam, and of the exchanges after it."""
         answer: Stops | None = None
-        for seconds, stops in Beam(problem, min(_WIDTH * 2**number, _WIDEST), longest, self._front).run():
+        for seconds, stops in Beam(problem, _WIDTHS[min(number, len(_WIDTHS) - 1)], longest, self._front).run():
             self._progress(number, 0.6 * seconds / longest, longest)
             answer = stops
             if self._over():
@@ -323,7 +323,7 @@ class _Designer:
         best: Stops | None = None
         for step in range(_STEPS):
             # The first beam is narrow and never ended early: only at its end does it know long schedules.
-            beam = Beam(self._problem(factor), _WIDTH if step else _RESERVE_WIDTH, duration, self._front)
+            beam = Beam(self._problem(factor), _WIDTHS[min(step, 1)], duration, self._front)
             for seconds, _ in beam.run():
                 self._report(_SEARCHED * (step + seconds / duration) / (2 * _STEPS), note=_ratio(worst))
                 if step and self._over():
