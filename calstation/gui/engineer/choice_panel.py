@@ -162,7 +162,7 @@ class Parts(QWidget):
         self._arrange()
         for name, check in self._parts.items():
             check.setVisible(any(stage in stages for stage in PARTS[name]))
-        self.select(self.current if self.current in stages else stages[0])
+        self.select(self.current if self.current in chosen else next(iter(chosen), stages[0]))
         self._toggled()
 
     def select(self, stage: str) -> None:
