@@ -38,6 +38,12 @@ def test_the_preview_of_an_endless_plan_ends_by_its_rule(rule: StopRule, seconds
     assert isinstance(last, RoundEnd)
 
 
+def test_the_duration_ends_where_targets_usually_end_the_plan_but_every_step_is_planned() -> None:
+    rule = StopRule(rounds=5, targets={"gyro_bias": 1.0}, usual=2)
+    assert plan_time(endless(), rule, (0.0, 0.0)) == pytest.approx(2.0)
+    assert sum(isinstance(step, RoundEnd) for step, _ in planned(endless(), rule, (0.0, 0.0))) == 5
+
+
 def test_targets_are_parameters_or_groups() -> None:
     assert named("accel_scale_y") == [INDEX["accel_scale_y"]]
     assert len(named("gyro_misalign")) == 6
