@@ -38,7 +38,7 @@ _FARTHEST_DEG = 360.0
 #: Angles by which a joint turns in a move, in units of the lattice: of whole turns, and of shorter travel.
 _TURNS, _SHORT_TURNS = (-8, -4, -2, -1, 0, 1, 2, 4, 8), (-6, -4, -3, -2, -1, 0, 1, 2, 3, 4, 6)
 #: Widths of the beams: the first gives an answer soon, the last one is repeated; and number without a time limit.
-_WIDTHS, _BEAMS = (6, 24, 48, 96, 192), 3
+_WIDTHS, _BEAMS = (6, 24, 48, 96, 192), 2
 #: Width of the beam that adds the reserve.
 _RESERVE_WIDTH = 8
 #: Steps of the exchanges after each beam.
