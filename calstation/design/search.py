@@ -230,6 +230,10 @@ class Beam:
             if len(waiting) > 8 * self._width:
                 waiting.sort(key=lambda node: node.missing)
                 self._waiting[key] = waiting[: 4 * self._width]
+        for waiting in self._waiting.values():
+            for node in waiting:
+                if node.information is not None and node.information.base is not None:
+                    node.information = node.information.copy()  # a view would keep the information of all others
 
 
 def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
