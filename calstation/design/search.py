@@ -6,7 +6,7 @@ positive, ranks them. The exchanges then change, insert, remove or swap moves an
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import cycle, pairwise
 
 import numpy as np
@@ -25,7 +25,8 @@ _TIMES = 400
 FIRST_REST = 12
 #: Number of moves of the walk that shows what can be reached, and time that it may take, s.
 _WALK, _HOUR = 30, 3600.0
-#: Rests of the walks, in units of `REST_UNIT`: long ones suit the accelerometers, many moves the gyros.
+#: Rests of the walks, in units of `REST_UNIT`: long ones suit the accelerometers, many moves the gyros. Every walk is
+#: also tried with the faces of the body alone, which suit the scale factors.
 _WALK_RESTS = ((2, 10, 40), (40, 60), (120,))
 #: Number of schedules per step of the exchanges.
 _BATCH = 48
@@ -241,7 +242,8 @@ def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
 
     If none does, it is None, with the ratios of the one that comes nearest.
     """
-    walks = [_walk(problem, rests, seed) for rests in _WALK_RESTS]
+    faces = replace(problem, turns=tuple(turn for turn in problem.turns if turn % 2 == 0))
+    walks = [_walk(each, rests, seed) for each in (problem, faces) for rests in _WALK_RESTS]
     found = [(durations(problem.library, stops)[-1], stops, ratios) for stops, ratios in walks if ratios.max() <= 1.0]
     if found:
         _, stops, ratios = min(found, key=lambda walk: walk[0])
