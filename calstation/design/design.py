@@ -12,6 +12,32 @@ from calstation.physics import NAMES, FloatArray
 #: Name of the stage.
 STAGE = "designed"
 
+#: Angles of the outer and the inner joint, °, and the rest there, s.
+Move = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Reached:
+    """Sigmas at the end of a schedule and the largest ones wanted, SI, shape (30,); a missing limit is infinite."""
+
+    sigma: FloatArray
+    limits: FloatArray  #: Before the margin.
+
+    @property
+    def ratios(self) -> FloatArray:
+        """Sigmas over limits, shape (30,)."""
+        return np.asarray(self.sigma / self.limits)
+
+    @property
+    def worst(self) -> float:
+        """Largest ratio of a sigma to its limit."""
+        return float(self.ratios.max())
+
+    @property
+    def limiting(self) -> str:
+        """Name of the parameter with that ratio."""
+        return NAMES[int(np.argmax(self.ratios))]
+
 
 @dataclass(frozen=True)
 class DesignRequest:
@@ -20,9 +46,8 @@ class DesignRequest:
     station: Path | None = None  #: Station file; None for the default.
     product: Path | None = None  #: Product file; None for the default.
     margin: float = 0.8  #: Fraction of its limit that every sigma must reach.
-    duration: float | None = (
-        None  #: Duration of the stage, s, for which the best sigmas are sought; None for the shortest.
-    )
+    #: Duration of the stage, s, for which the best sigmas are sought; None for the shortest schedule.
+    duration: float | None = None
     as_present: bool = False  #: Whether to reach the sigmas of the product's present stages instead of its limits.
     time_limit: float | None = None  #: Time for the search, s; None for the usual effort.
     seed: int = 0
@@ -42,12 +67,10 @@ class Variation:
 
 
 @dataclass(frozen=True)
-class Design:
-    """A schedule and what is known about it. Sigmas and limits are SI, shape (30,); a missing limit is infinite."""
+class Design(Reached):
+    """A schedule and what is known about it; `sigma` is that after the planned moves."""
 
-    moves: tuple[
-        tuple[float, float, float], ...
-    ]  #: Outer and inner angle, °, and rest, s; the last ones are a reserve.
+    moves: tuple[Move, ...]  #: The last ones are a reserve.
     planned: int  #: Number of moves after which the targets are reached.
     least: int  #: Number of moves that always take place, because they show what the product's diagnosis asks for.
     rate_dps: float
@@ -55,8 +78,6 @@ class Design:
     duration: float  #: Duration of the planned moves, s.
     longest: float  #: Duration of all moves, s.
     margin: float  #: Fraction of their limits that all sigmas reach.
-    sigma: FloatArray  #: Sigmas after the planned moves.
-    limits: FloatArray  #: Largest sigmas wanted, before the margin.
     stop_targets: dict[str, float] | None  #: Sigmas at which the stage ends, SI; None for the product's limits.
     present: float | None  #: Duration of the product's present stages, s; None if this table has no way for them.
     searched: bool  #: Whether the search found it; otherwise it is a random walk that reaches the targets.
@@ -68,21 +89,6 @@ class Design:
     latitude_sigma: float | None  #: Sigma of the latitude seen by the gyros, rad; None if they do not resolve it.
     noise_seen: float  #: Smallest relative error of the assumed noise that the innovations show.
     seconds: float  #: Duration of the search, s.
-
-    @property
-    def ratios(self) -> FloatArray:
-        """Sigmas over limits, shape (30,)."""
-        return np.asarray(self.sigma / self.limits)
-
-    @property
-    def worst(self) -> float:
-        """Largest ratio of a sigma to its limit."""
-        return float(self.ratios.max())
-
-    @property
-    def limiting(self) -> str:
-        """Name of the parameter with that ratio."""
-        return NAMES[int(np.argmax(self.ratios))]
 
     def schedule(self) -> dict[str, Any]:
         """Return the values of `[schedule.designed]`."""

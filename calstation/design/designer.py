@@ -11,16 +11,7 @@ import numpy as np
 from calstation.config import RunRequest, check_manual_rig, resolve_configuration
 from calstation.design.allowed import SERIAL, gravity_rest, speeds, stages_duration
 from calstation.design.design import STAGE, Design, DesignRequest, Variation
-from calstation.design.search import (
-    Beam,
-    Exchange,
-    Front,
-    Problem,
-    Stops,
-    durations,
-    reachable,
-    states,
-)
+from calstation.design.search import Beam, Exchange, Front, Problem, Stops, durations, reachable, states
 from calstation.design.segments import LATTICE_DEG, REST_UNIT, Conditions, Position, SegmentLibrary
 from calstation.design.trial import MORE_NOISE, Moves, Trial
 from calstation.errors import ConfigurationError
@@ -130,10 +121,8 @@ class _Designer:
 
     def _problem(self, factor: float = 1.0) -> Problem:
         """Return the problem for sigmas that are `factor` times those wanted."""
-        low, high = (
-            self._lattice(self._geometry.limits.low, up=True),
-            self._lattice(self._geometry.limits.high, up=False),
-        )
+        limits = self._geometry.limits
+        low, high = self._lattice(limits.low, up=True), self._lattice(limits.high, up=False)
         whole = min(b - a for a, b in zip(low, high, strict=True)) * LATTICE_DEG >= 360.0
         turns = _TURNS if whole else _SHORT_TURNS
         sizes = [self._product.diagnosis[c.cause] for c in self._effects for _ in c.components]

@@ -151,10 +151,8 @@ class Beam:
         `before` are the stops to continue, the information after them and their duration.
         """
         if before is None:
-            state, time = (
-                self._problem.library.begin((0, 0), FIRST_REST),
-                durations(self._problem.library, self._begun)[0],
-            )
+            state = self._problem.library.begin((0, 0), FIRST_REST)
+            time = durations(self._problem.library, self._begun)[0]
         else:
             self._begun, state, time = before
         first = _Node(state, self._begun[-1].position, time, np.inf, np.inf)
@@ -243,7 +241,8 @@ def reachable(problem: Problem, seed: int) -> tuple[Stops | None, FloatArray]:
     If none does, it is None, with the ratios of the one that comes nearest.
     """
     faces = replace(problem, turns=tuple(turn for turn in problem.turns if turn % 2 == 0))
-    walks = [_walk(each, rests, seed) for each in (problem, faces) for rests in _WALK_RESTS]
+    possible = [each for each in (problem, faces) if any(each.next_positions((0, 0)))]
+    walks = [_walk(each, rests, seed) for each in possible for rests in _WALK_RESTS]
     found = [(durations(problem.library, stops)[-1], stops, ratios) for stops, ratios in walks if ratios.max() <= 1.0]
     if found:
         _, stops, ratios = min(found, key=lambda walk: walk[0])

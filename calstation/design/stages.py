@@ -10,7 +10,7 @@ import numpy as np
 
 from calstation.config import RunRequest, check_manual_rig, edit_toml, resolve_configuration, schedule_fields
 from calstation.design.allowed import SERIAL, gravity_rest, speeds, stages_duration
-from calstation.design.design import DesignRequest
+from calstation.design.design import DesignRequest, Reached
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, FloatArray
@@ -27,26 +27,14 @@ Values = dict[str, dict[str, float]]
 
 
 @dataclass(frozen=True)
-class ShorterStages:
-    """Shorter schedules of the same stages. Sigmas and limits are SI, shape (30,); a missing limit is infinite."""
+class ShorterStages(Reached):
+    """Shorter schedules of the same stages; `sigma` is that after the last stage."""
 
     schedule: Values  #: Changed values, by stage.
     duration: float  #: s
     present: float  #: Duration before, s.
-    sigma: FloatArray  #: Sigmas after the last stage.
-    limits: FloatArray
     gravity_rest: float | None  #: Shortest rest, s, that the product's check of gravity can judge; None without it.
     seconds: float  #: Duration of the search, s.
-
-    @property
-    def worst(self) -> float:
-        """Largest ratio of a sigma to its limit."""
-        return float(np.max(self.sigma / self.limits))
-
-    @property
-    def limiting(self) -> str:
-        """Name of the parameter with that ratio."""
-        return NAMES[int(np.argmax(self.sigma / self.limits))]
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON data."""
@@ -94,10 +82,11 @@ class _Shortening:
         first = self._preview({})
         self._present = first.duration
         limits = setup.sigma_limits()
-        sigma = _last_sigma(first)
-        reached = first.before if sigma is None else sigma
+        sigma = first.stages[-1].sigma
+        if sigma is None:
+            raise ConfigurationError("design.no_present", product=setup.product.name)
         estimated = np.array([any(name in stage.estimated for stage in first.stages) for name in NAMES])
-        wanted = reached if request.as_present else np.array([limits.get(name, np.inf) for name in NAMES])
+        wanted = sigma if request.as_present else np.array([limits.get(name, np.inf) for name in NAMES])
         self._limits = np.where(estimated, wanted, np.inf)
 
     def run(self) -> ShorterStages:
@@ -108,19 +97,15 @@ class _Shortening:
             values = {stage: {} for stage in self._schedules}
             best = self._preview(values)
         if not self._reached(best):
-            sigma = _last_sigma(best)
-            worst = NAMES[int(np.argmax((best.before if sigma is None else sigma) / self._limits))]
-            raise ConfigurationError("design.stages_miss", parameter=worst)
+            raise ConfigurationError("design.stages_miss", parameter=Reached(_sigma(best), self._limits).limiting)
         for number, factor in enumerate(_FACTORS):
             tried: set[tuple[str, str, float]] = set()
             while (better := self._better(values, factor, tried)) is not None:
                 values, best = better
                 saved = 1.0 - best.duration / self._present
                 self._report((number + saved) / len(_FACTORS), note=f"{best.duration:.1f}")
-        sigma = _last_sigma(best)
-        assert sigma is not None
         spent = time.monotonic() - self._begun
-        return ShorterStages(values, best.duration, self._present, sigma, self._limits, self._rest, spent)
+        return ShorterStages(_sigma(best), self._limits, values, best.duration, self._present, self._rest, spent)
 
     def _fastest(self) -> Values:
         """Return the speeds of all stages that have some."""
@@ -167,9 +152,12 @@ class _Shortening:
         return compute_preview(lambda *_, **__: None, replace(self._run, schedule=values))
 
     def _reached(self, preview: Preview) -> bool:
-        sigma = _last_sigma(preview)
+        sigma = preview.stages[-1].sigma
         return sigma is not None and bool(np.all(sigma <= self._margin * self._limits))
 
 
-def _last_sigma(preview: Preview) -> FloatArray | None:
-    return preview.stages[-1].sigma
+def _sigma(preview: Preview) -> FloatArray:
+    """Return the sigmas after the last stage of a preview that the table can execute."""
+    sigma = preview.stages[-1].sigma
+    assert sigma is not None
+    return sigma

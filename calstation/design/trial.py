@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from pydantic import BaseModel
 
 from calstation.design.design import STAGE, Variation
 from calstation.estimation import Solution
@@ -71,7 +72,7 @@ class Trial:
             else:
                 solver.feed(block)
 
-    def _schedule(self, moves: Moves) -> "object":
+    def _schedule(self, moves: Moves) -> BaseModel:
         speeds = {"rate_dps": self._rate, "acceleration_dps2": self._acceleration}
         return method(STAGE).schedule(moves=[tuple(m) for m in moves], stop_at_limits=False, **speeds)
 

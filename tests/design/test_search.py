@@ -91,6 +91,13 @@ def test_what_an_hour_cannot_reach_is_told_with_what_it_can(problem):
     assert left.max() > 1.0
 
 
+def test_a_table_without_room_for_quarter_turns_is_walked_too(problem):
+    eighth = replace(problem, low=(-1, -1), high=(1, 1), turns=(-1, 0, 1), targets=1e-6 * problem.targets)
+    found, left = reachable(eighth, 0)
+    assert found is None
+    assert np.isfinite(left).all()
+
+
 def test_what_is_missing_counts_only_what_is_above_its_target():
     assert missing(np.array([[0.5, 1.0, np.e], [0.0, 0.1, 0.2]])) == pytest.approx([1.0, 0.0])
 
