@@ -31,7 +31,7 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 8
+_VERSION = 9
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -81,6 +81,7 @@ class IndexedRun:
     stamp: str  #: Stamp of the files from which the row was read.
     record: RunRecord
     values: Mapping[str, float]  #: Solved values by parameter, SI.
+    sigmas: Mapping[str, float]  #: Their standard deviations, SI.
 
 
 @dataclass(frozen=True)

@@ -229,8 +229,10 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
     "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate
-    values = {name: row.value for name, row in result.parameters.items() if math.isfinite(row.value)}
-    return IndexedRun(name, stamp, record, values)
+    known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
+    values = {name: row.value for name, row in known.items()}
+    sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}
+    return IndexedRun(name, stamp, record, values, sigmas)
 
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:
@@ -249,7 +251,7 @@ def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> 
         duration=0.0,
         resumed_from=run.resumed_from if run else None,
     )
-    return IndexedRun(name, stamp, record, {})
+    return IndexedRun(name, stamp, record, {}, {})
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from calstation.records import (
     acceptance,
     check_limits,
     context_from_meta,
+    correlation_of,
     estimated_stage,
     not_compared,
     undetermined,
@@ -147,6 +148,7 @@ def build_result(
             "partial": is_partial(meta, stages if ending.outcome == "resolved" else None),
             "passed": judgement.passed,
             "parameters": solved_parameters(solutions),
+            "correlation": _correlation(solutions),
             "unobservable": unobservable(prior, solutions),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
@@ -185,6 +187,14 @@ def _calibration(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) 
     unknown = undetermined(prior, solutions, meta.calibrated)
     names = [name for name in unobservable(prior, solutions) if name not in unknown]
     return CalibrationUsed(**section.model_dump(), not_improved=names)
+
+
+def _correlation(solutions: Sequence[Solution]) -> dict[str, dict[str, float]]:
+    if not solutions:
+        return {}
+    solved = estimated_stage(tuple(solutions))
+    rows = {name: row for name, row in correlation_of(solutions[-1].belief.covariance).items() if name in solved}
+    return {name: {other: value for other, value in row.items() if other in solved} for name, row in rows.items()}
 
 
 def solved_parameters(solutions: tuple[Solution, ...]) -> dict[str, Parameter]:

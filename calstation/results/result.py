@@ -164,6 +164,8 @@ class Result(_Section):
     partial: bool = Field(default=False, validation_alias=AliasChoices("partial", "part"))
     passed: bool | None = None  #: None if there are no limits.
     parameters: dict[str, Parameter]
+    #: Correlation coefficients of the 30 parameters that were solved, by name; 0 for pairs that are not listed.
+    correlation: dict[str, dict[str, float]] = Field(default_factory=dict)
     unobservable: list[str] = Field(default_factory=list)  #: Parameters that the run's own data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
     not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage determined.

@@ -30,7 +30,7 @@ def run(k: int) -> IndexedRun:
         result=Path(f"{name}.json"),
         duration=750.0,
     )
-    return IndexedRun(name, "stamp", record, dict.fromkeys(NAMES, 1.2345678901e-6))
+    return IndexedRun(name, "stamp", record, *2 * [dict.fromkeys(NAMES, 1.2345678901e-6)])
 
 
 @pytest.fixture(scope="module")

@@ -26,7 +26,7 @@ def run(name: str, day: int, **changes: object) -> IndexedRun:
         result=None,
         duration=1.0,
     )
-    return IndexedRun(name, "stamp", replace(record, **changes), {})  # type: ignore[arg-type]
+    return IndexedRun(name, "stamp", replace(record, **changes), {}, {})  # type: ignore[arg-type]
 
 
 @pytest.fixture

@@ -43,6 +43,7 @@ def test_a_partial_run_starts_from_the_current_calibration(site_folder: SiteFold
     assert log.meta.run is not None
     assert log.meta.run.calibration is not None
     prior, before = prior_from_meta(log.meta), first.result["registers"]["estimate"]
+    assert first.result["correlation"] == before["correlation"]  # no registers are applied to the stream
     for name in ("gyro_scale_x", "accel_bias_z"):
         assert prior.mean[INDEX[name]] == before["mean"][name]
         assert before["sigma"][name] < prior.sigma[INDEX[name]] < 1.2 * before["sigma"][name] + 2e-5
