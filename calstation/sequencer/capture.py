@@ -94,6 +94,13 @@ class VerificationPath:
     legs: tuple[Leg, ...]
     turns: tuple[Turn, ...]
 
+    @property
+    def measured(self) -> tuple[Leg, ...]:
+        """The legs without a mere return to the start."""
+        last = self.legs[-1]
+        returns = last.turn is None and not last.rest and not last.opposite
+        return self.legs[:-1] if returns else self.legs
+
 
 def verification_path(
     start: tuple[float, float],
@@ -272,22 +279,23 @@ class Restarted(Interruption):
     """The unit restarted during a capture: samples before and after must not be mixed."""
 
 
-def verification_data(runner: StepRunner, path: VerificationPath, *, opposite: bool) -> VerificationData:
-    """Capture rests, also the `opposite` one or not, and turns along a path that returns to its start.
+def verification_data(runner: StepRunner, path: VerificationPath, *, is_reference: bool) -> VerificationData:
+    """Capture rests and turns along a path.
 
-    The table must be at the start, and the stream must not be broken. Raises DeviceFaultError or Restarted.
+    A reference needs no opposite rest, but must return to the start, from where the next capture begins. The table must
+    be at the start, and the stream must not be broken. Raises DeviceFaultError or Restarted.
     """
     rests, opposites = [_rest(runner)], []
     parts: list[list[Turned]] = [[] for _ in path.turns]
     here = path.start
-    for leg in path.legs:
+    for leg in path.legs if is_reference else path.measured:
         if leg.turn is None:
             runner.drive(leg.move)
         else:
             parts[leg.turn].append(_turn(runner, path.turns[leg.turn], leg, here))
         if leg.rest:
             rests.append(_rest(runner))
-        elif leg.opposite and opposite:
+        elif leg.opposite and not is_reference:
             opposites.append(_rest(runner))
         here = leg.move.outer, leg.move.inner
     turns = (Turned(p[0].turn, np.sum([q.integral for q in p], axis=0), sum(q.seconds for q in p)) for p in parts)

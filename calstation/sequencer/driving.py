@@ -204,7 +204,7 @@ class Driving:
                 if self.stream.broken:
                     self.stream.restore()
             try:
-                return verification_data(self.runner, path, opposite=not is_reference)
+                return verification_data(self.runner, path, is_reference=is_reference)
             except Restarted:
                 self._context.emit(Message("look_repeated"))
                 there = False
