@@ -9,7 +9,6 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import RegisterOperation, RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.shared_views import CellTable
 from calstation.gui.engineer.verdict import verdict_badge
 from calstation.gui.shell import AppContext
 from calstation.gui.text import (
@@ -22,6 +21,7 @@ from calstation.gui.text import (
     step_sentence,
 )
 from calstation.gui.widgets import (
+    CellTable,
     Choice,
     EmptyState,
     JobRow,

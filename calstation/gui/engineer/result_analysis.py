@@ -11,7 +11,6 @@ from calstation.errors import CalstationError
 from calstation.gui.engineer.cycle_view import CycleView
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ResidualsView
 from calstation.gui.engineer.observability_view import ObservabilityView
-from calstation.gui.engineer.shared_views import CellTable
 from calstation.gui.engineer.verdict import verdict_badge, verdict_text
 from calstation.gui.shell import AppContext
 from calstation.gui.text import (
@@ -26,6 +25,7 @@ from calstation.gui.text import (
 )
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
+    CellTable,
     ChecksTable,
     Column,
     EmptyState,
