@@ -1,1 +1,2 @@
+from .filters import Filters as Filters
 from .page import HistoryPage as HistoryPage
