@@ -11,3 +11,12 @@ from .charts import ewma_chart as ewma_chart
 from .charts import individuals_chart as individuals_chart
 from .charts import nelson_signals as nelson_signals
 from .charts import standardised as standardised
+from .gauge import LEAST_CATEGORIES as LEAST_CATEGORIES
+from .gauge import GaugeStudy as GaugeStudy
+from .gauge import Variation as Variation
+from .gauge import crossed as crossed
+from .gauge import gauge_study as gauge_study
+from .yields import FailedCheck as FailedCheck
+from .yields import Share as Share
+from .yields import Yields as Yields
+from .yields import count_yields as count_yields
