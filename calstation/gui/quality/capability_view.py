@@ -1,17 +1,15 @@
 """Process capability of every parameter with limits, and the distribution of the selected one."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QAbstractItemView, QWidget
 
-from calstation.errors import InputError
 from calstation.gui.text import bind, on_language_change, parameter_text
 from calstation.gui.widgets import CellTable, ThemedPlot, column, dashed, label, split, theme
 from calstation.physics import display, number
-from calstation.quality import Capability, Interval, capability
-from calstation.records import RunColumns
+from calstation.quality import Interval, ParameterQuality
 
 #: Smallest capability index that is usually required.
 _REQUIRED = 1.33
@@ -24,9 +22,7 @@ class CapabilityView(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self._runs: RunColumns | None = None
-        self._limits: Mapping[str, tuple[float, float]] = {}
-        self._found: dict[str, Capability] = {}
+        self._found: dict[str, ParameterQuality] = {}
         self.table = table = CellTable("capability_table", grouped=True)
         self.plot = Histogram()
         bind(table.setAccessibleName, lambda: self.tr("Process capability by parameter"))
@@ -64,19 +60,9 @@ class CapabilityView(QWidget):
         )
         on_language_change(self, self._fill)
 
-    def show_runs(self, runs: RunColumns, limits: Mapping[str, tuple[float, float]]) -> None:
-        """Show runs, the oldest first, and the limits of their parameters, SI."""
-        self._runs, self._limits = runs, limits
-        self._found = {}
-        for name, (low, high) in limits.items():
-            if name not in runs.values:
-                continue
-            size = display(name, 1.0)[0]
-            values = runs.values[name][np.isfinite(runs.values[name])] * size
-            try:
-                self._found[name] = capability(values, low * size, high * size)
-            except InputError:  # too few values, or all the same
-                continue
+    def show_charts(self, charts: Sequence[ParameterQuality]) -> None:
+        """Show the capability of quantities that have limits."""
+        self._found = {each.parameter: each for each in charts if each.capability is not None}
         self._fill()
         if self._found:
             self.table.selectRow(0)
@@ -88,14 +74,17 @@ class CapabilityView(QWidget):
 
     def _fill(self) -> None:
         cells = {}
-        for name, found in self._found.items():
-            digits = found.sigma_overall
+        for name, charts in self._found.items():
+            found = charts.capability
+            assert found is not None
+            size, unit = display(name, 1.0)
+            digits = size * found.sigma_overall
             cells[name] = {
                 "count": str(found.count),
-                "mean": number(found.mean, digits),
-                "within": number(found.sigma_within, digits),
+                "mean": number(size * found.mean, digits),
+                "within": number(size * found.sigma_within, digits),
                 "overall": number(digits, digits),
-                "unit": display(name, 0.0)[1],
+                "unit": unit,
                 "cp": _index(found.cp),
                 "cpk": _index(found.cpk),
                 "pp": _index(found.pp),
@@ -106,18 +95,15 @@ class CapabilityView(QWidget):
         self.table.show_cells(cells, ("mean", "within", "overall"))
 
     def _hint(self, name: str) -> str:
-        found = self._found[name]
+        found = self._found[name].capability
+        assert found is not None
         indices = (("Cp", found.cp), ("Cpk", found.cpk), ("Pp", found.pp), ("Ppk", found.ppk))
         return "\n".join(f"{key}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for key, i in indices if i is not None)
 
     def _choose(self, line: int) -> None:
         names = list(self._found)
-        if not 0 <= line < len(names):
-            return
-        name = names[line]
-        assert self._runs is not None
-        values = self._runs.values[name][np.isfinite(self._runs.values[name])] * display(name, 1.0)[0]
-        self.plot.show_values(name, values, self._found[name])
+        if 0 <= line < len(names):
+            self.plot.show_charts(self._found[names[line]])
 
 
 class Histogram(ThemedPlot):
@@ -125,35 +111,35 @@ class Histogram(ThemedPlot):
 
     def __init__(self) -> None:
         super().__init__()
-        self._shown: tuple[str, np.ndarray, Capability] | None = None
+        self._shown: ParameterQuality | None = None
         theme.on_appearance_change(self, self._draw)
 
-    def show_values(self, name: str, values: np.ndarray, found: Capability) -> None:
-        """Show values in the unit of the capability."""
-        self._shown = name, values, found
+    def show_charts(self, charts: ParameterQuality) -> None:
+        """Show the values of a quantity with limits."""
+        self._shown = charts
         self._draw()
 
     def _draw(self) -> None:
-        if self._shown is None:
+        if self._shown is None or self._shown.capability is None:
             return
-        name, values, found = self._shown
+        name, found = self._shown.parameter, self._shown.capability
         c = theme.colours()
         self.getPlotItem().clear()
-        unit = display(name, 0.0)[1]
+        size, unit = display(name, 1.0)
+        values, mean, sigma = size * self._shown.individuals.values, size * found.mean, size * found.sigma_overall
         self.setLabel("bottom", f"{parameter_text(name)}, {unit}")
         self.setLabel("left", self.tr("runs"))
         counts, edges = np.histogram(values, bins="auto" if len(values) < 5000 else 60)
         width = edges[1] - edges[0]
         bars = pg.BarGraphItem(x0=edges[:-1], width=width, height=counts, brush=theme.faint(c.accent, 110), pen=c.line)
         self.addItem(bars)
-        x = np.linspace(found.mean - _DRAWN * found.sigma_overall, found.mean + _DRAWN * found.sigma_overall, 200)
-        z = (x - found.mean) / found.sigma_overall
-        density = np.exp(-0.5 * z**2) / (found.sigma_overall * np.sqrt(2.0 * np.pi)) * len(values) * width
+        x = np.linspace(mean - _DRAWN * sigma, mean + _DRAWN * sigma, 200)
+        density = np.exp(-0.5 * ((x - mean) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi)) * len(values) * width
         self.addItem(pg.PlotDataItem(x, density, pen=pg.mkPen(c.text, width=1)))
         for limit in (found.low, found.high):
             if limit is not None:
-                self.addItem(pg.InfiniteLine(limit, 90, pen=dashed(c.bad)))
-                self.addItem(pg.PlotDataItem([limit], [0.0], pen=None))
+                self.addItem(pg.InfiniteLine(size * limit, 90, pen=dashed(c.bad)))
+                self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=None))
 
 
 def _index(index: Interval | None) -> str:

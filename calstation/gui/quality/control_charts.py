@@ -8,8 +8,8 @@ import pyqtgraph as pg
 from PySide6.QtGui import QColor
 
 from calstation.gui.widgets import StackedPlots, ThemedPlot, column, dashed, label, theme
-from calstation.physics import BoolArray, FloatArray, IntArray
-from calstation.quality import CusumChart, EwmaChart, IndividualsChart
+from calstation.physics import FloatArray, IntArray
+from calstation.quality import CusumChart, EwmaChart, ParameterQuality
 
 #: The chart at the bottom.
 Slow = Literal["ewma", "cusum"]
@@ -21,35 +21,20 @@ _AXIS = 10 * theme.GRID
 
 
 @dataclass(frozen=True)
-class ControlData:
-    """The charts of a quantity, in the unit in which it is shown."""
+class Shown:
+    """Charts, and the name and the unit in which they are drawn."""
 
-    quantity: str  #: As shown.
+    charts: ParameterQuality
+    quantity: str
     unit: str
-    individuals: IndividualsChart
-    ewma: EwmaChart
-    cusum: CusumChart
-
-    @property
-    def signalling(self) -> BoolArray:
-        """Whether a run completes a signal of any chart, shape (n,)."""
-        found = np.zeros(len(self.individuals.values), dtype=np.bool_)
-        for index in (
-            self.individuals.signals.index,
-            self.individuals.range_signals,
-            self.ewma.signals,
-            self.cusum.signals_high,
-            self.cusum.signals_low,
-        ):
-            found[index] = True
-        return found
+    size: float  #: Number of these units in one of the charts.
 
 
-class ControlCharts(StackedPlots[ControlData]):
+class ControlCharts(StackedPlots[Shown]):
     """Individuals, moving range, and below them EWMA or CUSUM against the number of the run."""
 
     def __init__(self) -> None:
-        self.slow: Slow = "ewma"
+        self._slow: Slow = "ewma"
         self._chosen: int | None = None
         self._titles = tuple(label(kind="muted") for _ in range(3))
         super().__init__(3, _AXIS)
@@ -58,7 +43,7 @@ class ControlCharts(StackedPlots[ControlData]):
 
     def show_slow(self, slow: Slow) -> None:
         """Show another chart at the bottom."""
-        self.slow = slow
+        self._slow = slow
         self.refresh()
 
     def choose(self, run: int | None) -> None:
@@ -66,46 +51,40 @@ class ControlCharts(StackedPlots[ControlData]):
         self._chosen = run
         self.refresh()
 
-    def draw(self, data: ControlData) -> None:
+    def draw(self, data: Shown) -> None:
         """Draw the charts."""
-        c = theme.colours()
-        chart = data.individuals
+        c, size = theme.colours(), data.size
+        chart, ewma, cusum = data.charts.individuals, data.charts.ewma, data.charts.cusum
         top, middle, bottom = self.plots
-        top.setLabel("left", f"{data.quantity}, {data.unit}" if data.unit else data.quantity)
-        middle.setLabel("left", self.tr("moving range"))
+        top.setLabel("left", f"{data.quantity}, {data.unit}")
+        middle.setLabel("left", self.tr("range"))
         bottom.setLabel("bottom", self.tr("run"))
-        self._lines(top, chart.center, [chart.low, chart.high])
-        self._values(top, chart.values, chart.signals.index)
-        self._lines(middle, chart.range_center, [chart.range_high])
-        self._values(middle, chart.ranges, chart.range_signals - 1, first=1)
-        if self.slow == "ewma":
-            self._draw_ewma(bottom, data.ewma)
+        self._lines(top, size * chart.center, [size * chart.low, size * chart.high])
+        self._values(top, size * chart.values, chart.signals.index)
+        self._lines(middle, size * chart.range_center, [size * chart.range_high])
+        self._values(middle, size * chart.ranges, chart.range_signals - 1, first=1)
+        if self._slow == "ewma":
+            self._draw_ewma(bottom, ewma, size)
+            slow = self.tr("EWMA, λ = {0:g}, L = {1:g}").format(ewma.weight, ewma.width)
         else:
-            self._draw_cusum(bottom, data.cusum)
+            self._draw_cusum(bottom, cusum)
+            slow = self.tr("CUSUM, k = {0:g} σ, h = {1:g} σ").format(cusum.allowance, cusum.decision)
         if self._chosen is not None:
             for plot in self.plots:
-                self.add(plot, pg.InfiniteLine(self._chosen + 1, 90, pen=pg.mkPen(c.accent, width=1)), scaled=False)
-        for title, text in zip(self._titles, self._texts(data), strict=True):
+                mark = pg.InfiniteLine(self._chosen + 1, 90, pen=pg.mkPen(c.accent, width=1))
+                self.add(plot, mark, scaled=False)
+        texts = self.tr("Individuals, limits 3 σ, Nelson's rules"), self.tr("Moving range of two runs"), slow
+        for title, text in zip(self._titles, texts, strict=True):
             title.setText(text)
-        for plot in self.plots:
-            plot.getViewBox().reset()
 
-    def _texts(self, data: ControlData) -> tuple[str, str, str]:
-        slow = (
-            self.tr("EWMA, λ = {0:g}, L = {1:g}").format(data.ewma.weight, data.ewma.width)
-            if self.slow == "ewma"
-            else self.tr("CUSUM, k = {0:g} σ, h = {1:g} σ").format(data.cusum.allowance, data.cusum.decision)
-        )
-        return self.tr("Individuals, limits 3 σ, Nelson's rules"), self.tr("Moving range of two runs"), slow
-
-    def _draw_ewma(self, plot: ThemedPlot, chart: EwmaChart) -> None:
+    def _draw_ewma(self, plot: ThemedPlot, chart: EwmaChart, size: float) -> None:
         plot.setLabel("left", "EWMA")
         c = theme.colours()
         run = np.arange(1, len(chart.average) + 1)
-        self._lines(plot, chart.center, [])
+        self._lines(plot, size * chart.center, [])
         for limit in (chart.low, chart.high):
-            self.add(plot, pg.PlotDataItem(run, limit, pen=dashed(c.bad)))
-        self._values(plot, chart.average, chart.signals)
+            self.add(plot, pg.PlotDataItem(run, size * limit, pen=dashed(c.bad)))
+        self._values(plot, size * chart.average, chart.signals)
 
     def _draw_cusum(self, plot: ThemedPlot, chart: CusumChart) -> None:
         plot.setLabel("left", self.tr("CUSUM, σ"))

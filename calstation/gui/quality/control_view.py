@@ -1,168 +1,165 @@
-"""Control charts of the chosen runs: a list of quantities, their charts, and the runs that signal."""
+"""Control charts: a list of quantities, the charts of the selected one, and the runs that signal."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 import numpy as np
-from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QAbstractItemView, QComboBox, QWidget
 
-from calstation.gui.quality.control_charts import ControlCharts, ControlData
+from calstation.gui.quality.control_charts import ControlCharts, Shown
 from calstation.gui.text import bind, on_language_change, parameter_text, say
-from calstation.gui.widgets import CellTable, Column, column, label, row, show_text, split, theme
+from calstation.gui.widgets import CellTable, Column, column, label, row, split, theme
 from calstation.messages import local_time
 from calstation.physics import display
-from calstation.quality import cusum_chart, ewma_chart, individuals_chart, standardised
-from calstation.records import RunColumns
+from calstation.quality import ParameterQuality
 
-#: Fewest runs for a chart.
-LEAST_RUNS = 3
 #: Largest number of signalling runs that are listed, the latest first.
 _MOST_LISTED = 200
+#: Number of the latest runs whose signals make a quantity notable.
+_LATEST = 10
 
 
 class ControlView(QWidget):
-    """Shows the charts of one quantity of the runs; emits `run_wanted(name)` for a run that the user opens."""
+    """Shows the charts of quantities; emits `run_wanted(name)` for a run that the user opens."""
 
     run_wanted = Signal(str)
 
     def __init__(self) -> None:
         super().__init__()
-        self._runs: RunColumns | None = None
-        self._reference: Mapping[str, float] = {}
-        self._shown: list[int] = []  # indices of the runs of the charts
-        self._data: ControlData | None = None
-        self.charts = ControlCharts()
-        self._quantity, self._scale, self._slow = QComboBox(), QComboBox(), QComboBox()
-        for combo, name in ((self._quantity, "quantity"), (self._scale, "scale"), (self._slow, "slow")):
-            combo.setObjectName(f"quality_{name}_combo")
-            combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-        self._scale.addItem("", "value")
-        self._scale.addItem("", "standardised")
+        self._charts: dict[str, ParameterQuality] = {}
+        self._states: dict[str, str | None] = {}
+        self._standardised = False
+        self.plots = ControlCharts()
+        self._slow = QComboBox()
+        self._slow.setObjectName("quality_slow_combo")
         self._slow.addItem("EWMA", "ewma")
         self._slow.addItem("CUSUM", "cusum")
-        self._note = label(kind="muted", name="quality_signals_label", wrap=True)
-        self.signals = CellTable("quality_signals_table")
-        self._build_table()
-        self._quantity.currentIndexChanged.connect(lambda _: self._draw())
-        self._scale.currentIndexChanged.connect(lambda _: self._draw())
-        self._slow.currentIndexChanged.connect(lambda _: self.charts.show_slow(self._slow.currentData()))
-        captions = [
-            label(lambda: self.tr("Quantity"), buddy=self._quantity),
-            label(lambda: self.tr("Shown as"), buddy=self._scale),
-            label(lambda: self.tr("Slow changes"), buddy=self._slow),
-        ]
-        combos = (self._quantity, self._scale, self._slow)
-        bar = [item for pair in zip(captions, combos, strict=True) for item in (*pair, theme.GRID)]
-        side = QWidget()
-        column(self._note, (self.signals, 1), on=side)
+        self._slow.currentIndexChanged.connect(lambda _: self.plots.show_slow(self._slow.currentData()))
+        self.quantities, self.signals = CellTable("quality_quantities_table"), CellTable("quality_signals_table")
+        self.note = label(kind="muted", name="quality_signals_label", wrap=True)
+        self._build_tables()
+        self._side, right = QWidget(), QWidget()
+        column((self.quantities, 3), self.note, (self.signals, 2), on=self._side)
+        caption = label(lambda: self.tr("Chart of slow changes"), buddy=self._slow)
+        column((self.plots, 1), row(None, caption, self._slow), on=right)
         column(
-            row(*bar, None),
-            (split((self.charts, 3), (side, 1), handle=2 * theme.GRID), 1),
-            on=self,
-            margins=(0, theme.GRID, 0, 0),
+            (split((self._side, 3), (right, 7), handle=2 * theme.GRID), 1), on=self, margins=(0, theme.GRID, 0, 0)
         )
         on_language_change(self, self._show_texts)
 
-    def show_runs(self, runs: RunColumns, reference: Mapping[str, float]) -> None:
-        """Show runs, the oldest first; `reference` are the values from which standardised ones are measured, SI."""
-        self._runs, self._reference = runs, reference
-        wanted = self._quantity.currentData()
-        names = [name for name, values in runs.values.items() if np.isfinite(values).sum() >= LEAST_RUNS]
-        with QSignalBlocker(self._quantity):
-            self._quantity.clear()
-            for name in names:
-                self._quantity.addItem(parameter_text(name), name)
-            self._quantity.setCurrentIndex(max(0, self._quantity.findData(wanted)))
-        self._draw()
+    def show_charts(self, charts: Sequence[ParameterQuality], *, standardised: bool) -> None:
+        """Show charts of the quantities of one product; `standardised` values are in sigmas."""
+        chosen = self._quantity
+        self._charts, self._standardised = {each.parameter: each for each in charts}, standardised
+        self._states = {name: _state(each) for name, each in self._charts.items()}
+        self._fill()
+        names = list(self._charts)
+        if names:
+            self.quantities.selectRow(names.index(chosen) if chosen in names else 0)
 
-    def _build_table(self) -> None:
-        table = self.signals
-        bind(table.setAccessibleName, lambda: self.tr("Runs that signal, the latest first"))
-        table.verticalHeader().hide()
-        table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
-        table.parameters.set_columns(
+    @property
+    def _quantity(self) -> str:
+        names = list(self._charts)
+        line = self.quantities.currentIndex().row()
+        return names[line] if 0 <= line < len(names) else ""
+
+    def _build_tables(self) -> None:
+        quantities, signals = self.quantities, self.signals
+        bind(quantities.setAccessibleName, lambda: self.tr("Quantities and their signals"))
+        bind(signals.setAccessibleName, lambda: self.tr("Runs that signal, the latest first"))
+        for table in (quantities, signals):
+            table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        quantities.parameters.set_columns(
             (
-                table.column(lambda: self.tr("Run"), "run"),
-                table.column(lambda: self.tr("Serial number"), "serial", number=False),
-                table.column(lambda: self.tr("Signal"), "rules", number=False, hint=self._hint),
+                quantities.column(lambda: self.tr("Runs"), "runs"),
+                Column(
+                    lambda: self.tr("Signals"),
+                    lambda name: quantities.cells[name]["signals"],
+                    state=lambda name: self._states[name],
+                ),
             )
         )
-        table.selectionModel().currentRowChanged.connect(lambda current, _: self._choose(current.row()))
-        table.doubleClicked.connect(lambda index: self._open(index.row()))
+        signals.verticalHeader().hide()
+        signals.parameters.set_columns(
+            (
+                signals.column(lambda: self.tr("Run"), "run"),
+                signals.column(lambda: self.tr("Started"), "started", number=False),
+                signals.column(lambda: self.tr("Signal"), "rules", number=False, hint=self._hint),
+            )
+        )
+        quantities.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
+        signals.selectionModel().currentRowChanged.connect(lambda current, _: self._mark(current.row()))
+        signals.doubleClicked.connect(lambda index: self._open(index.row()))
 
     def _hint(self, key: str) -> str:
         return self.signals.cells[key]["hint"]
 
-    def _draw(self) -> None:
-        runs, name = self._runs, self._quantity.currentData()
-        if runs is None or name is None:
-            return
-        values, sigmas = runs.values[name], runs.sigmas[name]
-        known = np.isfinite(values)
-        relative = self._scale.currentData() == "standardised"
-        if relative:
-            known &= sigmas > 0.0
-        self._shown = np.flatnonzero(known).tolist()
-        found, unit = values[known], ""
-        if relative:
-            found = standardised(found, self._reference.get(name, float(np.mean(found))), sigmas[known])
-        else:
-            size, unit = display(name, 1.0)
-            found = found * size
-        text = parameter_text(name)
-        self._data = data = ControlData(
-            self.tr("{0}, in σ").format(text) if relative else text,
-            unit,
-            individuals_chart(found),
-            ewma_chart(found),
-            cusum_chart(found),
-        )
-        self.charts.choose(None)
-        self.charts.show_data(data)
-        self._list_signals()
-
-    def _list_signals(self) -> None:
-        runs, data = self._runs, self._data
-        if runs is None or data is None:
-            return
-        rules: dict[int, list[str]] = {}
-        for index, rule in zip(data.individuals.signals.index, data.individuals.signals.rule, strict=True):
-            rules.setdefault(int(index), []).append(f"nelson_{rule}")
-        further = (
-            ("range", data.individuals.range_signals),
-            ("ewma", data.ewma.signals),
-            ("cusum", np.union1d(data.cusum.signals_high, data.cusum.signals_low)),
-        )
-        for code, found in further:
-            for index in found.tolist():
-                rules.setdefault(index, []).append(code)
-        cells = {}
-        for index in sorted(rules, reverse=True)[:_MOST_LISTED]:
-            k = self._shown[index]
-            started = datetime.fromtimestamp(runs.started[k], UTC).isoformat()
-            words = [say(f"chart.{code}") for code in rules[index]]
-            cells[str(index)] = {
-                "run": str(index + 1),
-                "serial": runs.serials[k],
-                "rules": ", ".join(say(f"chart.{code}_short") for code in rules[index]),
-                "hint": "\n".join([local_time(started), *words]),
+    def _fill(self) -> None:
+        self.quantities.show_cells(
+            {
+                name: {"runs": str(len(each.names)), "signals": str(sum(each.alarms.values()))}
+                for name, each in self._charts.items()
             }
-        self.signals.show_cells(cells)
-        count, total = len(rules), len(self._shown)
-        show_text(self._note, say("chart.signals" if count else "chart.no_signals", count=count, total=total))
+        )
 
-    def _choose(self, line: int) -> None:
+    def _draw(self) -> None:
+        name = self._quantity
+        if not name:
+            return
+        charts, text = self._charts[name], parameter_text(name)
+        size, unit = (1.0, "σ") if self._standardised else display(name, 1.0)
+        self.plots.choose(None)
+        self.plots.show_data(Shown(charts, text, unit, size))
+        rules = _signals(charts)
+        latest = sorted(rules, reverse=True)[:_MOST_LISTED]
+        self.signals.show_cells({str(index): self._signal_cells(charts, index, rules[index]) for index in latest})
+        code = "chart.signals" if rules else "chart.no_signals"
+        self.note.setText(say(code, count=len(rules), total=len(charts.names)))
+
+    def _signal_cells(self, charts: ParameterQuality, index: int, codes: list[str]) -> dict[str, str]:
+        started = datetime.fromtimestamp(charts.started[index], UTC).isoformat()
+        return {
+            "run": str(index + 1),
+            "started": local_time(started),
+            "rules": ", ".join(say(f"chart.{code}_short") for code in codes),
+            "hint": "\n".join([charts.names[index], *(say(f"chart.{code}") for code in codes)]),
+        }
+
+    def _index(self, line: int) -> int | None:
         keys = list(self.signals.cells)
-        self.charts.choose(int(keys[line]) if 0 <= line < len(keys) else None)
+        return int(keys[line]) if 0 <= line < len(keys) else None
+
+    def _mark(self, line: int) -> None:
+        self.plots.choose(self._index(line))
 
     def _open(self, line: int) -> None:
-        assert self._runs is not None
-        self.run_wanted.emit(self._runs.names[self._shown[int(list(self.signals.cells)[line])]])
+        index = self._index(line)
+        if index is not None:
+            self.run_wanted.emit(self._charts[self._quantity].names[index])
 
     def _show_texts(self) -> None:
-        self._scale.setItemText(0, self.tr("Value"))
-        self._scale.setItemText(1, self.tr("(Value − reference) / σ"))
-        for index in range(self._quantity.count()):
-            self._quantity.setItemText(index, parameter_text(self._quantity.itemData(index)))
+        self.quantities.parameters.refresh()
+        self.signals.parameters.refresh()
         self._draw()
+
+
+def _signals(charts: ParameterQuality) -> dict[int, list[str]]:
+    """Return the signals that each run completes, by the index of the run."""
+    found: dict[int, list[str]] = {}
+    nelson = charts.individuals.signals
+    for index, rule in zip(nelson.index.tolist(), nelson.rule.tolist(), strict=True):
+        found.setdefault(index, []).append(f"nelson_{rule}")
+    cusum = np.union1d(charts.cusum.signals_high, charts.cusum.signals_low)
+    for code, signals in (("range", charts.individuals.range_signals), ("ewma", charts.ewma.signals), ("cusum", cusum)):
+        for index in signals.tolist():
+            found.setdefault(index, []).append(code)
+    return found
+
+
+def _state(charts: ParameterQuality) -> str | None:
+    """Return the symbol of a quantity: whether one of its latest runs, or any run, signals."""
+    runs = _signals(charts)
+    if not runs:
+        return "good"
+    return "bad" if max(runs) >= len(charts.names) - _LATEST else "caution"
