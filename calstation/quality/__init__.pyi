@@ -16,6 +16,14 @@ from .gauge import GaugeStudy as GaugeStudy
 from .gauge import Variation as Variation
 from .gauge import crossed as crossed
 from .gauge import gauge_study as gauge_study
+from .gauge_plan import GaugePlan as GaugePlan
+from .gauge_plan import Measurement as Measurement
+from .summary import LEAST_VALUES as LEAST_VALUES
+from .summary import ParameterQuality as ParameterQuality
+from .summary import QualitySummary as QualitySummary
+from .summary import limit_interval as limit_interval
+from .summary import select_values as select_values
+from .summary import summarise_quality as summarise_quality
 from .yields import FailedCheck as FailedCheck
 from .yields import Share as Share
 from .yields import Yields as Yields

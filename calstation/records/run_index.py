@@ -18,14 +18,12 @@ from sqlalchemy import (
     Connection,
     Engine,
     Index,
-    Integer,
     LargeBinary,
     MetaData,
     Row,
     Select,
     String,
     Table,
-    cast,
     create_engine,
     delete,
     event,
@@ -44,6 +42,9 @@ _VERSION = 10
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
+
+#: Julian day of 1970-01-01T00:00 UTC.
+_EPOCH = 2440587.5
 
 #: Longest time to wait for another program that has locked the index, s.
 _BUSY_S = 5.0
@@ -225,23 +226,21 @@ class RunIndex:
 
     def columns(self, wanted: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a time of start, in columns."""
-        started = cast(func.strftime("%s", _runs.c.started_utc), Integer)  # NULL for what is no time
+        days = func.julianday(_runs.c.started_utc)  # NULL for what is no time
         fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "failed_checks")
-        query = (
-            select(started, *(_runs.c[name] for name in (*fields, "parameters", "numbers")))
-            .where(started.is_not(None), *_conditions(wanted))
-            .order_by(_runs.c.started_utc, _runs.c.name)
-        )
+        query = select(days, *(_runs.c[name] for name in (*fields, "parameters", "numbers")))
+        query = query.where(days.is_not(None), *_conditions(wanted))
         rows = self._try(lambda connection: connection.execute(query).all())
-        begun, names, serials, verdicts, products, stations, operators, partial, failed, parameters, numbers = (
-            zip(*rows, strict=True) if rows else [()] * 11
-        )
+        # sorted here: SQLite would read the whole table in the order of time, which is random access
+        order = np.argsort([row[0] for row in rows], kind="stable")
+        columns = zip(*(rows[k] for k in order.tolist()), strict=True) if rows else [()] * 11
+        begun, names, serials, verdicts, products, stations, operators, partial, failed, parameters, numbers = columns
         values, sigmas = _estimates(parameters, numbers)
         checks = {text: tuple(json.loads(text)) for text in set(failed)}
         return RunColumns(
             names,
             serials,
-            np.array(begun, dtype=float),
+            (np.array(begun, dtype=float) - _EPOCH) * 86400.0,
             verdicts,
             products,
             stations,
