@@ -1,2 +1,1 @@
-from .filters import Filters as Filters
 from .page import HistoryPage as HistoryPage

@@ -18,19 +18,15 @@ _DATE = "yyyy-MM-dd"
 
 
 class Filters(QWidget):
-    """Inputs that filter the runs; emits `changed` when a filter changes. `beside` is shown beside the dates.
-
-    The object names of the inputs begin with `prefix`.
-    """
+    """Inputs that filter the runs; emits `changed` when a filter changes. `beside` is shown beside the dates."""
 
     changed = Signal()
 
-    def __init__(self, beside: QWidget, prefix: str = "history") -> None:
+    def __init__(self, beside: QWidget) -> None:
         super().__init__()
-        self._prefix = prefix
         self._choices = RunChoices()
         self.search_edit = QLineEdit()
-        self.search_edit.setObjectName(f"{prefix}_search_edit")
+        self.search_edit.setObjectName("history_search_edit")
         self.search_edit.setClearButtonEnabled(True)
         self.search_edit.setMinimumWidth(14 * theme.GRID)
         bind(self.search_edit.setPlaceholderText, lambda: self.tr("Part of a serial number, name or file"))
@@ -86,12 +82,6 @@ class Filters(QWidget):
             before=_midnight(last.addDays(1)) if days == 0 else "",
         )
 
-    def choose_product(self, name: str) -> None:
-        """Choose a product if it is offered."""
-        index = self._product.findData(name)
-        if index >= 0:
-            self._product.setCurrentIndex(index)
-
     def clear(self) -> None:
         """Reset all filters."""
         with QSignalBlocker(self):
@@ -109,14 +99,14 @@ class Filters(QWidget):
 
     def _combo(self, name: str) -> QComboBox:
         combo = QComboBox()
-        combo.setObjectName(f"{self._prefix}_{name}_combo")
+        combo.setObjectName(f"history_{name}_combo")
         combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         combo.setMinimumContentsLength(10)
         return combo
 
     def _date_edit(self, name: str) -> QDateEdit:
         edit = QDateEdit(QDate.currentDate())
-        edit.setObjectName(f"{self._prefix}_{name}_edit")
+        edit.setObjectName(f"history_{name}_edit")
         edit.setCalendarPopup(True)
         edit.setDisplayFormat(_DATE)
         edit.setKeyboardTracking(False)
