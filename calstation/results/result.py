@@ -43,6 +43,14 @@ class Parameter(_Section):
     stage: str = ""
 
 
+class TableValue(_Section):
+    """A quantity of the table's geometry, see `calstation.estimation.positions.table_axes`."""
+
+    value: Number
+    sigma: Number
+    unit: str = "rad"
+
+
 class StageConsistency(_Section):
     """Innovation test of a stage: the mean normalised innovation squared and its acceptance band."""
 
@@ -166,6 +174,8 @@ class Result(_Section):
     parameters: dict[str, Parameter]
     #: Correlation coefficients of the 30 parameters that were solved, by name; 0 for pairs that are not listed.
     correlation: dict[str, dict[str, float]] = Field(default_factory=dict)
+    #: Geometry of the table, which does not depend on the unit: ``orthogonality``, ``tilt_x`` and ``tilt_y``.
+    table: dict[str, TableValue] = Field(default_factory=dict)
     unobservable: list[str] = Field(default_factory=list)  #: Parameters that the run's own data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
     not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage determined.

@@ -31,6 +31,7 @@ def close_run(run: OpenRun, ended: Ended) -> None:
         stop_reason=str(control.stop_reason) if outcome == "stopped" else None,
         advice=advice(run.setup.product, outcome, failures, finished),
         cycle=run.prepared.cycle.phases(),
+        table=run.chain.table(),
     )
     judgement = replace(judgement, passed=ended.state is State.PASSED)
     result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()
