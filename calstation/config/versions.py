@@ -11,7 +11,7 @@ from pathlib import Path
 from calstation.config import editing, library
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
-from calstation.records import write_atomic
+from calstation.records import append_audit, write_atomic
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,8 @@ def sha256(content: str) -> str:
 def save(kind: str, name: str, content: str, author: str) -> Version:
     """Check a text and save it as the site's file with a name; a text equal to the current version is not saved again.
 
-    Raises ConfigurationError for the first problem of the text, or if the site's folder cannot be written.
+    Every new version is an event of the audit trail. Raises ConfigurationError for the first problem of the text, or if
+    the site's folder cannot be written.
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
@@ -91,6 +92,7 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
             raise
     except OSError as exc:
         raise ConfigurationError("configuration.unwritable", file=path, reason=os_reason(exc)) from exc
+    _audit("file_saved", version)
     return version
 
 
@@ -108,7 +110,9 @@ def _save_present(kind: str, name: str, path: Path) -> None:
         return  # there is no file, or it is unusable
     versions = list_versions(kind, name)
     if not versions or versions[0].sha256 != sha256(present):
-        _add(kind, name, present, None)
+        version = _add(kind, name, present, None)
+        if versions:
+            _audit("file_changed_outside", version)
 
 
 def _add(kind: str, name: str, content: str, author: str | None) -> Version:
@@ -121,6 +125,18 @@ def _add(kind: str, name: str, content: str, author: str | None) -> Version:
     write_atomic(folder / f"{number:04d}.toml", content)
     write_atomic(folder / f"{number:04d}.json", json.dumps(asdict(version), ensure_ascii=False) + "\n")
     return version
+
+
+def _audit(event: str, version: Version) -> None:
+    append_audit(
+        library.site_folder(),
+        event,
+        version.author or "",
+        kind=version.kind,
+        name=version.name,
+        version=version.number,
+        sha256=version.sha256,
+    )
 
 
 def _folder(kind: str, name: str) -> Path:

@@ -1,3 +1,8 @@
+from .audit import AuditEvent as AuditEvent
+from .audit import AuditTrail as AuditTrail
+from .audit import append_audit as append_audit
+from .audit import audit_path as audit_path
+from .audit import read_audit as read_audit
 from .checked_lines import DamagedLineError as DamagedLineError
 from .checked_lines import Line as Line
 from .checked_lines import Lines as Lines
