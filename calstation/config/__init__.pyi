@@ -15,6 +15,9 @@ from .forms import FormColumn as FormColumn
 from .forms import FormRow as FormRow
 from .forms import cells_with_problem as cells_with_problem
 from .forms import new_register as new_register
+from .laboratory import InstrumentSection as InstrumentSection
+from .laboratory import LaboratorySection as LaboratorySection
+from .laboratory import ReportSection as ReportSection
 from .library import locate as locate
 from .library import pair_folder as pair_folder
 from .library import site_folder as site_folder

@@ -164,6 +164,8 @@ class ResolvedConfiguration:
                 clock_error_ppm=self.station.clock_error_ppm,
                 files={kind: source.section for kind, source in self.sources.items()} or None,
             ),
+            laboratory=self.station.laboratory,
+            instruments=self.station.instruments,
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
             profiles={kind: source.text for kind, source in self.sources.items()},
             registers=held if self.after_registers else {},

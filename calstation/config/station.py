@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
+from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection
 from calstation.config.sign_in import SignInSection
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
@@ -129,6 +130,9 @@ class StationConfig(StrictModel):
         default=["00:00"], min_length=1
     )
     label: LabelSection | None = None
+    laboratory: LaboratorySection | None = None
+    instruments: list[InstrumentSection] = Field(default_factory=list)
+    report: ReportSection | None = None
 
     @property
     def virtual_serial(self) -> str:
