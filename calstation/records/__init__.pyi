@@ -78,6 +78,7 @@ from .resolves import read_resolves as read_resolves
 from .resolves import resolves_path as resolves_path
 from .run_index import IndexedRun as IndexedRun
 from .run_index import RunChoices as RunChoices
+from .run_index import RunColumns as RunColumns
 from .run_index import RunFilter as RunFilter
 from .run_index import RunIndex as RunIndex
 from .run_index import RunRecord as RunRecord

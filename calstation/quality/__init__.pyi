@@ -1,0 +1,13 @@
+from .capability import Capability as Capability
+from .capability import Interval as Interval
+from .capability import capability as capability
+from .charts import RULES as RULES
+from .charts import CusumChart as CusumChart
+from .charts import EwmaChart as EwmaChart
+from .charts import IndividualsChart as IndividualsChart
+from .charts import Signals as Signals
+from .charts import cusum_chart as cusum_chart
+from .charts import ewma_chart as ewma_chart
+from .charts import individuals_chart as individuals_chart
+from .charts import nelson_signals as nelson_signals
+from .charts import standardised as standardised
