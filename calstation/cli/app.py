@@ -99,6 +99,14 @@ def run(
     beyond_attempts: Annotated[
         bool, typer.Option("--beyond-attempts", help="Accept a unit whose attempts are used up.")
     ] = False,
+    override_standard: Annotated[
+        str | None,
+        typer.Option(
+            "--override-standard",
+            help="Calibrate although a check standard or a certificate is not in order.",
+            metavar="REASON",
+        ),
+    ] = None,
     faults: Annotated[Path | None, typer.Option(help="Virtual bench: plan of faults.", metavar="FILE.toml")] = None,
     operator: Annotated[
         str | None,
@@ -120,6 +128,7 @@ def run(
         seed=seed,
         resume=resume,
         beyond_attempts=beyond_attempts,
+        override_standard=override_standard,
         faults=faults,
     )
     raise typer.Exit(run_command(complete_request(request), json, yes=yes, debug=bool(context.obj)))

@@ -3,14 +3,19 @@
 import hashlib
 import json
 import tomllib
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+import tomlkit
+
 from calstation.config import editing, library
 from calstation.errors import ConfigurationError
+from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
+from calstation.physics import NOISE_DISPLAY
 from calstation.records import append_audit, write_atomic
 
 
@@ -99,6 +104,24 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
 def restore(kind: str, name: str, number: int, author: str) -> Version:
     """Save the text of an old version as a new one. Raises ConfigurationError like `save`."""
     return save(kind, name, text(kind, name, number), author)
+
+
+def save_noise(
+    report: ProgressCallback, profile: str, values: Mapping[str, float], source: str, author: str
+) -> Version:
+    """Job: save entries of `[noise]`, SI, as a new version of an IMU profile; a comment names their `source`.
+
+    Raises ConfigurationError if there is no such profile, or it would be invalid or cannot be written.
+    """
+    report(0.0)
+    document = tomlkit.parse(editing.read_text(library.find("imus", profile)))
+    noise = document["noise"]
+    assert isinstance(noise, tomlkit.items.Table)
+    for name, value in values.items():
+        unit, shown, size = NOISE_DISPLAY[name]
+        noise[name] = float(f"{value:.4g}")
+        noise[name].comment(f"{unit}, {value / size:.4g} {shown}, {source}")
+    return save("imus", profile, tomlkit.dumps(document), author)
 
 
 def _save_present(kind: str, name: str, path: Path) -> None:

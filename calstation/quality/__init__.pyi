@@ -11,3 +11,12 @@ from .charts import ewma_chart as ewma_chart
 from .charts import individuals_chart as individuals_chart
 from .charts import nelson_signals as nelson_signals
 from .charts import standardised as standardised
+from .standards import FALSE_ALARM as FALSE_ALARM
+from .standards import Due as Due
+from .standards import StandardState as StandardState
+from .standards import due_certificates as due_certificates
+from .standards import due_standards as due_standards
+from .standards import judge_result as judge_result
+from .standards import judge_standard as judge_standard
+from .standards import require_standards as require_standards
+from .standards import standard_states as standard_states

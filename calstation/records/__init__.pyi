@@ -25,6 +25,7 @@ from .files import locked as locked
 from .files import sync_folder as sync_folder
 from .files import take as take
 from .files import write_atomic as write_atomic
+from .laboratory import Day as Day
 from .laboratory import InstrumentSection as InstrumentSection
 from .laboratory import LaboratorySection as LaboratorySection
 from .limits import NEAR as NEAR

@@ -20,7 +20,7 @@ def _as_date(value: Any) -> date:
 
 _Text = Annotated[str, Field(min_length=1)]
 #: A day; ISO 8601 text where the log is stored.
-_Day = Annotated[date, BeforeValidator(_as_date), PlainSerializer(date.isoformat)]
+Day = Annotated[date, BeforeValidator(_as_date), PlainSerializer(date.isoformat)]
 
 
 class LaboratorySection(StrictModel):
@@ -42,5 +42,5 @@ class InstrumentSection(StrictModel):
     serial: _Text | None = None
     kind: Literal["table", "site", "other"] = "other"  #: ``site`` is a survey of gravity, latitude or azimuth.
     certificate: _Text | None = None  #: Number of its calibration certificate.
-    calibrated: _Day | None = None
-    due: _Day | None = None  #: Day of its next calibration.
+    calibrated: Day | None = None
+    due: Day | None = None  #: Day of its next calibration.

@@ -171,6 +171,8 @@ class RunSection(StrictModel):
     files: dict[str, FileSection] | None = None  #: Files by kind.
     clock_error_ppm: float | None = Field(default=None, ge=0)  #: Largest error of the station's clock.
     resumed_from: str | None = None  #: Name of the log whose completed stages this log begins with.
+    #: Reason for a run although a check standard or a certificate was not in order; None if all were.
+    standard_override: str | None = None
     calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
 
 

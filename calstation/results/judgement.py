@@ -142,6 +142,7 @@ def build_result(
         "table": {name: asdict(found) for name, found in ending.table.items()} if ending.table else None,
         "latitude_untold": unconfirmed_latitude(meta, solutions),
         "resumed_from": run.resumed_from if run else None,
+        "standard_override": run.standard_override if run else None,
     }
     return Result.model_validate(
         {

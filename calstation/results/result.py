@@ -51,6 +51,18 @@ class TableValue(_Section):
     unit: str = "rad"
 
 
+class StandardVerdict(_Section):
+    """Comparison of a check standard's values with its reference, see `calstation.quality.judge_standard`."""
+
+    passed: bool
+    e_n: dict[str, Number]  #: Normalised error of each parameter, by name.
+    e_n_limit: Number  #: Largest magnitude of a normalised error that passes.
+    t_squared: Number  #: Hotelling's T² of all parameters together.
+    t_squared_limit: Number
+    degrees: int  #: Number of parameters compared.
+    false_alarm: Number  #: Probability that an unchanged station and unit fail.
+
+
 class StageConsistency(_Section):
     """Innovation test of a stage: the mean normalised innovation squared and its acceptance band."""
 
@@ -206,6 +218,10 @@ class Result(_Section):
     stop_reason: str | None = None
     finished_stages: list[str] | None = None  #: Stages that an incomplete run solved before it ended.
     latitude_untold: LatitudeUnknown | None = None
+    #: Comparison of a check standard with its reference values; None for a unit of production.
+    check_standard: StandardVerdict | None = None
+    #: Reason for a run although a check standard or a certificate was not in order.
+    standard_override: str | None = None
     resumed_from: str | None = None
     #: Reason why a stage could not be solved, by stage.
     missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
