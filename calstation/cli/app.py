@@ -99,6 +99,14 @@ def run(
     beyond_attempts: Annotated[
         bool, typer.Option("--beyond-attempts", help="Accept a unit whose attempts are used up.")
     ] = False,
+    override_standard: Annotated[
+        str | None,
+        typer.Option(
+            "--override-standard",
+            help="Calibrate although a check standard or a certificate is not in order.",
+            metavar="REASON",
+        ),
+    ] = None,
     faults: Annotated[Path | None, typer.Option(help="Virtual bench: plan of faults.", metavar="FILE.toml")] = None,
     operator: Annotated[
         str | None,
@@ -120,6 +128,7 @@ def run(
         seed=seed,
         resume=resume,
         beyond_attempts=beyond_attempts,
+        override_standard=override_standard,
         faults=faults,
     )
     raise typer.Exit(run_command(complete_request(request), json, yes=yes, debug=bool(context.obj)))
@@ -332,15 +341,35 @@ def try_link(
 @app.command()
 def check(
     file: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="Station, table, IMU or product file, or its name; or a recording."),
-    ],
+        Path | None,
+        typer.Argument(
+            metavar="[FILE]",
+            help="Station, table, IMU or product file, or its name; a recording; or audit.jsonl, the default.",
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Show all that is wrong in a file, or what a recording contains and can be solved with; exit code 2 if not."""
+    from calstation.cli.audit import check_audit_command
     from calstation.cli.devices import check_command
 
+    if file is None or file.name == "audit.jsonl":
+        raise typer.Exit(check_audit_command(file, json))
     raise typer.Exit(check_command(file, json))
+
+
+@app.command()
+def audit(
+    event: Annotated[str | None, typer.Option(help="Only this event, e.g. file_saved.")] = None,
+    by: Annotated[str | None, typer.Option(help="Only what this person did or confirmed.")] = None,
+    since: Annotated[str | None, typer.Option(help="Only from this day on.", metavar="YYYY-MM-DD")] = None,
+    file: Annotated[Path | None, typer.Option(help="Another audit trail than the site's.")] = None,
+    json: JsonOption = None,
+) -> None:
+    """List the audit trail: changed files and PINs, registers written by hand, released units, certificates."""
+    from calstation.cli.audit import audit_command
+
+    raise typer.Exit(audit_command(file, event, by, since, json))
 
 
 registers = typer.Typer(

@@ -11,9 +11,10 @@ from typing import Any
 from pydantic import Field
 
 from calstation.config import library
+from calstation.config.request import computer_user
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
-from calstation.records import write_atomic
+from calstation.records import append_audit, write_atomic
 from calstation.schema import StrictModel, validate
 
 #: Minimum number of characters of a PIN.
@@ -55,8 +56,10 @@ def set_pin(old: str, new: str) -> None:
         if seconds:
             raise ConfigurationError("access.wrong_pin_wait", seconds=seconds)
         raise ConfigurationError("access.wrong_pin")
+    event = "pin_changed" if has_pin() else "pin_set"
     salt = os.urandom(16)
     _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P))
+    append_audit(library.site_folder(), event, computer_user() or "engineer")
 
 
 def check(pin: str) -> bool:

@@ -26,6 +26,8 @@ class RunRequest:
     #: of that run.
     resume: Path | None = None
     beyond_attempts: bool = False  #: Whether an engineer allows a unit that has used up its attempts.
+    #: Reason why an engineer allows a run although a check standard or a certificate is not in order; None for none.
+    override_standard: str | None = None
     faults: Path | None = None  #: Fault plan of the virtual bench; None for that of the station file.
     #: Action for an interrupted transfer of the unit's registers; with None the run is refused.
     unfinished: Literal["finish", "restore"] | None = None

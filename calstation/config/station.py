@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
+from calstation.config.check_standards import CheckStandardSection
+from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection
 from calstation.config.sign_in import SignInSection
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
@@ -129,6 +131,9 @@ class StationConfig(StrictModel):
         default=["00:00"], min_length=1
     )
     label: LabelSection | None = None
+    laboratory: LaboratorySection | None = None
+    instruments: list[InstrumentSection] = Field(default_factory=list)
+    report: ReportSection | None = None
 
     @property
     def virtual_serial(self) -> str:
@@ -203,6 +208,7 @@ class ProductConfig(StrictModel):
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
     #: Consecutive failures after which a unit is not calibrated again.
     attempts_allowed: int | None = Field(default=None, ge=1)
+    check_standards: list[CheckStandardSection] = Field(default_factory=list)
 
     @field_validator("stages")
     @classmethod
@@ -220,6 +226,15 @@ class ProductConfig(StrictModel):
                 raise EntryError("entry.unknown_name", cause, name=cause, remedy=remedy)
         return sizes
 
+    @field_validator("check_standards")
+    @classmethod
+    def _standards(cls, standards: list[CheckStandardSection]) -> list[CheckStandardSection]:
+        serials = [standard.serial for standard in standards]
+        for number, serial in enumerate(serials):
+            if serial in serials[:number]:
+                raise EntryError("product.standard_twice", number, "serial", serial=serial)
+        return standards
+
     @field_validator("limits")
     @classmethod
     def _limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
@@ -233,6 +248,10 @@ class ProductConfig(StrictModel):
             values = {"example": self.serial_example, "pattern": self.serial_pattern}
             raise EntryError("product.example_unlike", "serial_example", **values)
         return self
+
+    def standard(self, serial: str) -> CheckStandardSection | None:
+        """Return the check standard with a serial number, None for any other unit."""
+        return next((standard for standard in self.check_standards if standard.serial == serial), None)
 
     @property
     def example(self) -> str:

@@ -18,6 +18,15 @@ from .gauge import crossed as crossed
 from .gauge import gauge_study as gauge_study
 from .gauge_plan import GaugePlan as GaugePlan
 from .gauge_plan import Measurement as Measurement
+from .standards import FALSE_ALARM as FALSE_ALARM
+from .standards import Due as Due
+from .standards import StandardState as StandardState
+from .standards import due_certificates as due_certificates
+from .standards import due_standards as due_standards
+from .standards import judge_result as judge_result
+from .standards import judge_standard as judge_standard
+from .standards import require_standards as require_standards
+from .standards import standard_states as standard_states
 from .summary import LEAST_VALUES as LEAST_VALUES
 from .summary import ParameterQuality as ParameterQuality
 from .summary import QualitySummary as QualitySummary

@@ -1,3 +1,8 @@
+from .audit import AuditEvent as AuditEvent
+from .audit import AuditTrail as AuditTrail
+from .audit import append_audit as append_audit
+from .audit import audit_path as audit_path
+from .audit import read_audit as read_audit
 from .checked_lines import DamagedLineError as DamagedLineError
 from .checked_lines import Line as Line
 from .checked_lines import Lines as Lines
@@ -20,6 +25,9 @@ from .files import locked as locked
 from .files import sync_folder as sync_folder
 from .files import take as take
 from .files import write_atomic as write_atomic
+from .laboratory import Day as Day
+from .laboratory import InstrumentSection as InstrumentSection
+from .laboratory import LaboratorySection as LaboratorySection
 from .limits import NEAR as NEAR
 from .limits import Check as Check
 from .limits import CheckKind as CheckKind

@@ -56,6 +56,7 @@ from .result import CyclePhase as CyclePhase
 from .result import Parameter as Parameter
 from .result import Registers as Registers
 from .result import Result as Result
+from .result import StandardVerdict as StandardVerdict
 from .result import in_sigma as in_sigma
 from .result import load_result as load_result
 from .result import online_difference as online_difference

@@ -3,7 +3,7 @@
 import hashlib
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from calstation import __version__
@@ -11,6 +11,7 @@ from calstation.config import check_latitude, gravity_beyond, unconfirmed_latitu
 from calstation.errors import CalstationError
 from calstation.estimation import Misfit, Solution
 from calstation.estimation.common import Belief
+from calstation.estimation.positions import TableQuantity
 from calstation.messages import Text, values_from_json, values_to_json
 from calstation.physics import EFFECTS, INDEX, PARAMETERS, display, display_by_unit
 from calstation.records import (
@@ -120,6 +121,7 @@ class Ending:
     advice: str | None = None  #: Recommended action, see `calstation.runs.verdict`.
     finished_stages: tuple[str, ...] | None = None  #: Stages that an incomplete run solved before it ended.
     cycle: Sequence[CyclePhase] | None = None  #: Phases of the run.
+    table: Mapping[str, TableQuantity] | None = None  #: Geometry of the table, see `StageChain.table`.
 
 
 def build_result(
@@ -137,8 +139,10 @@ def build_result(
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
         "cycle": ending.cycle,
+        "table": {name: asdict(found) for name, found in ending.table.items()} if ending.table else None,
         "latitude_untold": unconfirmed_latitude(meta, solutions),
         "resumed_from": run.resumed_from if run else None,
+        "standard_override": run.standard_override if run else None,
     }
     return Result.model_validate(
         {

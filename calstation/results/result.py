@@ -43,6 +43,26 @@ class Parameter(_Section):
     stage: str = ""
 
 
+class TableValue(_Section):
+    """A quantity of the table's geometry, see `calstation.estimation.positions.table_axes`."""
+
+    value: Number
+    sigma: Number
+    unit: str = "rad"
+
+
+class StandardVerdict(_Section):
+    """Comparison of a check standard's values with its reference, see `calstation.quality.judge_standard`."""
+
+    passed: bool
+    e_n: dict[str, Number]  #: Normalised error of each parameter, by name.
+    e_n_limit: Number  #: Largest magnitude of a normalised error that passes.
+    t_squared: Number  #: Hotelling's T² of all parameters together.
+    t_squared_limit: Number
+    degrees: int  #: Number of parameters compared.
+    false_alarm: Number  #: Probability that an unchanged station and unit fail.
+
+
 class StageConsistency(_Section):
     """Innovation test of a stage: the mean normalised innovation squared and its acceptance band."""
 
@@ -166,6 +186,8 @@ class Result(_Section):
     parameters: dict[str, Parameter]
     #: Correlation coefficients of the 30 parameters that were solved, by name; 0 for pairs that are not listed.
     correlation: dict[str, dict[str, float]] = Field(default_factory=dict)
+    #: Geometry of the table, which does not depend on the unit: ``orthogonality``, ``tilt_x`` and ``tilt_y``.
+    table: dict[str, TableValue] = Field(default_factory=dict)
     unobservable: list[str] = Field(default_factory=list)  #: Parameters that the run's own data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
     not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage determined.
@@ -196,6 +218,10 @@ class Result(_Section):
     stop_reason: str | None = None
     finished_stages: list[str] | None = None  #: Stages that an incomplete run solved before it ended.
     latitude_untold: LatitudeUnknown | None = None
+    #: Comparison of a check standard with its reference values; None for a unit of production.
+    check_standard: StandardVerdict | None = None
+    #: Reason for a run although a check standard or a certificate was not in order.
+    standard_override: str | None = None
     resumed_from: str | None = None
     #: Reason why a stage could not be solved, by stage.
     missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
