@@ -23,6 +23,7 @@ from calstation.quality.charts import (
     cusum_chart,
     ewma_chart,
     individuals_chart,
+    standardised,
 )
 from calstation.quality.yields import Share, Yields, count_yields
 from calstation.records import RunColumns, RunFilter
@@ -116,6 +117,8 @@ def summarise_quality(
     serial: str | None = None,
     parameter: str | None = None,
     since: datetime | None = None,
+    *,
+    relative: bool = False,
 ) -> QualitySummary:
     """Job: summarise the quality of the runs of a folder.
 
@@ -131,6 +134,9 @@ def summarise_quality(
         Parameter that is charted; by default all of the 30.
     since
         Earliest start of the runs.
+    relative
+        Whether to chart (value - mean) / sigma, with each run's own sigma, for runs of several schedules; then there
+        is no capability.
 
     Raises
     ------
@@ -149,7 +155,8 @@ def summarise_quality(
     names = sorted({name for name in runs.products if name is not None})
     for done, name in enumerate(names):
         rows = select_values(runs, name, serial, begin)
-        found += _charts(runs, name, rows, parameter, None if serial else limits.get(name))
+        product_limits = None if serial or relative else limits.get(name)
+        found += _charts(runs, name, rows, parameter, product_limits, relative=relative)
         report(0.6 + 0.4 * (done + 1) / len(names))
     return QualitySummary(None if chosen is None else chosen.name, serial, yields, tuple(found))
 
@@ -182,7 +189,13 @@ def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float
 
 
 def _charts(
-    runs: RunColumns, product: str, rows: IntArray, parameter: str | None, limits: ProductConfig | None
+    runs: RunColumns,
+    product: str,
+    rows: IntArray,
+    parameter: str | None,
+    limits: ProductConfig | None,
+    *,
+    relative: bool,
 ) -> Iterator[ParameterQuality]:
     """Yield charts and capability of the parameters that have enough values."""
     for name, column in runs.values.items():
@@ -190,6 +203,8 @@ def _charts(
         if (parameter is not None and name != parameter) or len(index) < LEAST_VALUES:
             continue
         values = column[index]
+        if relative:
+            values = standardised(values, float(values.mean()), runs.sigmas[name][index])
         if not np.ptp(values) > 0.0:
             continue  # held at a fixed value
         interval = None if limits is None else limit_interval(limits, name)

@@ -104,8 +104,6 @@ class ControlCharts(StackedPlots[Shown]):
         c = theme.colours()
         run = np.arange(first + 1, first + 1 + len(values))
         line = pg.PlotDataItem(run, values, pen=pg.mkPen(c.muted, width=1))
-        line.setDownsampling(auto=True, method="peak")
-        line.setClipToView(True)
         if len(values) <= _MOST_POINTS:
             line.setSymbol("o")
             line.setSymbolSize(5)

@@ -43,9 +43,7 @@ class ControlView(QWidget):
         column((self.quantities, 3), self.note, (self.signals, 2), on=self._side)
         caption = label(lambda: self.tr("Chart of slow changes"), buddy=self._slow)
         column((self.plots, 1), row(None, caption, self._slow), on=right)
-        column(
-            (split((self._side, 3), (right, 7), handle=2 * theme.GRID), 1), on=self, margins=(0, theme.GRID, 0, 0)
-        )
+        column((split((self._side, 3), (right, 7), handle=2 * theme.GRID), 1), on=self, margins=(0, theme.GRID, 0, 0))
         on_language_change(self, self._show_texts)
 
     def show_charts(self, charts: Sequence[ParameterQuality], *, standardised: bool) -> None:

@@ -171,16 +171,11 @@ class QualityPage(Page):
         summary, view = self._summary, self._views[self.tabs.currentIndex()]
         some = summary is not None and summary.yields.overall is not None
         charted = summary is not None and bool(summary.parameters)
+        shown, code = charted, "few_runs" if some else "no_runs"
         if view is self.yields:
             shown = some
-        elif view is self.capability:
-            shown = charted and not self.capability.empty
-        else:
-            shown = charted
-        if view is self.capability and charted and not shown:
-            code = "no_limits"
-        else:
-            code = "few_runs" if some else "no_runs"
+        elif view is self.capability and self.capability.empty and charted:
+            shown, code = False, "no_limits"
         self._empty.say(say(f"chart.{code}"), say(f"chart.{code}_about", least=LEAST_VALUES))
         self._stack.setCurrentWidget(view if shown else self._empty)
         overall = None if summary is None else summary.yields.overall
@@ -192,9 +187,7 @@ class QualityPage(Page):
             self.app.open_run.emit(file)
 
     def _show_texts(self) -> None:
-        for index, text in enumerate(
-            (self.tr("Control charts"), self.tr("Capability"), self.tr("Yield"))
-        ):
+        for index, text in enumerate((self.tr("Control charts"), self.tr("Capability"), self.tr("Yield"))):
             self.tabs.setTabText(index, text)
         for index, days in enumerate(_DAYS):
             text = self.tr("Last {0} days").format(days)

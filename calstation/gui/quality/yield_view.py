@@ -7,7 +7,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import bind, check_name, on_language_change, product_text, say
+from calstation.gui.text import bind, check_name, on_language_change, product_text
 from calstation.gui.widgets import CellTable, ThemedPlot, column, label, row, split, theme
 from calstation.quality import FailedCheck, Share, Yields
 from calstation.records import Check
@@ -112,7 +112,9 @@ class DailyYield(ThemedPlot):
         c = theme.colours()
         noon = [date.fromisoformat(day).toordinal() - date(1970, 1, 1).toordinal() + 0.5 for day in self._days]
         x = 86_400.0 * np.array(noon)
-        value, low, high = (100.0 * np.array([getattr(s, k) for s in self._days.values()]) for k in ("value", "low", "high"))
+        value, low, high = (
+            100.0 * np.array([getattr(s, k) for s in self._days.values()]) for k in ("value", "low", "high")
+        )
         bars = pg.ErrorBarItem(x=x, y=value, top=high - value, bottom=value - low, beam=0.0, pen=pg.mkPen(c.line))
         line = pg.PlotDataItem(x, value, pen=pg.mkPen(c.accent, width=1))
         if len(x) <= 100:
