@@ -1,7 +1,7 @@
 """Summary of a folder's runs: yield, and charts and capability of every parameter."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
@@ -13,7 +13,7 @@ import numpy as np
 from calstation.config import ProductConfig, library, load_product
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
-from calstation.physics import INDEX, PARAMETERS, FloatArray, IntArray, further_parameter
+from calstation.physics import INDEX, PARAMETERS, FloatArray, further_parameter
 from calstation.quality.capability import Capability, capability
 from calstation.quality.charts import (
     RULES,
@@ -24,7 +24,7 @@ from calstation.quality.charts import (
     ewma_chart,
     individuals_chart,
 )
-from calstation.quality.yields import Share, Yields, count_yields
+from calstation.quality.yields import Share, Yields, count_yields, judged_runs
 from calstation.records import RunColumns, RunFilter
 from calstation.results import History
 
@@ -85,9 +85,10 @@ class QualitySummary:
     """Quality of the runs of a folder."""
 
     product: str | None  #: The selected product; None for all.
-    serial: str | None  #: The unit whose runs are charted; None for all units.
     yields: Yields
-    parameters: tuple[ParameterQuality, ...]
+    parameters: tuple[ParameterQuality, ...]  #: One value per unit.
+    serial: str | None  #: The golden unit, which counts for nothing else; None without one.
+    golden: tuple[ParameterQuality, ...]  #: All runs of the golden unit.
 
     def to_json(self) -> dict[str, Any]:
         """Return everything, SI."""
@@ -95,7 +96,6 @@ class QualitySummary:
         return {
             "schema": "calstation.quality/1",
             "product": self.product,
-            "serial": self.serial,
             "yield": {
                 "overall": _share_json(found.overall),
                 "first_pass": _share_json(found.first_pass),
@@ -106,6 +106,9 @@ class QualitySummary:
                 "failed_checks": [asdict(check) for check in found.failed_checks],
             },
             "parameters": [each.to_json() for each in self.parameters],
+            "golden": None
+            if self.serial is None
+            else {"serial": self.serial, "parameters": [each.to_json() for each in self.golden]},
         }
 
 
@@ -126,7 +129,8 @@ def summarise_quality(
     product
         Product file, whose limits apply; by default all products, with the limits of the product file of their name.
     serial
-        Unit whose runs are charted one by one, such as a golden unit; by default each unit counts with its last run.
+        Golden unit: its runs are charted one by one, and do not count for the yield and the other charts, in which
+        each unit counts with its last run.
     parameter
         Parameter that is charted; by default all of the 30.
     since
@@ -142,32 +146,24 @@ def summarise_quality(
     history.refresh(lambda fraction: report(0.5 * fraction))
     runs = history.columns(RunFilter(product="" if chosen is None else chosen.name))
     begin = -math.inf if since is None else since.timestamp()
-    yields = count_yields(runs, begin)
+    yields = count_yields(runs, begin, () if serial is None else (serial,))
     report(0.6)
     limits = dict(_products()) if chosen is None else {chosen.name: chosen}
     found: list[ParameterQuality] = []
+    golden: list[ParameterQuality] = []
     names = sorted({name for name in runs.products if name is not None})
     for done, name in enumerate(names):
-        rows = select_values(runs, name, serial, begin)
-        found += _charts(runs, name, rows, parameter, None if serial else limits.get(name))
+        rows = [k for k in judged_runs(runs) if runs.products[k] == name and runs.started[k] >= begin]
+        units = last_of_each_unit(runs, [k for k in rows if runs.serials[k] != serial])
+        found += _charts(runs, name, units, parameter, limits.get(name))
+        golden += _charts(runs, name, [k for k in rows if runs.serials[k] == serial], parameter, None)
         report(0.6 + 0.4 * (done + 1) / len(names))
-    return QualitySummary(None if chosen is None else chosen.name, serial, yields, tuple(found))
+    return QualitySummary(None if chosen is None else chosen.name, yields, tuple(found), serial, tuple(golden))
 
 
-def select_values(runs: RunColumns, product: str, serial: str | None = None, since: float = -math.inf) -> IntArray:
-    """Return the indices of the runs of a product whose values are charted, in the order of time.
-
-    They are full runs that were judged: of one unit all of them; of all units the last of each, so that a repeated
-    unit does not count more than others.
-    """
-    rows = [
-        k
-        for k in np.flatnonzero((runs.started >= since) & ~runs.partial).tolist()
-        if runs.products[k] == product and runs.verdicts[k] in ("passed", "failed")
-    ]
-    if serial is not None:
-        return np.array([k for k in rows if runs.serials[k] == serial], dtype=np.int64)
-    return np.array(sorted({runs.serials[k]: k for k in rows}.values()), dtype=np.int64)
+def last_of_each_unit(runs: RunColumns, rows: Sequence[int]) -> list[int]:
+    """Return the last run of each unit among runs of a product, so that a repeated unit counts once, in their order."""
+    return sorted({runs.serials[k]: k for k in rows}.values())
 
 
 def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float] | None:
@@ -182,11 +178,12 @@ def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float
 
 
 def _charts(
-    runs: RunColumns, product: str, rows: IntArray, parameter: str | None, limits: ProductConfig | None
+    runs: RunColumns, product: str, rows: Sequence[int], parameter: str | None, limits: ProductConfig | None
 ) -> Iterator[ParameterQuality]:
     """Yield charts and capability of the parameters that have enough values."""
+    runs_of_product = np.array(rows, dtype=np.int64)
     for name, column in runs.values.items():
-        index = rows[~np.isnan(column[rows])]
+        index = runs_of_product[~np.isnan(column[runs_of_product])]
         if (parameter is not None and name != parameter) or len(index) < LEAST_VALUES:
             continue
         values = column[index]
