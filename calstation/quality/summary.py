@@ -132,7 +132,7 @@ def summarise_quality(
         Golden unit: its runs are charted one by one, and do not count for the yield and the other charts, in which
         each unit counts with its last run.
     parameter
-        Parameter that is charted; by default all of the 30.
+        Parameter that is charted; by default all.
     since
         Earliest start of the runs.
 
@@ -184,7 +184,8 @@ def _charts(
     runs_of_product = np.array(rows, dtype=np.int64)
     for name, column in runs.values.items():
         index = runs_of_product[~np.isnan(column[runs_of_product])]
-        if (parameter is not None and name != parameter) or len(index) < LEAST_VALUES:
+        unknown = name not in INDEX and further_parameter(name) is None  # of another version of the program
+        if unknown or parameter not in (None, name) or len(index) < LEAST_VALUES:
             continue
         values = column[index]
         if not np.ptp(values) > 0.0:
