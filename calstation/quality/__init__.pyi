@@ -30,10 +30,11 @@ from .standards import standard_states as standard_states
 from .summary import LEAST_VALUES as LEAST_VALUES
 from .summary import ParameterQuality as ParameterQuality
 from .summary import QualitySummary as QualitySummary
+from .summary import last_of_each_unit as last_of_each_unit
 from .summary import limit_interval as limit_interval
-from .summary import select_values as select_values
 from .summary import summarise_quality as summarise_quality
 from .yields import FailedCheck as FailedCheck
 from .yields import Share as Share
 from .yields import Yields as Yields
 from .yields import count_yields as count_yields
+from .yields import judged_runs as judged_runs

@@ -1,7 +1,7 @@
 """Summary of a folder's runs: yield, and charts and capability of every parameter."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import datetime
@@ -13,7 +13,7 @@ import numpy as np
 from calstation.config import ProductConfig, library, load_product
 from calstation.errors import ConfigurationError
 from calstation.jobs import ProgressCallback
-from calstation.physics import INDEX, PARAMETERS, FloatArray, IntArray, further_parameter
+from calstation.physics import INDEX, PARAMETERS, FloatArray, further_parameter
 from calstation.quality.capability import Capability, capability
 from calstation.quality.charts import (
     RULES,
@@ -25,7 +25,7 @@ from calstation.quality.charts import (
     individuals_chart,
     standardised,
 )
-from calstation.quality.yields import Share, Yields, count_yields
+from calstation.quality.yields import Share, Yields, count_yields, judged_runs
 from calstation.records import RunColumns, RunFilter
 from calstation.results import History
 
@@ -86,9 +86,10 @@ class QualitySummary:
     """Quality of the runs of a folder."""
 
     product: str | None  #: The selected product; None for all.
-    serial: str | None  #: The unit whose runs are charted; None for all units.
     yields: Yields
-    parameters: tuple[ParameterQuality, ...]
+    parameters: tuple[ParameterQuality, ...]  #: One value per unit.
+    serial: str | None  #: The golden unit, which counts for nothing else; None without one.
+    golden: tuple[ParameterQuality, ...]  #: All runs of the golden unit.
 
     def to_json(self) -> dict[str, Any]:
         """Return everything, SI."""
@@ -96,7 +97,6 @@ class QualitySummary:
         return {
             "schema": "calstation.quality/1",
             "product": self.product,
-            "serial": self.serial,
             "yield": {
                 "overall": _share_json(found.overall),
                 "first_pass": _share_json(found.first_pass),
@@ -107,6 +107,9 @@ class QualitySummary:
                 "failed_checks": [asdict(check) for check in found.failed_checks],
             },
             "parameters": [each.to_json() for each in self.parameters],
+            "golden": None
+            if self.serial is None
+            else {"serial": self.serial, "parameters": [each.to_json() for each in self.golden]},
         }
 
 
@@ -129,9 +132,10 @@ def summarise_quality(
     product
         Product file, whose limits apply; by default all products, with the limits of the product file of their name.
     serial
-        Unit whose runs are charted one by one, such as a golden unit; by default each unit counts with its last run.
+        Golden unit: its runs are charted one by one. They do not count for the yield and the other charts, in which
+        each unit counts with its last run; nor do those of the products' check standards.
     parameter
-        Parameter that is charted; by default all of the 30.
+        Parameter that is charted; by default all.
     since
         Earliest start of the runs.
     relative
@@ -148,33 +152,27 @@ def summarise_quality(
     history.refresh(lambda fraction: report(0.5 * fraction))
     runs = history.columns(RunFilter(product="" if chosen is None else chosen.name))
     begin = -math.inf if since is None else since.timestamp()
-    yields = count_yields(runs, begin)
-    report(0.6)
     limits = dict(_products()) if chosen is None else {chosen.name: chosen}
+    standards = {standard.serial for each in limits.values() for standard in each.check_standards}
+    standards |= set() if serial is None else {serial}
+    yields = count_yields(runs, begin, standards)
+    report(0.6)
     found: list[ParameterQuality] = []
+    golden: list[ParameterQuality] = []
     names = sorted({name for name in runs.products if name is not None})
     for done, name in enumerate(names):
-        rows = select_values(runs, name, serial, begin)
-        product_limits = None if serial or relative else limits.get(name)
-        found += _charts(runs, name, rows, parameter, product_limits, relative=relative)
+        rows = [k for k in judged_runs(runs) if runs.products[k] == name and runs.started[k] >= begin]
+        units = last_of_each_unit(runs, [k for k in rows if runs.serials[k] not in standards])
+        found += _charts(runs, name, units, parameter, None if relative else limits.get(name), relative=relative)
+        alone = [k for k in rows if runs.serials[k] == serial]
+        golden += _charts(runs, name, alone, parameter, None, relative=relative)
         report(0.6 + 0.4 * (done + 1) / len(names))
-    return QualitySummary(None if chosen is None else chosen.name, serial, yields, tuple(found))
+    return QualitySummary(None if chosen is None else chosen.name, yields, tuple(found), serial, tuple(golden))
 
 
-def select_values(runs: RunColumns, product: str, serial: str | None = None, since: float = -math.inf) -> IntArray:
-    """Return the indices of the runs of a product whose values are charted, in the order of time.
-
-    They are full runs that were judged: of one unit all of them; of all units the last of each, so that a repeated
-    unit does not count more than others.
-    """
-    rows = [
-        k
-        for k in np.flatnonzero((runs.started >= since) & ~runs.partial).tolist()
-        if runs.products[k] == product and runs.verdicts[k] in ("passed", "failed")
-    ]
-    if serial is not None:
-        return np.array([k for k in rows if runs.serials[k] == serial], dtype=np.int64)
-    return np.array(sorted({runs.serials[k]: k for k in rows}.values()), dtype=np.int64)
+def last_of_each_unit(runs: RunColumns, rows: Sequence[int]) -> list[int]:
+    """Return the last run of each unit among runs of a product, so that a repeated unit counts once, in their order."""
+    return sorted({runs.serials[k]: k for k in rows}.values())
 
 
 def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float] | None:
@@ -191,16 +189,18 @@ def limit_interval(product: ProductConfig, parameter: str) -> tuple[float, float
 def _charts(
     runs: RunColumns,
     product: str,
-    rows: IntArray,
+    rows: Sequence[int],
     parameter: str | None,
     limits: ProductConfig | None,
     *,
     relative: bool,
 ) -> Iterator[ParameterQuality]:
     """Yield charts and capability of the parameters that have enough values."""
+    runs_of_product = np.array(rows, dtype=np.int64)
     for name, column in runs.values.items():
-        index = rows[~np.isnan(column[rows])]
-        if (parameter is not None and name != parameter) or len(index) < LEAST_VALUES:
+        index = runs_of_product[~np.isnan(column[runs_of_product])]
+        unknown = name not in INDEX and further_parameter(name) is None  # of another version of the program
+        if unknown or parameter not in (None, name) or len(index) < LEAST_VALUES:
             continue
         values = column[index]
         if relative:

@@ -2,10 +2,11 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 
+import numpy as np
 from scipy.stats import binomtest
 
 from calstation.records import RunColumns
@@ -62,13 +63,13 @@ class Yields:
     failed_checks: tuple[FailedCheck, ...]  #: The most frequent first (Pareto).
 
 
-def count_yields(runs: RunColumns, since: float = -math.inf) -> Yields:
+def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection[str] = ()) -> Yields:
     """Return the yield of the runs that started at `since` or later, s since 1970 in UTC.
 
-    The earlier runs show which units had their first run before. A failed run that failed several checks counts for
-    each of them.
+    The earlier runs show which units had their first run before. Runs of the units `without`, such as golden units, do
+    not count. A failed run that failed several checks counts for each of them.
     """
-    judged = [k for k in range(len(runs.names)) if runs.verdicts[k] in ("passed", "failed") and not runs.partial[k]]
+    judged = [k for k in judged_runs(runs) if runs.serials[k] not in without]
     first: dict[tuple[str | None, str], int] = {}
     for k in judged:
         first.setdefault((runs.products[k], runs.serials[k]), k)
@@ -85,6 +86,12 @@ def count_yields(runs: RunColumns, since: float = -math.inf) -> Yields:
         operators=_by(passed, ((k, runs.operators[k]) for k in selected)),
         failed_checks=_pareto([runs.failed_checks[k] for k in selected if not passed[k]]),
     )
+
+
+def judged_runs(runs: RunColumns) -> list[int]:
+    """Return the indices of the full runs that ended with PASS or FAIL."""
+    full = np.flatnonzero(~runs.partial).tolist()
+    return [k for k in full if runs.verdicts[k] in ("passed", "failed")]
 
 
 def _share(passed: Sequence[bool], rows: Sequence[int]) -> Share | None:

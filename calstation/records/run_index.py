@@ -101,7 +101,7 @@ class RunColumns:
 
     names: tuple[str, ...]  #: File names of the logs without suffix.
     serials: tuple[str, ...]
-    started: FloatArray  #: Start, s since 1970 in UTC, shape (n,).
+    started: FloatArray  #: Start, s since 1970 in UTC to a millisecond, shape (n,).
     verdicts: tuple[str, ...]
     products: tuple[str | None, ...]
     stations: tuple[str | None, ...]
@@ -240,7 +240,7 @@ class RunIndex:
         return RunColumns(
             names,
             serials,
-            (np.array(begun, dtype=float) - _EPOCH) * 86400.0,
+            np.round((np.array(begun, dtype=float) - _EPOCH) * 86400.0, 3),
             verdicts,
             products,
             stations,

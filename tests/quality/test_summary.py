@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calstation.config import library, load_product
-from calstation.quality import limit_interval, select_values, summarise_quality
+from calstation.quality import judged_runs, last_of_each_unit, limit_interval, summarise_quality
 from calstation.results import History
 from tests.results.test_history import write
 
@@ -46,13 +46,12 @@ def test_every_unit_counts_with_its_last_judged_full_run(folder: Path) -> None:
     history = History(folder)
     history.refresh()
     runs = history.columns()
-    index = select_values(runs, NAV)
+    judged = [k for k in judged_runs(runs) if runs.products[k] == NAV]
+    index = last_of_each_unit(runs, judged)
     names = [runs.names[k] for k in index]
-    assert len(names) == 31
+    assert (len(judged), len(names)) == (46, 31)
     assert {"SN-4_40", "SN-5_5", "SN-6_6", "SN-7_7", "GOLD_129"} <= {*names}
     assert np.all(np.diff(runs.started[index]) > 0)
-    assert len(select_values(runs, NAV, "GOLD")) == 15
-    assert len(select_values(runs, NAV, since=(BEGIN + timedelta(hours=20)).timestamp())) == 12
 
 
 def test_charts_and_capability_of_a_product(folder: Path) -> None:
@@ -72,12 +71,17 @@ def test_charts_and_capability_of_a_product(folder: Path) -> None:
 
 
 def test_the_runs_of_one_unit_show_a_step(folder: Path) -> None:
-    (bias,) = summarise_quality(ignore, folder, serial="GOLD").parameters
+    found = summarise_quality(ignore, folder, serial="GOLD")
+    (bias,) = found.golden
     assert (len(bias.names), bias.capability) == (15, None)
     assert bias.alarms["ewma"] > 0
-    shown = bias.to_json()
-    assert shown["ewma_signals"][-1] == "GOLD_129"
-    assert shown["signals"][0].keys() == {"run", "rule"}
+    shown = found.to_json()["golden"]
+    assert shown["serial"] == "GOLD"
+    assert shown["parameters"][0]["ewma_signals"][-1] == "GOLD_129"
+    assert shown["parameters"][0]["signals"][0].keys() == {"run", "rule"}
+    assert "GOLD_129" not in found.parameters[0].names
+    assert found.yields.overall is not None
+    assert found.yields.overall.count == 32
 
 
 def test_a_parameter_and_a_date_can_be_chosen(folder: Path) -> None:

@@ -40,7 +40,7 @@ class CapabilityView(QWidget):
                 text(lambda: "Pp", "pp", hint=self._hint),
                 text(lambda: "Ppk", "ppk", hint=self._hint),
                 text(lambda: self.tr("Outside"), "outside"),
-                text(lambda: self.tr("Normal"), "normal", number=False),
+                text(lambda: self.tr("Normal"), "normal", number=False, hint=self._hint),
             )
         )
         table.selectionModel().currentRowChanged.connect(lambda current, _: self._choose(current.row()))
@@ -54,7 +54,7 @@ class CapabilityView(QWidget):
         )
         column(
             note,
-            (split((table, 5), (self.plot, 3), handle=2 * theme.GRID), 1),
+            (split((table, 7), (self.plot, 4), handle=2 * theme.GRID), 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
@@ -90,7 +90,7 @@ class CapabilityView(QWidget):
                 "pp": _index(found.pp),
                 "ppk": _index(found.ppk),
                 "outside": str(found.outside),
-                "normal": self.tr("yes") if found.normal else self.tr("no, p = {0:.2g}").format(found.normality_p),
+                "normal": self.tr("yes") if found.normal else self.tr("no"),
             }
         self.table.show_cells(cells, ("mean", "within", "overall"))
 
@@ -98,7 +98,8 @@ class CapabilityView(QWidget):
         found = self._found[name].capability
         assert found is not None
         indices = (("Cp", found.cp), ("Cpk", found.cpk), ("Pp", found.pp), ("Ppk", found.ppk))
-        return "\n".join(f"{key}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for key, i in indices if i is not None)
+        lines = [f"{key}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for key, i in indices if i is not None]
+        return "\n".join([*lines, self.tr("Normal distribution: p = {0:.2g}").format(found.normality_p)])
 
     def _choose(self, line: int) -> None:
         names = list(self._found)

@@ -57,6 +57,11 @@ class ControlView(QWidget):
             self.quantities.selectRow(names.index(chosen) if chosen in names else 0)
 
     @property
+    def empty(self) -> bool:
+        """Whether there is nothing to show."""
+        return not self._charts
+
+    @property
     def _quantity(self) -> str:
         names = list(self._charts)
         line = self.quantities.currentIndex().row()

@@ -3,7 +3,7 @@
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from PySide6.QtCore import QSignalBlocker
+from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QWidget
 
@@ -51,6 +51,7 @@ class QualityPage(Page):
         for scale in (False, True):
             self.shown_as.addItem("", scale)
         self.count_label = label(kind="muted", name="quality_count_label")
+        self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
         self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields)
         self.tabs = ViewTabs("quality_views")
@@ -60,7 +61,8 @@ class QualityPage(Page):
         self._stack = stack(self._empty, *self._views)
         self._lay_out()
         self.tabs.currentChanged.connect(lambda _: self._show_view())
-        for combo in (self.product, self.unit, self.period, self.shown_as):
+        self.product.currentIndexChanged.connect(lambda _: self._offer_units())
+        for combo in (self.unit, self.period, self.shown_as):
             combo.currentIndexChanged.connect(lambda _: self.refresh())
         self.control.run_wanted.connect(self._open_run)
         self.notice.report_failures(self._watch, lambda: self.tr("The runs could not be read"), self.tabs.setFocus)
@@ -135,7 +137,8 @@ class QualityPage(Page):
             self.product.clear()
             for text, path in offered_products():
                 self.product.addItem(text, path)
-            self.product.setCurrentIndex(max(0, self.product.findData(wanted)))
+            paths = [self.product.itemData(index) for index in range(self.product.count())]
+            self.product.setCurrentIndex(paths.index(wanted) if wanted in paths else 0)
         self._offer_units()
 
     def _offer_units(self) -> None:
@@ -162,7 +165,8 @@ class QualityPage(Page):
     def _show(self, summary: QualitySummary | None) -> None:
         self._summary = summary
         if summary is not None:
-            self.control.show_charts(summary.parameters, standardised=self.shown_as.currentData())
+            charts = summary.parameters if summary.serial is None else summary.golden
+            self.control.show_charts(charts, standardised=self.shown_as.currentData())
             self.capability.show_charts(summary.parameters)
             self.yields.show_yields(summary.yields)
         self._show_view()
@@ -170,12 +174,11 @@ class QualityPage(Page):
     def _show_view(self) -> None:
         summary, view = self._summary, self._views[self.tabs.currentIndex()]
         some = summary is not None and summary.yields.overall is not None
-        charted = summary is not None and bool(summary.parameters)
-        shown, code = charted, "few_runs" if some else "no_runs"
-        if view is self.yields:
-            shown = some
-        elif view is self.capability and self.capability.empty and charted:
-            shown, code = False, "no_limits"
+        shown, code = some, "few_runs" if some else "no_runs"
+        if view is self.control:
+            shown = not self.control.empty
+        elif view is self.capability and some:
+            shown, code = not self.capability.empty, "no_limits" if summary.parameters else "few_runs"
         self._empty.say(say(f"chart.{code}"), say(f"chart.{code}_about", least=LEAST_VALUES))
         self._stack.setCurrentWidget(view if shown else self._empty)
         overall = None if summary is None else summary.yields.overall

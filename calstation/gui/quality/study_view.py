@@ -144,7 +144,7 @@ class StudyView(QWidget):
 def _study(
     runs: RunColumns, name: str, size: float, by: Literal["operators", "stations"], tolerance: float
 ) -> tuple[GaugeStudy, int]:
-    """Return the study of a parameter in the unit of which SI has `size`, and its number of units. Raises InputError."""
+    """Return the study of a parameter and its number of units; 1 in SI is `size`. Raises InputError."""
     values, appraisers = runs.values[name], getattr(runs, by)
     rows = [
         (runs.serials[k], appraisers[k] or "–", float(values[k]) * size) for k in np.flatnonzero(np.isfinite(values))

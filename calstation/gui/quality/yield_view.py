@@ -1,7 +1,7 @@
 """Yield of the runs: shares that passed by day, the failed checks by frequency, and shares by station and operator."""
 
 from collections.abc import Mapping
-from datetime import date
+from datetime import date, timedelta
 
 import numpy as np
 import pyqtgraph as pg
@@ -14,6 +14,8 @@ from calstation.records import Check
 
 #: Largest number of failed checks drawn.
 _MOST_CHECKS = 12
+#: Largest number of days that are drawn one by one.
+_MOST_DAYS = 60
 #: Smallest fraction shown on the axis of the yield.
 _LEAST_SHARE = 0.5
 
@@ -42,12 +44,17 @@ class YieldView(QWidget):
         )
         plots = QWidget()
         titles = [label(kind="muted") for _ in range(2)]
-        bind(titles[0], lambda: self.tr("Yield by day, with its 95 % interval"))
+        bind(
+            titles[0],
+            lambda: self.tr("Yield by day (over more than {0} days: by week), with its 95 % interval").format(
+                _MOST_DAYS
+            ),
+        )
         bind(titles[1], lambda: self.tr("Failed checks by frequency, and their cumulative share of the failed runs"))
         column(titles[0], (self.days, 1), titles[1], (self.pareto, 1), on=plots, spacing=theme.GRID // 2)
         column(
             row(self.overall_label, 2 * theme.GRID, self.first_label, None),
-            (split((plots, 3), (table, 2), handle=2 * theme.GRID), 1),
+            (split((plots, 5), (table, 4), handle=2 * theme.GRID), 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
@@ -100,8 +107,8 @@ class DailyYield(ThemedPlot):
         theme.on_appearance_change(self, self._draw)
 
     def show_days(self, days: Mapping[str, Share]) -> None:
-        """Show the shares by date."""
-        self._days = days
+        """Show the shares by date, or by week if there are many."""
+        self._days = days if len(days) <= _MOST_DAYS else _by_week(days)
         self._draw()
 
     def _draw(self) -> None:
@@ -117,12 +124,11 @@ class DailyYield(ThemedPlot):
         )
         bars = pg.ErrorBarItem(x=x, y=value, top=high - value, bottom=value - low, beam=0.0, pen=pg.mkPen(c.line))
         line = pg.PlotDataItem(x, value, pen=pg.mkPen(c.accent, width=1))
-        if len(x) <= 100:
-            self.addItem(bars)
-            line.setSymbol("o")
-            line.setSymbolSize(6)
-            line.setSymbolBrush(c.accent)
-            line.setSymbolPen(None)
+        line.setSymbol("o")
+        line.setSymbolSize(6)
+        line.setSymbolBrush(c.accent)
+        line.setSymbolPen(None)
+        self.addItem(bars)
         self.addItem(line)
         self.setYRange(min(100.0 * _LEAST_SHARE, float(low.min())), 100.0)
 
@@ -157,6 +163,18 @@ class Pareto(ThemedPlot):
             self.addItem(text)
         self.setYRange(-0.5, max(len(rows), 4) - 0.5)
         self.setXRange(0, 1.3 * max(runs, default=1), padding=0)
+
+
+def _by_week(days: Mapping[str, Share]) -> dict[str, Share]:
+    """Return the shares of weeks, by the date of their Monday."""
+    weeks: dict[str, list[Share]] = {}
+    for day, share in days.items():
+        found = date.fromisoformat(day)
+        weeks.setdefault((found - timedelta(days=found.weekday())).isoformat(), []).append(share)
+    return {
+        monday: Share.of(sum(s.passed for s in shares), sum(s.count for s in shares))
+        for monday, shares in weeks.items()
+    }
 
 
 def _text(share: Share) -> str:
