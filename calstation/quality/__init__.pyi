@@ -27,6 +27,8 @@ from .standards import judge_result as judge_result
 from .standards import judge_standard as judge_standard
 from .standards import require_standards as require_standards
 from .standards import standard_states as standard_states
+from .study import StudyState as StudyState
+from .study import evaluate_study as evaluate_study
 from .summary import LEAST_VALUES as LEAST_VALUES
 from .summary import ParameterQuality as ParameterQuality
 from .summary import QualitySummary as QualitySummary

@@ -11,6 +11,7 @@ from calstation.config import DEFAULT_PRODUCT, library, load_product
 from calstation.errors import CalstationError
 from calstation.gui.quality.capability_view import CapabilityView
 from calstation.gui.quality.control_view import ControlView
+from calstation.gui.quality.study_view import StudyView
 from calstation.gui.quality.yield_view import YieldView
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, offered_products, on_language_change, say
@@ -53,7 +54,8 @@ class QualityPage(Page):
         self.count_label = label(kind="muted", name="quality_count_label")
         self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
-        self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields)
+        self.study = StudyView(app)
+        self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields, self.study)
         self.tabs = ViewTabs("quality_views")
         for _ in self._views:
             self.tabs.addTab("")
@@ -75,11 +77,12 @@ class QualityPage(Page):
     @property
     def busy(self) -> bool:
         """Whether the runs are being read."""
-        return self._watch.busy
+        return self._watch.busy or self.study.watch.busy
 
     def refresh(self) -> None:
         """Read the chosen runs, and show them."""
         folder, product = self.app.runs_folder, self.product.currentData()
+        self.study.show_product(product)
         if not folder.is_dir() or product is None:
             self._show(None)
             return
@@ -174,11 +177,12 @@ class QualityPage(Page):
     def _show_view(self) -> None:
         summary, view = self._summary, self._views[self.tabs.currentIndex()]
         some = summary is not None and summary.yields.overall is not None
-        shown, code = some, "few_runs" if some else "no_runs"
+        shown, code = some or view is self.study, "few_runs" if some else "no_runs"
         if view is self.control:
             shown = not self.control.empty
-        elif view is self.capability and some:
-            shown, code = not self.capability.empty, "no_limits" if summary.parameters else "few_runs"
+        elif view is self.capability and summary is not None:
+            shown = not self.capability.empty
+            code = "no_limits" if summary.parameters else code
         self._empty.say(say(f"chart.{code}"), say(f"chart.{code}_about", least=LEAST_VALUES))
         self._stack.setCurrentWidget(view if shown else self._empty)
         overall = None if summary is None else summary.yields.overall
@@ -190,7 +194,9 @@ class QualityPage(Page):
             self.app.open_run.emit(file)
 
     def _show_texts(self) -> None:
-        for index, text in enumerate((self.tr("Control charts"), self.tr("Capability"), self.tr("Yield"))):
+        for index, text in enumerate(
+            (self.tr("Control charts"), self.tr("Capability"), self.tr("Yield"), self.tr("Repeatability"))
+        ):
             self.tabs.setTabText(index, text)
         for index, days in enumerate(_DAYS):
             text = self.tr("Last {0} days").format(days)

@@ -1,72 +1,116 @@
-"""Repeatability study: units that several operators or stations have calibrated equally often."""
+"""Repeatability study: its plan, the runs that are still missing, and the analysis of variance at the end."""
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
 from typing import Literal
 
-import numpy as np
 from PySide6.QtCore import QSignalBlocker
-from PySide6.QtWidgets import QComboBox, QWidget
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QSpinBox, QWidget
 
-from calstation.errors import InputError
+from calstation.errors import CalstationError
+from calstation.gui.shell import AppContext
 from calstation.gui.text import bind, error_text, on_language_change, parameter_text, say
-from calstation.gui.widgets import CellTable, StateBadge, column, label, row, show_text, split, theme
+from calstation.gui.widgets import (
+    CellTable,
+    Column,
+    EmptyState,
+    JobWatch,
+    StateBadge,
+    ask_file,
+    button,
+    column,
+    label,
+    panel,
+    row,
+    show_text,
+    split,
+    stack,
+    theme,
+)
 from calstation.physics import display, number
-from calstation.quality import GaugeStudy, Variation, crossed, gauge_study
-from calstation.records import RunColumns
+from calstation.quality import GaugePlan, StudyState, Variation, evaluate_study
 
 #: State of each verdict.
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
-#: Components in the order of the table, and whether they are the sum of those above.
+#: Components in the order of the table.
 _COMPONENTS = ("repeatability", "reproducibility", "interaction", "gauge", "part", "total")
+_SEED = 1
 
 
 class StudyView(QWidget):
-    """Shows the analysis of variance of the runs of one product."""
+    """Makes and opens plans of studies, and shows what the runs say about them."""
 
-    def __init__(self) -> None:
+    def __init__(self, app: AppContext) -> None:
         super().__init__()
-        self._runs: RunColumns | None = None
-        self._limits: Mapping[str, tuple[float, float]] = {}
-        self._quantity, self._appraiser = QComboBox(), QComboBox()
-        for combo, name in ((self._quantity, "study_quantity_combo"), (self._appraiser, "study_appraiser_combo")):
-            combo.setObjectName(name)
-            combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
-            combo.currentIndexChanged.connect(lambda _: self._show())
-        with QSignalBlocker(self._appraiser):
-            self._appraiser.addItem("", "operators")
-            self._appraiser.addItem("", "stations")
-        self.badge = StateBadge(theme.SECTION)
-        self.about_label = label(name="study_about_label", wrap=True)
-        self.problem_label = label(kind="caution", name="study_problem_label", wrap=True)
-        self.components, self.anova = CellTable("study_components_table"), CellTable("study_anova_table")
-        self._build_tables()
-        plan = label(lambda: say("gauge.plan"), kind="muted", wrap=True)
-        captions = (
-            label(lambda: self.tr("Quantity"), buddy=self._quantity),
-            label(lambda: self.tr("Measured by"), buddy=self._appraiser),
+        self._app = app
+        self._product: Path | None = None
+        self._path: Path | None = None
+        self._state: StudyState | None = None
+        self._error: CalstationError | None = None
+        self.watch = JobWatch(self, self._show, self._show_error)
+        self._quantity = QComboBox()
+        self._quantity.setObjectName("study_quantity_combo")
+        self._quantity.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self._quantity.currentIndexChanged.connect(lambda _: self._show_study())
+        self._plan_label = label(kind="muted", name="study_plan_label")
+        self._problem = label(kind="error", name="study_problem_label", wrap=True)
+        self.form = PlanForm(self._planned)
+        self.form.hide()
+        self.order, self.components, self.anova = (
+            CellTable(name) for name in ("study_order_table", "study_components_table", "study_anova_table")
         )
-        bar = row(captions[0], self._quantity, theme.GRID, captions[1], self._appraiser, None)
-        self._answer = QWidget()
+        self.badge, self.about_label = StateBadge(theme.SECTION), label(name="study_about_label", wrap=True)
+        self._left_label = label(kind="section", name="study_left_label", wrap=True)
+        self._build_tables()
+        self._empty, self._waiting, self._answer = EmptyState(), QWidget(), QWidget()
+        column(self._left_label, (self.order, 1), on=self._waiting)
+        caption = label(lambda: self.tr("Quantity"), buddy=self._quantity)
         column(
-            row(self.badge, 2 * theme.GRID, (self.about_label, 1)),
+            row(caption, self._quantity, 2 * theme.GRID, self.badge, 2 * theme.GRID, (self.about_label, 1)),
             (split((self.components, 5), (self.anova, 4), handle=2 * theme.GRID), 1),
             on=self._answer,
         )
-        column(plan, bar, self.problem_label, (self._answer, 1), None, on=self, margins=(0, theme.GRID, 0, 0))
+        self._stack = stack(self._empty, self._waiting, self._answer)
+        open_button = button("study_open_button", lambda: self.tr("Open plan…"), self._open)
+        new_button = button("study_new_button", lambda: self.tr("New plan…"), self.form.show)
+        column(
+            row(open_button, new_button, (self._plan_label, 1)),
+            self.form,
+            self._problem,
+            (self._stack, 1),
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
         on_language_change(self, self._show_texts)
 
-    def show_runs(self, runs: RunColumns, limits: Mapping[str, tuple[float, float]]) -> None:
-        """Show runs of one product and the limits of its parameters, SI."""
-        self._runs, self._limits = runs, limits
-        wanted = self._quantity.currentData()
-        with QSignalBlocker(self._quantity):
-            self._quantity.clear()
-            for name in runs.values:
-                self._quantity.addItem(parameter_text(name), name)
-            self._quantity.setCurrentIndex(max(0, self._quantity.findData(wanted)))
-        self._show()
+    def show_product(self, product: Path | None) -> None:
+        """Use the limits of a product as tolerances, and read the runs again."""
+        self._product = product
+        if self._path is not None and self._app.runs_folder.is_dir():
+            work = evaluate_study, self._app.runs_folder, self._path, product
+            self.watch.watch(self._app.job_queue.submit(*work))
 
     def _build_tables(self) -> None:
+        text = self.order.column
+        self.order.verticalHeader().hide()
+        self.order.parameters.set_columns(
+            (
+                text(lambda: self.tr("Run"), "run"),
+                text(lambda: self.tr("Trial"), "trial"),
+                text(lambda: self.tr("Measured by"), "appraiser", number=False),
+                text(lambda: self.tr("Unit"), "unit", number=False),
+                Column(
+                    lambda: self.tr("State"),
+                    lambda key: self.order.cells[key]["state"],
+                    number=False,
+                    state=lambda key: self.order.cells[key]["kind"],
+                ),
+            )
+        )
+        bind(self.order.setAccessibleName, lambda: self.tr("Runs of the plan"))
         text = self.components.column
         self.components.verticalHeader().hide()
         self.components.parameters.set_columns(
@@ -91,36 +135,86 @@ class StudyView(QWidget):
         )
         bind(self.anova.setAccessibleName, lambda: self.tr("Analysis of variance"))
 
-    def _show(self) -> None:
-        runs, name = self._runs, self._quantity.currentData()
-        if runs is None or name is None:
-            return
-        size, unit = display(name, 1.0)
-        low, high = self._limits.get(name, (np.nan, np.nan))
-        try:
-            study, parts = _study(runs, name, size, self._appraiser.currentData(), (high - low) * size)
-        except InputError as error:
-            show_text(self.problem_label, error_text(error).sentences)
-            self._answer.hide()
-            return
-        self.problem_label.hide()
-        self._answer.show()
-        self.badge.show_state(_STATES[study.verdict], say(f"gauge.{study.verdict}"))
-        self.about_label.setText(
-            say(
-                "gauge.answer",
-                parts=parts,
-                appraisers=study.appraisers,
-                trials=study.trials,
-                categories=study.categories,
-                unit=unit,
-            )
-        )
+    # ---- plan
+
+    def _open(self) -> None:
+        name, _ = QFileDialog.getOpenFileName(self, self.tr("Open the plan of a study"), "", "JSON (*.json)")
+        if name:
+            self.open_plan(Path(name))
+
+    def open_plan(self, path: Path) -> None:
+        """Show a plan and what the runs say about it."""
+        self._path = path
+        self.show_product(self._product)
+
+    def _planned(self, plan: GaugePlan) -> None:
+        save = partial(self._save, plan)
+        ask_file(self, self.tr("Save the plan"), Path("gauge.json"), ["JSON (*.json)"], save)
+
+    def _save(self, plan: GaugePlan, path: Path) -> None:
+        plan.save(path)
+        self.form.hide()
+        self.open_plan(path)
+
+    # ---- what is shown
+
+    def _show(self, state: StudyState) -> None:
+        self._state, self._error = state, None
+        wanted = self._quantity.currentData()
+        with QSignalBlocker(self._quantity):
+            self._quantity.clear()
+            for name in state.studies:
+                self._quantity.addItem(parameter_text(name), name)
+            self._quantity.setCurrentIndex(max(0, self._quantity.findData(wanted)))
+        self._refresh()
+
+    def _show_error(self, error: CalstationError) -> None:
+        self._error, self._state = error, None
+        self._refresh()
+
+    def _refresh(self) -> None:
+        state = self._state
+        show_text(self._problem, "" if self._error is None else error_text(self._error).sentences)
+        self._plan_label.setText("" if self._path is None else self._path.name)
+        if state is None:
+            self._empty.say(say("gauge.no_plan"), say("gauge.about"))
+            self._stack.setCurrentWidget(self._empty)
+        elif state.left:
+            self._show_order(state)
+            self._stack.setCurrentWidget(self._waiting)
+        else:
+            self._show_study()
+            self._stack.setCurrentWidget(self._answer)
+
+    def _show_order(self, state: StudyState) -> None:
+        following, count = state.left[0], {"left": len(state.left), "runs": len(state.plan.order)}
+        self._left_label.setText(say("gauge.left", **count, unit=following.unit, by=following.appraiser))
+        missing = Counter(state.left)
         cells = {}
-        for key in _COMPONENTS:
-            found = getattr(study, key)
-            if found is not None:
-                cells[key] = {"name": say(f"gauge.{key}"), **_cells(found)}
+        for k, each in enumerate(state.plan.order):
+            kind, code = "good", "done"
+            if missing[each]:
+                kind, code = ("running", "next") if each == following else ("none", "waiting")
+            cells[str(k)] = {
+                "run": str(k + 1),
+                "trial": str(each.trial),
+                "appraiser": each.appraiser,
+                "unit": each.unit,
+                "state": say(f"gauge.{code}"),
+                "kind": kind,
+            }
+        self.order.show_cells(cells)
+
+    def _show_study(self) -> None:
+        state, name = self._state, self._quantity.currentData()
+        if state is None or name is None:
+            return
+        study, (size, unit) = state.studies[name], display(name, 1.0)
+        self.badge.show_state(_STATES[study.verdict], say(f"gauge.{study.verdict}"))
+        counts = {"parts": study.parts, "appraisers": study.appraisers, "trials": study.trials}
+        self.about_label.setText(say("gauge.answer", **counts, categories=study.categories, unit=unit))
+        found = {key: getattr(study, key) for key in _COMPONENTS if getattr(study, key) is not None}
+        cells = {key: {"name": say(f"gauge.{key}"), **_cells(each, size)} for key, each in found.items()}
         self.components.show_cells(cells, ("sigma",))
         self.anova.show_cells(
             {
@@ -134,29 +228,70 @@ class StudyView(QWidget):
         )
 
     def _show_texts(self) -> None:
-        self._appraiser.setItemText(0, self.tr("operators"))
-        self._appraiser.setItemText(1, self.tr("stations"))
         for index in range(self._quantity.count()):
             self._quantity.setItemText(index, parameter_text(self._quantity.itemData(index)))
-        self._show()
+        self._refresh()
 
 
-def _study(
-    runs: RunColumns, name: str, size: float, by: Literal["operators", "stations"], tolerance: float
-) -> tuple[GaugeStudy, int]:
-    """Return the study of a parameter and its number of units; 1 in SI is `size`. Raises InputError."""
-    values, appraisers = runs.values[name], getattr(runs, by)
-    rows = [
-        (runs.serials[k], appraisers[k] or "–", float(values[k]) * size) for k in np.flatnonzero(np.isfinite(values))
-    ]
-    parts, _, table = crossed(rows)
-    return gauge_study(table, tolerance if np.isfinite(tolerance) else None), len(parts)
+class PlanForm(QWidget):
+    """Inputs of a new plan; `then` is called with the plan."""
+
+    def __init__(self, then: Callable[[GaugePlan], object]) -> None:
+        super().__init__()
+        self._then = then
+        self.units_edit, self.appraisers_edit = QLineEdit(), QLineEdit()
+        self.units_edit.setObjectName("study_units_edit")
+        self.appraisers_edit.setObjectName("study_appraisers_edit")
+        self._by, self._trials = QComboBox(), QSpinBox()
+        self._by.setObjectName("study_by_combo")
+        self._by.addItem("", "operator")
+        self._by.addItem("", "station")
+        self._trials.setRange(2, 20)
+        self._trials.setValue(3)
+        self._problem = label(kind="error", wrap=True)
+        bind(self.units_edit.setPlaceholderText, lambda: self.tr("serial numbers, separated by commas"))
+        bind(self.appraisers_edit.setPlaceholderText, lambda: self.tr("names, separated by commas"))
+        fields = (
+            (lambda: self.tr("Units"), self.units_edit, 3),
+            (lambda: self.tr("Measured by"), self._by, 0),
+            (lambda: self.tr("Names"), self.appraisers_edit, 2),
+            (lambda: self.tr("Trials"), self._trials, 0),
+        )
+        parts = [
+            (column(label(words, buddy=field), field, spacing=theme.GRID // 2), share) for words, field, share in fields
+        ]
+        save = button("study_save_button", lambda: self.tr("Save plan…"), self._make, kind="primary")
+        close = button("study_close_button", lambda: self.tr("Close"), self.hide)
+        column(panel(row(*parts, save, close), self._problem), on=self)
+        on_language_change(self, self._show_texts)
+
+    def _make(self) -> None:
+        units, names = (_split(edit.text()) for edit in (self.units_edit, self.appraisers_edit))
+        by: Literal["operator", "station"] = self._by.currentData()
+        now = datetime.now(UTC).replace(microsecond=0)
+        try:
+            plan = GaugePlan.random(by, units, names, self._trials.value(), _SEED, now)
+        except CalstationError as error:
+            show_text(self._problem, error_text(error).sentences)
+            return
+        show_text(self._problem, "")
+        self._then(plan)
+
+    def _show_texts(self) -> None:
+        self._by.setItemText(0, self.tr("Operators"))
+        self._by.setItemText(1, self.tr("Stations"))
+        show_text(self._problem, "")
 
 
-def _cells(found: Variation) -> dict[str, str]:
+def _split(text: str) -> list[str]:
+    return [part.strip() for part in text.replace("，", ",").split(",") if part.strip()]
+
+
+def _cells(found: Variation, size: float) -> dict[str, str]:
+    sigma, low, high = (size * value for value in (found.sigma, found.low, found.high))
     cells = {
-        "sigma": number(found.sigma, found.sigma),
-        "interval": f"{number(found.low, found.sigma)} … {number(found.high, found.sigma)}",
+        "sigma": number(sigma, sigma),
+        "interval": f"{number(low, sigma)} … {number(high, sigma)}",
         "study": f"{found.percent_study:.1f}",
     }
     if found.percent_tolerance is not None:

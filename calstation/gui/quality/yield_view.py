@@ -13,7 +13,7 @@ from calstation.quality import FailedCheck, Share, Yields
 from calstation.records import Check
 
 #: Largest number of failed checks drawn.
-_MOST_CHECKS = 12
+_MOST_CHECKS = 8
 #: Largest number of days that are drawn one by one.
 _MOST_DAYS = 60
 #: Smallest fraction shown on the axis of the yield.
