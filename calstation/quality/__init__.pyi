@@ -27,6 +27,9 @@ from .standards import judge_result as judge_result
 from .standards import judge_standard as judge_standard
 from .standards import require_standards as require_standards
 from .standards import standard_states as standard_states
+from .station import StandardHistory as StandardHistory
+from .station import StationQuality as StationQuality
+from .station import station_quality as station_quality
 from .study import StudyState as StudyState
 from .study import evaluate_study as evaluate_study
 from .summary import LEAST_VALUES as LEAST_VALUES
@@ -35,6 +38,12 @@ from .summary import QualitySummary as QualitySummary
 from .summary import last_of_each_unit as last_of_each_unit
 from .summary import limit_interval as limit_interval
 from .summary import summarise_quality as summarise_quality
+from .table_chart import BASELINE as BASELINE
+from .table_chart import WEIGHT as WEIGHT
+from .table_chart import WIDTH as WIDTH
+from .table_chart import TableChart as TableChart
+from .table_chart import alarms as alarms
+from .table_chart import table_charts as table_charts
 from .yields import FailedCheck as FailedCheck
 from .yields import Share as Share
 from .yields import Yields as Yields

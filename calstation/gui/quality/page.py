@@ -11,6 +11,7 @@ from calstation.config import DEFAULT_PRODUCT, library, load_product
 from calstation.errors import CalstationError
 from calstation.gui.quality.capability_view import CapabilityView
 from calstation.gui.quality.control_view import ControlView
+from calstation.gui.quality.standards_view import StandardsView
 from calstation.gui.quality.study_view import StudyView
 from calstation.gui.quality.yield_view import YieldView
 from calstation.gui.shell import AppContext, Page
@@ -28,7 +29,7 @@ from calstation.gui.widgets import (
     stack,
     theme,
 )
-from calstation.quality import LEAST_VALUES, QualitySummary, summarise_quality
+from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
 from calstation.sequencer import Event, Verdict
 
 #: Numbers of past days that can be chosen; None for all.
@@ -42,7 +43,7 @@ class QualityPage(Page):
         super().__init__(app)
         self.setObjectName("quality_page")
         self._summary: QualitySummary | None = None
-        self._watch = JobWatch(self, self._show)
+        self._watch, self._station_watch = JobWatch(self, self._show), JobWatch(self, self._show_station)
         self.notice = NoticeBar("quality_notice")
         self.product, self.unit, self.period, self.shown_as = (
             self._combo(name) for name in ("product", "unit", "period", "scale")
@@ -55,7 +56,8 @@ class QualityPage(Page):
         self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
         self.study = StudyView(app)
-        self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields, self.study)
+        self.standards = StandardsView()
+        self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields, self.standards, self.study)
         self.tabs = ViewTabs("quality_views")
         for _ in self._views:
             self.tabs.addTab("")
@@ -66,10 +68,13 @@ class QualityPage(Page):
         self.product.currentIndexChanged.connect(lambda _: self._offer_units())
         for combo in (self.unit, self.period, self.shown_as):
             combo.currentIndexChanged.connect(lambda _: self.refresh())
-        self.control.run_wanted.connect(self._open_run)
-        self.notice.report_failures(self._watch, lambda: self.tr("The runs could not be read"), self.tabs.setFocus)
+        for view in (self.control, self.standards):
+            view.run_wanted.connect(self._open_run)
+        for watch in (self._watch, self._station_watch):
+            self.notice.report_failures(watch, lambda: self.tr("The runs could not be read"), self.tabs.setFocus)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._refresh_visible)
+        app.station_changed.connect(self._refresh_visible)
         app.product_changed.connect(self._choose_product)
         on_language_change(self, self._show_texts)
         self._choose_product()
@@ -77,7 +82,7 @@ class QualityPage(Page):
     @property
     def busy(self) -> bool:
         """Whether the runs are being read."""
-        return self._watch.busy or self.study.watch.busy
+        return any(watch.busy for watch in (self._watch, self._station_watch, self.study.watch))
 
     def refresh(self) -> None:
         """Read the chosen runs, and show them."""
@@ -86,10 +91,12 @@ class QualityPage(Page):
         if not folder.is_dir() or product is None:
             self._show(None)
             return
+        queue, station = self.app.job_queue, self.app.station_path
+        self._station_watch.watch(queue.submit(station_quality, folder, station, product))
         days = self.period.currentData()
         since = None if days is None else datetime.now(UTC) - timedelta(days=days)
         self._watch.watch(
-            self.app.job_queue.submit(
+            queue.submit(
                 summarise_quality,
                 folder,
                 product,
@@ -174,6 +181,10 @@ class QualityPage(Page):
             self.yields.show_yields(summary.yields)
         self._show_view()
 
+    def _show_station(self, found: StationQuality) -> None:
+        self.standards.show_station(found)
+        self._show_view()
+
     def _show_view(self) -> None:
         summary, view = self._summary, self._views[self.tabs.currentIndex()]
         some = summary is not None and summary.yields.overall is not None
@@ -183,6 +194,8 @@ class QualityPage(Page):
         elif view is self.capability and summary is not None:
             shown = not self.capability.empty
             code = "no_limits" if summary.parameters else code
+        elif view is self.standards:
+            shown, code = not self.standards.empty, "no_standards"
         self._empty.say(say(f"chart.{code}"), say(f"chart.{code}_about", least=LEAST_VALUES))
         self._stack.setCurrentWidget(view if shown else self._empty)
         overall = None if summary is None else summary.yields.overall
@@ -194,9 +207,14 @@ class QualityPage(Page):
             self.app.open_run.emit(file)
 
     def _show_texts(self) -> None:
-        for index, text in enumerate(
-            (self.tr("Control charts"), self.tr("Capability"), self.tr("Yield"), self.tr("Repeatability"))
-        ):
+        titles = (
+            self.tr("Control charts"),
+            self.tr("Capability"),
+            self.tr("Yield"),
+            self.tr("Check standards"),
+            self.tr("Repeatability"),
+        )
+        for index, text in enumerate(titles):
             self.tabs.setTabText(index, text)
         for index, days in enumerate(_DAYS):
             text = self.tr("Last {0} days").format(days)
