@@ -55,11 +55,11 @@ class StandardsView(QWidget):
         ):
             bind(title, words)
         left, middle, right = QWidget(), QWidget(), QWidget()
-        column(titles[0], (self.standards, 2), titles[1], (self.runs, 3), titles[2], (self.instruments, 2), on=left)
+        column(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3), on=left)
         column(titles[3], (self.errors, 1), on=middle)
         column(titles[4], (self.table, 1), on=right)
         column(
-            (split((left, 5), (middle, 4), (right, 5), handle=2 * theme.GRID), 1),
+            (split((left, 6), (middle, 5), (right, 6), handle=2 * theme.GRID), 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
@@ -109,7 +109,6 @@ class StandardsView(QWidget):
                 text(lambda: self.tr("Started"), "started", number=False),
                 text(lambda: self.tr("largest |Eₙ|"), "error"),
                 text(lambda: "T²", "t_squared"),
-                text(lambda: self.tr("limit"), "limit"),
             )
         )
         text = self.instruments.column
@@ -136,7 +135,7 @@ class StandardsView(QWidget):
                 "kind": "good" if wrong is None else "bad",
                 "state": say(f"chart.standard_{'good' if wrong is None else wrong.reason}"),
                 "serial": state.standard.serial,
-                "passed": "–" if state.last_passed is None else local_time(state.last_passed.isoformat()),
+                "passed": "–" if state.last_passed is None else local_time(state.last_passed.isoformat())[:10],
                 "due": "–" if state.due is None else local_time(state.due.isoformat())[:10],
             }
         self.standards.show_cells(cells)
@@ -165,10 +164,9 @@ class StandardsView(QWidget):
             cells[str(k)] = {
                 "kind": "good" if verdict.passed else "bad",
                 "state": say(f"chart.standard_{'agrees' if verdict.passed else 'differs'}"),
-                "started": local_time(standard.started_utc[k]),
+                "started": local_time(standard.started_utc[k])[2:],
                 "error": f"{abs(verdict.e_n.get(largest, 0.0)):.2f} ({verdict.e_n_limit:.2f})",
-                "t_squared": f"{verdict.t_squared:.1f}",
-                "limit": f"{verdict.t_squared_limit:.1f}",
+                "t_squared": f"{verdict.t_squared:.1f} ({verdict.t_squared_limit:.1f})",
             }
         self.runs.show_cells(cells)
         if cells:

@@ -214,7 +214,8 @@ class StudyView(QWidget):
         counts = {"parts": study.parts, "appraisers": study.appraisers, "trials": study.trials}
         self.about_label.setText(say("gauge.answer", **counts, categories=study.categories, unit=unit))
         found = {key: getattr(study, key) for key in _COMPONENTS if getattr(study, key) is not None}
-        cells = {key: {"name": say(f"gauge.{key}"), **_cells(each, size)} for key, each in found.items()}
+        digits = size * study.gauge.sigma
+        cells = {key: {"name": say(f"gauge.{key}"), **_cells(each, size, digits)} for key, each in found.items()}
         self.components.show_cells(cells, ("sigma",))
         self.anova.show_cells(
             {
@@ -287,11 +288,11 @@ def _split(text: str) -> list[str]:
     return [part.strip() for part in text.replace("，", ",").split(",") if part.strip()]
 
 
-def _cells(found: Variation, size: float) -> dict[str, str]:
-    sigma, low, high = (size * value for value in (found.sigma, found.low, found.high))
+def _cells(found: Variation, size: float, digits: float) -> dict[str, str]:
+    sigma, low, high = (number(size * value, digits) for value in (found.sigma, found.low, found.high))
     cells = {
-        "sigma": number(sigma, sigma),
-        "interval": f"{number(low, sigma)} … {number(high, sigma)}",
+        "sigma": sigma,
+        "interval": f"{low} … {high}",
         "study": f"{found.percent_study:.1f}",
     }
     if found.percent_tolerance is not None:
