@@ -1,20 +1,18 @@
 """What the samples of a log show beside its result: budget, convergence of the sigmas, and residuals at rest."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from calstation.estimation.common import RestResiduals
+from calstation.estimation.common import RestResiduals, SampleBlock
 from calstation.jobs import ProgressCallback
+from calstation.messages import Text, entry, event_text, known, values_from_json
 from calstation.physics import FloatArray
 from calstation.records import Log
 from calstation.reports.budget import Budget, solve_again, uncertainty_budget
-from calstation.results import Result, StageChain, one_blas_thread
-from calstation.results.diagnostics import stage_diagnostics
+from calstation.results import Result, StageChain, one_blas_thread, stage_diagnostics
 
-#: Number of points of a convergence curve.
-_POINTS = 160
 #: Fractions of the job's progress: after the first solution, and after the residuals.
 _SOLVED, _RESIDUALS = 0.2, 0.25
 
@@ -30,6 +28,9 @@ class Analysis:
     before: FloatArray  #: Standard deviations of the 30 parameters before the first stage, SI, shape (30,).
     after: FloatArray  #: The same after the last stage.
     budget: Budget
+    spoilt: int  #: Number of samples that were marked invalid.
+    warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
+    identified: Mapping[str, str]  #: Names and serial numbers that table and IMU reported; empty if unknown.
 
 
 class _Watch:
@@ -42,6 +43,10 @@ class _Watch:
         self.time: list[float] = []
         self.sigma: list[FloatArray] = []
         self.spans: dict[str, tuple[float, float]] = {}
+        self.spoilt = 0
+
+    def see(self, block: SampleBlock) -> None:
+        self.spoilt += int(np.count_nonzero(~block.valid))
 
     def look(self, done: float, stage: str) -> None:
         now = done * self._length / self._rate
@@ -63,7 +68,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         report(_SOLVED * done, note=stage)
         watch.look(done, stage)
 
-    chain = solve_again(log, result, log.meta, look, watch.chain, _POINTS)
+    chain = solve_again(log, result, log.meta, look, watch.chain, watch.see)
     watch.end()
     with one_blas_thread():
         diagnosed = stage_diagnostics(log, chain, result.log.first_seq, result.log.last_seq)
@@ -79,4 +84,19 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         chain.prior.sigma,
         chain.solutions[-1].belief.sigma,
         budget,
+        watch.spoilt,
+        tuple(_warnings(log)),
+        next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),
     )
+
+
+def _warnings(log: Log) -> Iterator[Text]:
+    """Yield the warnings of the run, each once."""
+    seen: set[str] = set()
+    for event in log.events:
+        if event.get("event") != "Message":
+            continue
+        text = event_text(event["id"], values_from_json(event["values"]))
+        if known(text.code) and entry(text.code).severity == "warning" and str(text) not in seen:
+            seen.add(str(text))
+            yield text

@@ -15,12 +15,13 @@ import numpy as np
 from calstation.estimation.common import SampleBlock
 from calstation.physics import INDEX, PARAMETERS, FloatArray
 from calstation.records import ImuSection, Log, LogMeta, PriorSection, estimated_stage, prior_from_meta
-from calstation.results import Result, StageChain
-from calstation.results.solver_chain import solve
+from calstation.results import Result, StageChain, solve
 
 #: Callback that gets the finished fraction and the stage.
 BudgetProgress = Callable[[float, str], None]
 
+#: Number of pieces in which a chain that is observed is fed.
+_PIECES = 160
 #: Relative change of a source's variance for its derivative.
 _STEP = 1e-3
 
@@ -75,11 +76,12 @@ def solve_again(
     meta: LogMeta,
     progress: Callable[[float, str], None],
     chain: StageChain | None = None,
-    pieces: int | None = None,
+    on_block: Callable[[SampleBlock], None] | None = None,
 ) -> StageChain:
     """Solve the stages of a result again with the configuration `meta`; `progress` gets a fraction and the stage.
 
-    `chain` is a new chain that the caller observes while it is fed, in at least so many `pieces`.
+    `chain` is a new chain that the caller observes while it is fed. With `on_block`, which is called for every block,
+    it is fed in `_PIECES` pieces.
     """
     first, last = result.log.first_seq, result.log.last_seq
 
@@ -87,8 +89,12 @@ def solve_again(
         progress(min(max((seq - first) / max(last - first, 1), 0.0), 1.0), stage)
 
     def blocks() -> Iterator[SampleBlock]:
-        size = last - first + 1 if pieces is None else -(-(last - first + 1) // pieces)
+        if on_block is None:
+            yield from log.blocks(first, last)
+            return
+        size = -(-(last - first + 1) // _PIECES)
         for block in log.blocks(first, last):
+            on_block(block)
             for begin in range(0, len(block), size):
                 yield block.part(begin, min(begin + size, len(block)))
 

@@ -51,7 +51,8 @@ class Certificate:
 
     number: str  #: Unique identification, without the revision.
     revision: int  #: 0 for the first issue.
-    supersedes: str | None  #: For a revision: number, revision and date that it replaces, and the reason.
+    supersedes: str | None  #: For a revision: identification and date of issue of the certificate that it replaces.
+    reason: str | None  #: For a revision: why it was made.
     issued: date
     result: Result
     meta: LogMeta
@@ -76,6 +77,7 @@ def build_certificate(
     issued: date | None = None,
     revision: int = 0,
     supersedes: str | None = None,
+    reason: str | None = None,
     budget: Budget | None = None,
 ) -> Certificate:
     """Build the certificate of a result; `meta` is the configuration in its log.
@@ -90,6 +92,7 @@ def build_certificate(
         number=certificate_number(result),
         revision=revision,
         supersedes=supersedes,
+        reason=reason,
         issued=issued or _day(result),
         result=result,
         meta=meta,
