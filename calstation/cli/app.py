@@ -209,9 +209,13 @@ def record(
     runs: Annotated[int, typer.Option(min=1, help="history: number of runs.")] = 2000,
 ) -> None:
     """Make a recording on the virtual bench for the methods that need no table, or a synthetic history of runs."""
-    from calstation.cli.logs import history_command, record_command
+    if kind == "history":
+        from calstation.cli.quality import history_command
 
-    raise typer.Exit(history_command(out, runs, seed) if kind == "history" else record_command(kind, out, grade, seed))
+        raise typer.Exit(history_command(out, runs, seed))
+    from calstation.cli.logs import record_command
+
+    raise typer.Exit(record_command(kind, out, grade, seed))
 
 
 @app.command()
