@@ -192,9 +192,13 @@ def record(
     runs: Annotated[int, typer.Option(min=1, help="history: number of runs.")] = 2000,
 ) -> None:
     """Make a recording on the virtual bench for the methods that need no table, or a synthetic history of runs."""
-    from calstation.cli.logs import history_command, record_command
+    if kind == "history":
+        from calstation.cli.quality import history_command
 
-    raise typer.Exit(history_command(out, runs, seed) if kind == "history" else record_command(kind, out, grade, seed))
+        raise typer.Exit(history_command(out, runs, seed))
+    from calstation.cli.logs import record_command
+
+    raise typer.Exit(record_command(kind, out, grade, seed))
 
 
 @app.command()
@@ -300,7 +304,7 @@ ParameterOption = Annotated[str | None, typer.Option(help="Only this parameter."
 def _quality(
     context: typer.Context,
     product: Annotated[
-        Path | None, typer.Option(help="Product file or its name; default: all.", callback=_given("products"))
+        Path | None, typer.Option(help="Product file or its name; default: all.", callback=by_name("products"))
     ] = None,
     serial: Annotated[str | None, typer.Option(help="Golden unit, which does not count otherwise.")] = None,
     parameter: ParameterOption = None,
@@ -324,7 +328,7 @@ def gauge(
     trials: Annotated[int, typer.Option(min=2, help="Plan: runs of each unit by each appraiser.")] = 3,
     seed: Annotated[int, typer.Option(min=0, help="Plan: of the random order.")] = 1,
     product: Annotated[
-        Path | None, typer.Option(help="Product whose limits are the tolerance.", callback=_given("products"))
+        Path | None, typer.Option(help="Product whose limits are the tolerance.", callback=by_name("products"))
     ] = None,
     parameter: ParameterOption = None,
     out: FolderOption = Path("runs"),

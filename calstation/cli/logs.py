@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import cast, get_args
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from calstation.cli.show import check_json, emit_json, residual_table, result_table, say, show_line
 from calstation.config import load_station
@@ -16,7 +16,7 @@ from calstation.messages import event_text, sentence
 from calstation.physics import EffectName
 from calstation.records import SUFFIX, export_csv, open_log, truth_path, write_log
 from calstation.results import resolve, write_json
-from calstation.simulation import GradeName, Kind, make_recording, synthesise_runs
+from calstation.simulation import GradeName, Kind, make_recording
 
 
 def resolve_command(
@@ -111,23 +111,6 @@ def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     beside = truth_path(target)
     write_json(beside, truth)
     show_line(Console(stderr=True), f"{target}: {facts.samples} samples; truth in {beside}")
-    return 0
-
-
-def history_command(folder: Path, runs: int, seed: int) -> int:
-    """Write a synthetic history of runs into a folder without other runs."""
-    if folder.is_dir() and any(folder.iterdir()):
-        raise ConfigurationError("cli.folder_not_empty", folder=folder)
-    columns = (TextColumn("making runs"), BarColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
-
-        def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-            bar.update(task, completed=fraction)
-
-        plan = synthesise_runs(show, folder, runs, seed)
-    show_line(console, f"{folder}: {runs} runs; plan of a study in {plan}")
     return 0
 
 

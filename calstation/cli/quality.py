@@ -1,7 +1,8 @@
-"""`quality`: statistics of stored runs over time, and studies of repeatability and reproducibility."""
+"""`quality` and `record history`: statistics of stored runs over time, gauge studies, and a synthetic history."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +16,7 @@ from rich.table import Table
 from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
 from calstation.config import load_product
 from calstation.errors import ConfigurationError
+from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, display, further_parameter, number
 from calstation.quality import (
     LEAST_CATEGORIES,
@@ -31,6 +33,7 @@ from calstation.quality import (
     summarise_quality,
 )
 from calstation.results import History, refresh_history
+from calstation.simulation import synthesise_runs
 
 #: Width of the tables, characters.
 _WIDTH = 170
@@ -50,16 +53,9 @@ def quality_command(
     _check_folder(out)
     _check_parameter(parameter)
     check_json(json)
-    columns = (TextColumn("reading the runs"), BarColumn(), TimeElapsedColumn())
-    console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task("", total=1.0)
-
-        def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
-            bar.update(task, completed=fraction)
-
-        begin = None if since is None else since.astimezone()
-        summary = summarise_quality(show, out, product, serial, parameter, begin)
+    begin = None if since is None else since.astimezone()
+    with _progress("reading the runs") as progress:
+        summary = summarise_quality(progress, out, product, serial, parameter, begin)
     emit_json(summary.to_json(), json)
     if json != "-":
         _show_summary(Console(file=sys.stdout, width=_WIDTH), summary)
@@ -111,6 +107,30 @@ def study_command(path: Path, product: Path | None, parameter: str | None, out: 
     if json != "-":
         _show_study(Console(file=sys.stdout, width=_WIDTH), plan, studies)
     return 1 if any(study.verdict == "unacceptable" for study in studies.values()) else 0
+
+
+def history_command(folder: Path, runs: int, seed: int) -> int:
+    """Write a synthetic history of runs into a folder without other runs."""
+    if folder.is_dir() and any(folder.iterdir()):
+        raise ConfigurationError("cli.folder_not_empty", folder=folder)
+    with _progress("making runs") as progress:
+        plan = synthesise_runs(progress, folder, runs, seed)
+    show_line(Console(stderr=True), f"{folder}: {runs} runs; plan of a study in {plan}")
+    return 0
+
+
+@contextmanager
+def _progress(text: str) -> Iterator[ProgressCallback]:
+    """Show the progress of a job."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(text, total=1.0)
+
+        def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+            bar.update(task, completed=fraction)
+
+        yield show
 
 
 def _check_folder(folder: Path) -> None:

@@ -94,7 +94,7 @@ def test_the_limits_of_a_difference_are_0_where_the_f_test_says() -> None:
 
 
 def test_intervals_contain_the_true_variation_as_often_as_they_promise() -> None:
-    random, runs = np.random.default_rng(4), 1500
+    random, runs = np.random.default_rng(4), 800
     p, o, r = 10, 4, 3
     true = {"repeatability": 1.0, "reproducibility": 1.5, "interaction": 1.2, "part": 4.0}
     true["gauge"] = (1.0 + 1.5**2 + 1.2**2) ** 0.5
@@ -108,7 +108,7 @@ def test_intervals_contain_the_true_variation_as_often_as_they_promise() -> None
             each = getattr(study, name)
             inside[name] += each is not None and each.low <= sigma <= each.high
     for name, count in inside.items():
-        assert 0.93 < count / runs < 0.98, (name, count / runs)  # the method is slightly conservative
+        assert 0.925 < count / runs < 0.985, (name, count / runs)  # the method is slightly conservative
 
 
 def test_a_crossed_design_is_read_in_any_order_and_an_unbalanced_one_refused() -> None:
