@@ -459,6 +459,38 @@ def _unit(serial: str, station: Path | None, product: Path | None, out: Path) ->
     return complete_request(RunRequest(serial, station, product, out=out, operator=computer_user()))
 
 
+quality = typer.Typer(help="Quality over time: check standards and the geometry of the table.", no_args_is_help=True)
+app.add_typer(quality, name="quality")
+
+
+@quality.command()
+def standards(
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: Annotated[Path, typer.Option("--out", help="Folder of the runs.")] = Path("runs"),
+    json: JsonOption = None,
+) -> None:
+    """Show which check standards and certificates are due; exit code 1 if production is refused."""
+    from calstation.cli.standards import standards_command
+
+    raise typer.Exit(standards_command(station, product, out, json))
+
+
+@quality.command("golden-demo")
+def golden_demo(
+    runs: Annotated[int, typer.Option(min=1, help="Golden runs without a shift.")] = 370,
+    shift: Annotated[float, typer.Option(help="Shift afterwards, in standard deviations from run to run.")] = 1.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of units, table and noise.")] = 1,
+    quantity: Annotated[str, typer.Option(help="orthogonality, tilt_x or tilt_y.")] = "orthogonality",
+    production: Annotated[int, typer.Option(min=0, help="Runs of production before each golden run.")] = 4,
+    json: JsonOption = None,
+) -> None:
+    """Chart the table's geometry over golden runs on the virtual bench, before and after a shift of an axis."""
+    from calstation.cli.standards import golden_demo_command
+
+    raise typer.Exit(golden_demo_command(runs, shift, seed, quantity, production, json))
+
+
 table = typer.Typer(
     help="The table alone: its state, and the reset of a fault that it has latched. Nothing moves.",
     no_args_is_help=True,

@@ -20,3 +20,9 @@ from .standards import judge_result as judge_result
 from .standards import judge_standard as judge_standard
 from .standards import require_standards as require_standards
 from .standards import standard_states as standard_states
+from .table_chart import BASELINE as BASELINE
+from .table_chart import WEIGHT as WEIGHT
+from .table_chart import WIDTH as WIDTH
+from .table_chart import TableChart as TableChart
+from .table_chart import alarms as alarms
+from .table_chart import table_charts as table_charts
