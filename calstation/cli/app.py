@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 import traceback
-from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
@@ -15,6 +14,7 @@ import typer
 from calstation import __version__, applog
 from calstation.cli.device_commands import registers, table
 from calstation.cli.options import JsonOption, ProductOption, StagesOption, StationOption, by_name, parsed_stages
+from calstation.cli.quality_commands import quality
 from calstation.errors import CalstationError, ConfigurationError
 
 _NAME = "calstation"
@@ -293,55 +293,6 @@ def design(
     raise typer.Exit(command(request, product, out, json))
 
 
-quality = typer.Typer(help="Statistics of stored runs: yield, control charts, capability, gauge studies.")
-app.add_typer(quality, name="quality")
-
-FolderOption = Annotated[Path, typer.Option("--out", help="Folder of the runs.")]
-ParameterOption = Annotated[str | None, typer.Option(help="Only this parameter.", metavar="NAME")]
-
-
-@quality.callback(invoke_without_command=True)
-def _quality(
-    context: typer.Context,
-    product: Annotated[
-        Path | None, typer.Option(help="Product file or its name; default: all.", callback=by_name("products"))
-    ] = None,
-    serial: Annotated[str | None, typer.Option(help="Golden unit, which does not count otherwise.")] = None,
-    parameter: ParameterOption = None,
-    since: Annotated[datetime | None, typer.Option(help="First day.", formats=["%Y-%m-%d"], metavar="DATE")] = None,
-    out: FolderOption = Path("runs"),
-    json: JsonOption = None,
-) -> None:
-    if context.invoked_subcommand is None:
-        from calstation.cli.quality import quality_command
-
-        raise typer.Exit(quality_command(product, serial, parameter, since, out, json))
-
-
-@quality.command()
-def gauge(
-    path: Annotated[Path, typer.Argument(metavar="PLAN.json", help="Plan of the study.")],
-    plan: Annotated[bool, typer.Option("--plan", help="Make the plan, in random order, and show it.")] = False,
-    units: Annotated[str | None, typer.Option(help="Plan: serial numbers.", metavar="A,B,...")] = None,
-    appraisers: Annotated[str | None, typer.Option(help="Plan: operators or stations.", metavar="A,B,...")] = None,
-    by: Annotated[str, typer.Option(help="Plan: operator or station.")] = "operator",
-    trials: Annotated[int, typer.Option(min=2, help="Plan: runs of each unit by each appraiser.")] = 3,
-    seed: Annotated[int, typer.Option(min=0, help="Plan: of the random order.")] = 1,
-    product: Annotated[
-        Path | None, typer.Option(help="Product whose limits are the tolerance.", callback=by_name("products"))
-    ] = None,
-    parameter: ParameterOption = None,
-    out: FolderOption = Path("runs"),
-    json: JsonOption = None,
-) -> None:
-    """Plan a study of repeatability and reproducibility (GR&R), or evaluate it from the stored runs."""
-    from calstation.cli.quality import plan_command, study_command
-
-    if plan:
-        raise typer.Exit(plan_command(path, units, appraisers, by, trials, seed, json))
-    raise typer.Exit(study_command(path, product, parameter, out, json))
-
-
 @app.command()
 def soak(
     runs: Annotated[int, typer.Option(min=1, help="Calibrations.")] = 20,
@@ -424,6 +375,7 @@ def report(
     raise typer.Exit(report_command(source, out, language, issued, revise, templates))
 
 
+app.add_typer(quality, name="quality")
 app.add_typer(registers, name="registers")
 app.add_typer(table, name="table")
 

@@ -1,6 +1,7 @@
 from .bench_recordings import GradeName as GradeName
 from .bench_recordings import Kind as Kind
 from .bench_recordings import make_recording as make_recording
+from .golden import golden_demo as golden_demo
 from .hooks import BenchHooks as BenchHooks
 from .method_study import run_method_study as run_method_study
 from .recordings import record_on_bench as record_on_bench
