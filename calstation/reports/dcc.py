@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from datetime import date
 from functools import partial
-from itertools import groupby
+from itertools import compress, groupby
 
 import numpy as np
 from lxml import etree
@@ -16,7 +16,7 @@ from lxml.builder import ElementMaker
 
 from calstation import __version__
 from calstation.messages import Language, known, parameter_name, term
-from calstation.physics import pair_name
+from calstation.physics import INDEX, pair_name
 from calstation.records import InstrumentSection, context_from_meta
 from calstation.reports.content import Certificate, Quantity, performed, quantity_group
 from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
@@ -226,13 +226,17 @@ def _conditions(certificate: Certificate) -> Iterable[etree._Element]:
 
 
 def _results(certificate: Certificate) -> Iterable[etree._Element]:
+    """Yield the values; the covariance of those of the error model, where the result has it; and what remains."""
     quantities = certificate.quantities
     groups = [_group(group, rows, _judgement(rows)) for group, rows in _by_group(quantities)]
     yield _DCC("result", _name("parameters"), _DCC("data", *groups))
-    sigmas = np.array([row.sigma for row in quantities])
-    covariance = certificate.correlation * np.outer(sigmas, sigmas)
-    joint = joint_list(*_columns(quantities), [row.value for row in quantities], covariance)
-    yield _DCC("result", _name("joint"), _rich("description", "joint_text"), _DCC("data", _DCC("quantity", joint)))
+    correlated = np.array([row.name in INDEX for row in quantities])
+    if certificate.result.correlation and correlated.any():
+        rows = list(compress(quantities, correlated))
+        sigmas = np.array([row.sigma for row in rows])
+        covariance = certificate.correlation[np.ix_(correlated, correlated)] * np.outer(sigmas, sigmas)
+        joint = _DCC("quantity", joint_list(*_columns(rows), [row.value for row in rows], covariance))
+        yield _DCC("result", _name("joint"), _rich("description", "joint_text"), _DCC("data", joint))
     for key, status in (("as_found", "beforeAdjustment"), ("as_left", "afterAdjustment")):
         known_rows = [q for q in quantities if getattr(q, key) is not None]
         if known_rows:

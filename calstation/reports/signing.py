@@ -83,9 +83,18 @@ def sign_pdf(pdf: bytes, signer: Signer) -> bytes:
     from pyhanko.sign import sign_pdf as sign
     from pyhanko.sign.fields import SigSeedSubFilter
 
+    class Writer(IncrementalPdfFileWriter):
+        """Leaves metadata and version as PDF/A-3 has them: the library's XMP is not PDF/A, and PDF/A-3 is PDF 1.7."""
+
+        def _update_meta(self) -> None:
+            pass
+
+        def ensure_output_version(self, version: tuple[int, int]) -> None:
+            pass
+
     settings = PdfSignatureMetadata("Signature", md_algorithm="sha256", subfilter=SigSeedSubFilter.PADES)
     signed = io.BytesIO()
-    sign(IncrementalPdfFileWriter(io.BytesIO(pdf)), settings, signer.for_pdf, output=signed)
+    sign(Writer(io.BytesIO(pdf)), settings, signer.for_pdf, output=signed)
     return signed.getvalue()
 
 

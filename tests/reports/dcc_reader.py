@@ -28,16 +28,16 @@ class Reading:
     as_found: dict[str, float]
     as_left: dict[str, float]
     decisions: dict[str, str]  #: ``pass`` or ``fail``.
-    names: list[str]  #: Order of the covariance matrix.
+    names: list[str]  #: Order of the covariance matrix; empty without one.
     covariance: FloatArray
-    coverage_factor: float  #: Of the ellipsoidal region.
 
 
 def read_dcc(xml: bytes) -> Reading:
     """Read the quantities of a certificate."""
-    parameters, joint, *states = find(etree.fromstring(xml), "//dcc:result")
-    remaining = {status(result): result for result in states}
-    columns = find(joint, ".//si:column")
+    root = etree.fromstring(xml)
+    parameters, *others = find(root, "//dcc:result")
+    remaining = {status(result): result for result in others if find(result, ".//dcc:status")}
+    columns = find(root, "//si:column")
     return Reading(
         values=listed(parameters, "si:valueXMLList"),
         units=labelled(parameters, "si:unitXMLList"),
@@ -45,9 +45,8 @@ def read_dcc(xml: bytes) -> Reading:
         as_found=listed(remaining.get("beforeAdjustment"), "si:valueXMLList"),
         as_left=listed(remaining.get("afterAdjustment"), "si:valueXMLList"),
         decisions=labelled(parameters, "../dcc:measurementMetaData//dcc:conformityXMLList"),
-        names=[label.text for label in find(joint, ".//si:label")],
+        names=[label.text for label in find(root, "//si:label")],
         covariance=np.array([[float(v.text) for v in find(c, "si:covariance/si:value")] for c in columns]).T,
-        coverage_factor=float(find(joint, ".//si:ellipsoidalRegion/si:coverageFactor")[0].text),
     )
 
 
