@@ -51,7 +51,8 @@ class Certificate:
 
     number: str  #: Unique identification, without the revision.
     revision: int  #: 0 for the first issue.
-    supersedes: str | None  #: For a revision: number, revision and date that it replaces, and the reason.
+    supersedes: str | None  #: For a revision: identification and date of issue of the certificate that it replaces.
+    reason: str | None  #: For a revision: why it was made.
     issued: date
     result: Result
     meta: LogMeta
@@ -76,6 +77,7 @@ def build_certificate(
     issued: date | None = None,
     revision: int = 0,
     supersedes: str | None = None,
+    reason: str | None = None,
     budget: Budget | None = None,
 ) -> Certificate:
     """Build the certificate of a result; `meta` is the configuration in its log.
@@ -90,6 +92,7 @@ def build_certificate(
         number=certificate_number(result),
         revision=revision,
         supersedes=supersedes,
+        reason=reason,
         issued=issued or performed(result)[1],
         result=result,
         meta=meta,
@@ -136,7 +139,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
             decisions[check.subject] = "passed" if check.passed else "failed"
     rows = []
     for name, found in result.parameters.items():
-        limit = limits.get(name, limits.get(quantity_group(name), Limit()))
+        limit = limits.get(name, limits.get(group_of(name), Limit()))
         rows.append(
             Quantity(
                 name=name,
@@ -155,10 +158,10 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     return rows
 
 
-def quantity_group(name: str) -> str:
-    """Return the group of a quantity; empty for an unknown name."""
+def group_of(name: str) -> str:
+    """Return the group of a parameter, or the name itself if it is unknown."""
     parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
-    return "" if parameter is None else parameter.group
+    return name if parameter is None else parameter.group
 
 
 def _remaining(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:

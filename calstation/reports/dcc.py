@@ -15,10 +15,10 @@ from lxml import etree
 from lxml.builder import ElementMaker
 
 from calstation import __version__
-from calstation.messages import Language, known, parameter_name, term
+from calstation.messages import Language, Text, known, parameter_name, render, term
 from calstation.physics import INDEX, pair_name
 from calstation.records import InstrumentSection, context_from_meta
-from calstation.reports.content import Certificate, Quantity, performed, quantity_group
+from calstation.reports.content import Certificate, Quantity, group_of, performed
 from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
 
 SCHEMA_VERSION = "3.3.0"
@@ -30,15 +30,17 @@ _NAMESPACES = {
 _DCC = ElementMaker(namespace=_NAMESPACES["dcc"], nsmap=_NAMESPACES)
 
 _LANGUAGES: Mapping[str, Language] = {"en": "en", "zh": "zh_CN"}
+#: Standard to whose clauses statements refer.
+_NORM = "ISO/IEC 17025:2017"
 #: ISO 3166-1 code, assigned to users, of a country that the station does not state.
 _NO_COUNTRY = "ZZ"
 
 
-def write_dcc(certificate: Certificate) -> bytes:
-    """Return the digital calibration certificate; the same certificate gives the same bytes."""
+def write_dcc(certificate: Certificate, deviations: Iterable[Text] = ()) -> bytes:
+    """Return the digital calibration certificate with `deviations` from the method; the same input, the same bytes."""
     root = _DCC(
         "digitalCalibrationCertificate",
-        _administrative_data(certificate),
+        _administrative_data(certificate, deviations),
         _DCC("measurementResults", _measurement_result(certificate)),
         schemaVersion=SCHEMA_VERSION,
     )
@@ -48,7 +50,7 @@ def write_dcc(certificate: Certificate) -> bytes:
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
 
 
-def _administrative_data(certificate: Certificate) -> etree._Element:
+def _administrative_data(certificate: Certificate, deviations: Iterable[Text]) -> etree._Element:
     laboratory = certificate.laboratory
     return _DCC(
         "administrativeData",
@@ -62,7 +64,7 @@ def _administrative_data(certificate: Certificate) -> etree._Element:
             laboratory.customer if laboratory else None,
             laboratory.customer_address if laboratory else None,
         ),
-        _DCC("statements", *_statements(certificate)),
+        _DCC("statements", *_statements(certificate), *map(_deviation, deviations)),
     )
 
 
@@ -128,34 +130,35 @@ def _responsible(certificate: Certificate) -> Iterable[etree._Element]:
 
 
 def _statements(certificate: Certificate) -> Iterable[etree._Element]:
-    norm = _DCC("norm", "ISO/IEC 17025:2017")
     yield _DCC(
-        "statement", _name("items_only"), norm, _DCC("reference", "7.8.2.1 l)"), _rich("declaration", "items_only_text")
+        "statement",
+        _name("items_only"),
+        _DCC("norm", _NORM),
+        _DCC("reference", "7.8.2.1 l)"),
+        _rich("declaration", "items_only_text"),
     )
-    decision = _rich("declaration", certificate.verdict, f"rule_{certificate.rule}")
+    texts = (("dcc", certificate.verdict), ("certificate", f"rule_{certificate.rule}"))
     conformity = {"passed": [_DCC("conformity", "pass")], "failed": [_DCC("conformity", "fail")]}
     yield _DCC(
         "statement",
         _name("conformity"),
-        _DCC("norm", "ISO/IEC 17025:2017"),
+        _DCC("norm", _NORM),
         _DCC("reference", "7.8.6"),
-        decision,
+        _texts("declaration", lambda language: " ".join(term(*text, language) for text in texts)),
         *conformity.get(certificate.verdict, []),
         refType="basic_conformity",
     )
-    unobservable = [q.name for q in certificate.quantities if q.unobservable]
-    if unobservable:
-
-        def undetermined(language: Language) -> str:
-            names = ", ".join(parameter_name(name, language) for name in unobservable)
-            return term("dcc", "undetermined_text", language, names=names)
-
-        yield _DCC("statement", _name("undetermined"), _texts("declaration", undetermined))
     if certificate.supersedes is not None:
-        yield _DCC("statement", _name("superseded"), _DCC("declaration", _plain(certificate.supersedes)))
+        replaced = ". ".join(filter(None, (certificate.supersedes, certificate.reason)))
+        yield _DCC("statement", _name("superseded"), _DCC("declaration", _plain(replaced)))
     if certificate.laboratory is not None and certificate.laboratory.place is not None:
         further = _DCC("further", _plain(certificate.laboratory.place))
         yield _DCC("statement", _name("place"), _DCC("location", further))
+
+
+def _deviation(text: Text) -> etree._Element:
+    declared = _texts("declaration", lambda language: render(text.code, text.values, language, window=True).sentences)
+    return _DCC("statement", _name("deviation"), _DCC("norm", _NORM), _DCC("reference", "7.8.2.1 n)"), declared)
 
 
 def _measurement_result(certificate: Certificate) -> etree._Element:
@@ -180,8 +183,8 @@ def _methods(certificate: Certificate) -> Iterable[etree._Element]:
     )
     for stage in certificate.result.solved_stages:
         name = _texts("name", partial(term, "stage", stage))
-        keys = (("dcc", f"{stage}_method"), ("method", f"{stage}_summary"))
-        described = [_texts("description", partial(term, *key)) for key in keys if known(".".join(key))]
+        words = ("certificate", f"stage_{stage}")
+        described = [_texts("description", partial(term, *words))] if known(".".join(words)) else []
         yield _DCC("usedMethod", name, *described)
 
 
@@ -251,7 +254,7 @@ def _by_group(quantities: Iterable[Quantity]) -> list[tuple[str, list[Quantity]]
 def _group_of(name: str) -> str:
     """Return the group of a quantity, with the number of the IMU from the third on."""
     number = "".join(filter(str.isdigit, name))
-    group = quantity_group(name) or name
+    group = group_of(name)
     return pair_name(group, int(number)) if number else group
 
 

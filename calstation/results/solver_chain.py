@@ -147,13 +147,16 @@ def solve(
     *,
     source: str | Path = "log",
     progress: SolveProgress | None = None,
+    chain: StageChain | None = None,
 ) -> StageChain:
     """Solve the chosen stages of a log in order, by default all as recorded; `source` names the log in messages.
+
+    `chain` is a new chain that the caller observes while it is fed.
 
     Raises InsufficientDataError if a chosen stage or every stage of the log lacks data; InputError if the log cannot be
     solved for another reason.
     """
-    replay = _Replay(blocks, StageChain(meta), source, progress)
+    replay = _Replay(blocks, chain or StageChain(meta), source, progress)
     with one_blas_thread():
         if stages is None:
             replay.as_recorded()

@@ -11,6 +11,7 @@ import pytest
 from dsi_unit import DsiUnit
 from lxml import etree
 
+from calstation.messages import Text
 from calstation.physics.parameters import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
 from calstation.records.laboratory import InstrumentSection, LaboratorySection
 from calstation.records.log import open_log
@@ -85,7 +86,7 @@ def test_every_certificate_meets_the_schema(
     monkeypatch.setenv(PASSWORD_VARIABLE, PASSWORD)
     signer = load_signer(write_certificate(tmp_path / "seal.p12", KEYS["ec"]()))
     plain = replace(certificates["passed"], laboratory=None, instruments=())
-    revised = replace(certificates["passed"], revision=2, supersedes="R1 of 2026-11-22: typing error")
+    revised = replace(certificates["passed"], revision=2, supersedes="X-R1, 2026-11-22", reason="typing error")
     for name, certificate in {**certificates, "plain": plain, "revised": revised}.items():
         xml = write_dcc(certificate)
         for written in (xml, sign_xml(xml, signer)):
@@ -157,7 +158,7 @@ def test_the_failed_quantity_is_named(certificates: Mapping[str, Certificate]) -
 
 
 def test_laboratory_instruments_and_revision_stand_in_their_elements(certificates: Mapping[str, Certificate]) -> None:
-    revised = replace(certificates["passed"], revision=1, supersedes="typing error")
+    revised = replace(certificates["passed"], revision=1, supersedes="X, 2026-11-22", reason="typing error")
     root = etree.fromstring(write_dcc(revised))
 
     def text(path: str) -> list[str]:
@@ -173,6 +174,14 @@ def test_laboratory_instruments_and_revision_stand_in_their_elements(certificate
     assert text("//dcc:measuringEquipment//dcc:value") == ["T-7", "K-1"]
     assert revised.result.log.sha256 in text("//dcc:coreData//dcc:value")
     assert text("//dcc:influenceCondition//si:real/si:unit")[-1] == r"\metre\second\tothe{-2}"
+
+
+def test_deviations_are_stated_in_both_languages(certificates: Mapping[str, Certificate]) -> None:
+    xml = write_dcc(certificates["passed"], [Text("certificate.d_no_table"), Text.of("certificate.d_gaps", count=2)])
+    declared = find(etree.fromstring(xml), "//dcc:statement[dcc:reference='7.8.2.1 n)']/dcc:declaration/dcc:content")
+    assert [content.get("lang") for content in declared] == ["en", "zh", "en", "zh"]
+    assert declared[2].text.startswith("The recording has 2 gaps")
+    assert broken_rules(xml) == []
 
 
 def test_what_is_not_known_is_not_made_up(certificates: Mapping[str, Certificate]) -> None:
