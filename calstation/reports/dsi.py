@@ -95,6 +95,9 @@ def joint_list(
 ) -> etree._Element:
     """Return quantities with their covariance matrix and the coverage factor of the ellipsoidal region.
 
+    They form a ``realList``, because D-SI does not say how rows and list entries correspond in the covariance of an
+    ``XMLList``.
+
     For n quantities that are normally distributed, the square of the factor is the quantile of the chi-squared
     distribution with n degrees of freedom (JCGM 102:2011, 6.5).
 
