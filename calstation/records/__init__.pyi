@@ -66,6 +66,10 @@ from .raw_read import raw_rows as raw_rows
 from .raw_read import read_contents as read_contents
 from .raw_read import solved_stages as solved_stages
 from .raw_read import step_labels as step_labels
+from .reports import IssuedReport as IssuedReport
+from .reports import append_report as append_report
+from .reports import read_reports as read_reports
+from .reports import reports_path as reports_path
 from .resolves import OnlineDifference as OnlineDifference
 from .resolves import ResolveRecord as ResolveRecord
 from .resolves import append_resolve as append_resolve

@@ -11,8 +11,7 @@ from calstation.messages import Text, entry, event_text, known, values_from_json
 from calstation.physics import FloatArray
 from calstation.records import Log
 from calstation.reports.budget import Budget, solve_again, uncertainty_budget
-from calstation.results import Result, StageChain, one_blas_thread
-from calstation.results.diagnostics import stage_diagnostics
+from calstation.results import Result, StageChain, one_blas_thread, stage_diagnostics
 
 #: Fractions of the job's progress: after the first solution, and after the residuals.
 _SOLVED, _RESIDUALS = 0.2, 0.25

@@ -15,8 +15,7 @@ import numpy as np
 from calstation.estimation.common import SampleBlock
 from calstation.physics import INDEX, PARAMETERS, FloatArray
 from calstation.records import ImuSection, Log, LogMeta, PriorSection, estimated_stage, prior_from_meta
-from calstation.results import Result, StageChain
-from calstation.results.solver_chain import solve
+from calstation.results import Result, StageChain, solve
 
 #: Callback that gets the finished fraction and the stage.
 BudgetProgress = Callable[[float, str], None]

@@ -25,7 +25,7 @@ from calstation.reports.budget import SOURCES
 from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity, group_of
 from calstation.reports.deviations import deviations
 from calstation.reports.numbers import NONE, check_unit, in_display, interval, rounded, short
-from calstation.results.result import Verification, plain
+from calstation.results import Verification, plain
 from procedures import method
 
 #: Shares of the noise found in the data below this are rounding and nonlinearity, and get no column.
@@ -131,10 +131,15 @@ class _Document:
             "sigma_limit": NONE if q.sigma_limit is None else short(display(q.name, q.sigma_limit)[0]),
             "found": rounded(in_display(q.name, q.as_found), expanded),
             "left": rounded(in_display(q.name, q.as_left), expanded),
-            "decision": "undetermined" if q.unobservable and q.decision == "not_judged" else q.decision,
+            "decision": self._decision(q),
             "false_accept": q.false_accept,
             "false_reject": q.false_reject,
         }
+
+    def _decision(self, q: Quantity) -> str:
+        if not q.unobservable or q.decision != "not_judged":
+            return q.decision
+        return "undetermined" if q.name in self._result.undetermined else "kept"
 
     def _check_text(self, check: Check) -> str:
         code, stage = f"check.{check.kind}", check.subject
@@ -204,7 +209,8 @@ class _Document:
             step, unit = display_by_unit(si, count if given is None else given)
             found.append((f"{sensor}_quantisation", step, unit))
         for name in ("encoder", "mount", "base_tilt", "azimuth"):
-            found.append((name, 3600.0 * getattr(table, f"{name}_sigma_deg"), "″"))
+            angle = getattr(table, f"{name}_sigma_deg")
+            found.append((name, angle, "°") if angle >= 1.0 else (name, 3600.0 * angle, "″"))
         found.append(("velocity", 1e3 * table.velocity_sigma, "mm/s"))
         found.append(("gravity", 1e6 * site.relative_gravity_sigma, "ppm"))
         return [(name, f"{short(value)} {unit}") for name, value, unit in found]
@@ -299,7 +305,7 @@ class _Document:
             "limits": [chart for g, rows in self._groups if (chart := self._limits_chart(g, rows)) is not None],
             "time": analysis.time / 60.0,
             "spans": spans,
-            "convergence": [self._convergence(group, rows) for group, rows in self._groups if rows[0].name in INDEX],
+            "convergence": [self._convergence(*group) for group in self._groups if self._converges(group[1])],
             "observability": [
                 {
                     "name": _capital(term("group", group, self._language)),
@@ -312,7 +318,7 @@ class _Document:
                 for group, rows in self._groups
                 if rows[0].name in INDEX
             ],
-            "rests": [self._rests(stage) for stage in analysis.rests if len(analysis.rests[stage])],
+            "rests": [chart for stage in analysis.rests if (chart := self._rests(stage))["series"]],
         }
 
     def _limits_chart(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any] | None:
@@ -330,6 +336,11 @@ class _Document:
                 }
             )
         return {"name": _capital(term("group", group, self._language)), "points": points} if points else None
+
+    def _converges(self, rows: Sequence[Quantity]) -> bool:
+        """Whether a solver showed the sigmas before its end."""
+        names = [INDEX[q.name] for q in rows if q.name in INDEX]
+        return bool(names) and bool((self._analysis.sigma[-2, names] != self._analysis.sigma[0, names]).any())
 
     def _convergence(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any]:
         unit, size = unit_of_parameter(rows[0].name)
@@ -351,11 +362,20 @@ class _Document:
             ("vertical", r_unit, rests.vertical_rate / r_size, rests.rate_sigma / r_size),
             ("horizontal", r_unit, rests.horizontal_rate / r_size, rests.rate_sigma / r_size),
         ]
+        # Without the biases, the output at rest shows these instead of residuals.
+        found = {group for group, _ in self._groups}
+        calibrated = {
+            "force": "accel_bias" in found,
+            "vertical": "gyro_bias" in found,
+            "horizontal": "gyro_bias" in found,
+        }
         return {
             "stage": term("stage", stage, self._language),
             "up": [rests.axis(k).replace("-", "−") for k in range(len(rests))],
             "series": [
-                {"name": name, "unit": unit, "value": value, "sigma": sigma} for name, unit, value, sigma in series
+                {"name": name, "unit": unit, "value": value, "sigma": sigma}
+                for name, unit, value, sigma in series
+                if calibrated[name] and len(rests)
             ],
         }
 

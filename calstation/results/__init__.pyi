@@ -8,6 +8,7 @@ from .diagnostics import Diagnostics as Diagnostics
 from .diagnostics import PositionResidual as PositionResidual
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose
+from .diagnostics import stage_diagnostics as stage_diagnostics
 from .handover import Delivery as Delivery
 from .handover import HandOver as HandOver
 from .handover import deliver_pending as deliver_pending
@@ -56,9 +57,12 @@ from .result import CyclePhase as CyclePhase
 from .result import Parameter as Parameter
 from .result import Registers as Registers
 from .result import Result as Result
+from .result import Verification as Verification
 from .result import in_sigma as in_sigma
 from .result import load_result as load_result
 from .result import online_difference as online_difference
+from .result import plain as plain
 from .result import write_json as write_json
 from .solver_chain import StageChain as StageChain
 from .solver_chain import one_blas_thread as one_blas_thread
+from .solver_chain import solve as solve

@@ -7,6 +7,7 @@ from dataclasses import replace
 from calstation.config import ProductConfig, latitude_agrees
 from calstation.errors import ConfigurationError
 from calstation.results import Ending, build_result, judge, write_json
+from calstation.runs.automatic_report import start_report
 from calstation.runs.prepare import OpenRun
 from calstation.sequencer import Ended, State, Verdict
 
@@ -44,6 +45,8 @@ def close_run(run: OpenRun, ended: Ended) -> None:
         history.refresh()
     logger.info("verdict %s, result %s", outcome, beside)
     run.prepared.emit(Verdict(outcome, str(log.path), str(beside), result))
+    if outcome in ("passed", "failed"):
+        start_report(run.setup, beside.absolute())
 
 
 def advice(product: ProductConfig, outcome: str, failures: int, finished: bool) -> str | None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes
 from cryptography.hazmat.primitives.asymmetric import ec, ed25519, rsa
-from cryptography.hazmat.primitives.serialization import BestAvailableEncryption, pkcs12
+from cryptography.hazmat.primitives.serialization import BestAvailableEncryption, Encoding, pkcs12
 from cryptography.x509.oid import NameOID
 
 Key = rsa.RSAPrivateKey | ec.EllipticCurvePrivateKey | ed25519.Ed25519PrivateKey
@@ -42,3 +42,10 @@ def write_certificate(path: Path, key: Key) -> Path:
     )
     path.write_bytes(content)
     return path
+
+
+def pem(file: Path) -> bytes:
+    """The certificate of a PKCS #12 file, without its key."""
+    _, certificate, _ = pkcs12.load_key_and_certificates(file.read_bytes(), PASSWORD.encode())
+    assert certificate is not None
+    return certificate.public_bytes(Encoding.PEM)
