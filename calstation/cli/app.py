@@ -368,11 +368,18 @@ def report(
     templates: Annotated[
         Path | None, typer.Option(help="Folder with templates in place of the site's.", metavar="DIR")
     ] = None,
+    dcc: Annotated[
+        Path | None, typer.Option(help="Digital calibration certificate to write besides.", metavar="FILE.xml")
+    ] = None,
+    sign: Annotated[
+        Path | None,
+        typer.Option(help="Certificate to sign PDF and XML with.", metavar="FILE.p12"),
+    ] = None,
 ) -> None:
     """Write the calibration certificate of a result as a PDF."""
     from calstation.cli.report import report_command
 
-    raise typer.Exit(report_command(source, out, language, issued, revise, templates))
+    raise typer.Exit(report_command(source, out, language, issued, revise, templates, dcc, sign))
 
 
 app.add_typer(quality, name="quality")

@@ -16,14 +16,22 @@ LANGUAGES: dict[str, Language] = {"en": "en", "zh": "zh_CN"}
 
 
 def report_command(
-    source: Path, out: Path, language: str, issued: str | None, revise: str | None, templates: Path | None
+    source: Path,
+    out: Path,
+    language: str,
+    issued: str | None,
+    revise: str | None,
+    templates: Path | None,
+    dcc: Path | None,
+    sign: Path | None,
 ) -> int:
     """Write the certificate of a result or log, and say its number and verdict."""
     if language not in LANGUAGES:
         raise ConfigurationError("cli.unknown_choice", option="--language", value=language, choices=list(LANGUAGES))
-    if out.is_dir() or not out.absolute().parent.is_dir():
-        raise ConfigurationError("cli.out_unwritable", path=out)
-    request = ReportRequest(source, out, LANGUAGES[language], _day(issued), revise, templates)
+    for file in (out, dcc):
+        if file is not None and (file.is_dir() or not file.absolute().parent.is_dir()):
+            raise ConfigurationError("cli.out_unwritable", path=file)
+    request = ReportRequest(source, out, LANGUAGES[language], _day(issued), revise, templates, dcc, sign)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

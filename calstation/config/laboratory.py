@@ -9,6 +9,13 @@ from calstation.records import LaboratorySection as LaboratorySection
 from calstation.schema import StrictModel
 
 
+class SigningSection(StrictModel):
+    """`[report.signing]` of a station: the site's certificate for signatures."""
+
+    #: PKCS #12 file, relative to the station file; its password is in the environment or in the keyring.
+    certificate: str = Field(min_length=1)
+
+
 class ReportSection(StrictModel):
     """`[report]` of a station: language and templates of its reports, and the folder of automatic ones."""
 
@@ -17,3 +24,4 @@ class ReportSection(StrictModel):
     language: Literal["en", "zh"] = "en"
     #: Folder with the site's own templates, relative to the station file; by default ``reports`` of the site's folder.
     template: str | None = Field(default=None, min_length=1)
+    signing: SigningSection | None = None  #: None for reports without signatures.

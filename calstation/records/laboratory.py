@@ -28,6 +28,7 @@ class LaboratorySection(StrictModel):
 
     name: _Text
     address: _Text
+    country: Annotated[str, Field(pattern="^[A-Z]{2}$")] | None = None  #: ISO 3166-1 code, such as CN.
     place: _Text | None = None  #: Where the calibration is done, if not at `address`.
     accreditation: _Text | None = None  #: Accreditation body and number.
     customer: _Text | None = None

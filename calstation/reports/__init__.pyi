@@ -3,6 +3,7 @@ from .content import Certificate as Certificate
 from .content import Quantity as Quantity
 from .content import build_certificate as build_certificate
 from .content import certificate_number as certificate_number
+from .dcc import write_dcc as write_dcc
 from .issue import ReportRequest as ReportRequest
 from .issue import issue_report as issue_report
 from .label import label_template as label_template

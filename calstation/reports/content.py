@@ -93,7 +93,7 @@ def build_certificate(
         revision=revision,
         supersedes=supersedes,
         reason=reason,
-        issued=issued or _day(result),
+        issued=issued or performed(result)[1],
         result=result,
         meta=meta,
         laboratory=meta.laboratory,
@@ -112,13 +112,14 @@ def certificate_number(result: Result) -> str:
     return next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
 
 
-def _day(result: Result) -> date:
+def performed(result: Result) -> tuple[date, date]:
+    """Return the first and the last day (UTC) of the calibration. Raises InputError if they are unknown."""
     if result.started_utc is None:
         raise InputError("report.no_date", log=result.log.file)
     # The cycle includes the parts of a run that are not recorded, such as warm-up and transfer.
     seconds = sum(part.seconds for part in result.cycle) or result.duration_s
-    end = datetime.fromisoformat(result.started_utc) + timedelta(seconds=seconds)
-    return end.astimezone(UTC).date()
+    begin = datetime.fromisoformat(result.started_utc).astimezone(UTC)
+    return begin.date(), (begin + timedelta(seconds=seconds)).date()
 
 
 def _verdict(result: Result) -> Verdict:
@@ -138,7 +139,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
             decisions[check.subject] = "passed" if check.passed else "failed"
     rows = []
     for name, found in result.parameters.items():
-        limit = limits.get(name, limits.get(_group(name), Limit()))
+        limit = limits.get(name, limits.get(group_of(name), Limit()))
         rows.append(
             Quantity(
                 name=name,
@@ -157,9 +158,10 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     return rows
 
 
-def _group(name: str) -> str:
+def group_of(name: str) -> str:
+    """Return the group of a parameter, or the name itself if it is unknown."""
     parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
-    return "" if parameter is None else parameter.group
+    return name if parameter is None else parameter.group
 
 
 def _remaining(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:

@@ -15,16 +15,14 @@ from calstation.physics import (
     DEGREE,
     INDEX,
     NOISE_DISPLAY,
-    PARAMETERS,
     display,
     display_by_unit,
-    further_parameter,
     unit_of_parameter,
 )
 from calstation.records import Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
-from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity
+from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity, group_of
 from calstation.reports.deviations import deviations
 from calstation.reports.numbers import NONE, check_unit, in_display, interval, rounded, short
 from calstation.results import Verification, plain
@@ -380,12 +378,6 @@ class _Document:
                 if calibrated[name] and len(rests)
             ],
         }
-
-
-def group_of(name: str) -> str:
-    """Return the group of a parameter, or the name itself if it is unknown."""
-    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
-    return name if parameter is None else parameter.group
 
 
 def _axis(group: str, name: str) -> str:

@@ -13,7 +13,10 @@ from calstation.messages import Language, os_reason
 from calstation.records import IssuedReport, Log, LogMeta, append_report, open_log, read_reports, write_atomic
 from calstation.reports.analysis import analyse
 from calstation.reports.content import Certificate, build_certificate, certificate_number
+from calstation.reports.dcc import write_dcc
+from calstation.reports.deviations import deviations
 from calstation.reports.pdf import Attachment, typeset
+from calstation.reports.signing import load_signer, sign_pdf, sign_xml
 from calstation.results import Result, find_log, load_result, resolve, stored_result
 
 #: Fraction of the job's progress before the PDF is typeset.
@@ -30,20 +33,28 @@ class ReportRequest:
     issued: date | None = None  #: Date of issue; None for the day on which the result was made.
     revise: str | None = None  #: Reason for a new revision.
     templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
+    dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
+    signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
 
 
 def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificate:
     """Job: write the report of a result or log and record it beside the log.
 
-    The same result gives the same bytes in one language. A certificate that was issued keeps its number, revision and
-    date; another result, date or reason needs a revision. Raises InputError or ConfigurationError.
+    The same result gives the same bytes in one language, unless they are signed. A certificate that was issued keeps
+    its number, revision and date; another result, date or reason needs a revision. Raises InputError or
+    ConfigurationError.
     """
+    signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(request.source)
     certificate, record = _numbered(result, log, request)
     analysis = analyse(lambda done, remaining_s=None, note="": report(_ANALYSED * done, note=note), log, result)
     certificate = replace(certificate, budget=analysis.budget)
-    pdf = typeset(certificate, analysis, request.language, attachments(certificate), request.templates)
-    _write(request.out, pdf)
+    dcc = write_dcc(certificate, deviations(certificate, analysis))
+    dcc = dcc if signer is None else sign_xml(dcc, signer)
+    pdf = typeset(certificate, analysis, request.language, attachments(certificate, dcc), request.templates)
+    _write(request.out, pdf if signer is None else sign_pdf(pdf, signer))
+    if request.dcc is not None:
+        _write(request.dcc, dcc)
     if record is not None:
         try:
             append_report(log.path.absolute().parent, record)
@@ -53,11 +64,14 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     return certificate
 
 
-def attachments(certificate: Certificate) -> list[Attachment]:
-    """Return the files embedded in the PDF of a certificate."""
+def attachments(certificate: Certificate, dcc: bytes) -> list[Attachment]:
+    """Return the files embedded in the PDF of a certificate: its digital form and the result."""
     content = json.dumps(certificate.result.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    name = f"{certificate.identification}.json"
-    return [Attachment(name, "application/json", content.encode(), "source")]
+    name = certificate.identification
+    return [
+        Attachment(f"{name}.xml", "application/xml", dcc, "alternative"),
+        Attachment(f"{name}.json", "application/json", content.encode(), "source"),
+    ]
 
 
 def load_source(path: Path) -> tuple[Result, Log]:

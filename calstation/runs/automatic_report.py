@@ -24,6 +24,8 @@ def start_report(setup: ResolvedConfiguration, result_file: Path) -> None:
     command += ["--language", section.language]
     if section.template is not None:
         command += ["--templates", str(beside / Path(section.template).expanduser())]
+    if section.signing is not None:
+        command += ["--sign", str(beside / Path(section.signing.certificate).expanduser())]
     nothing = subprocess.DEVNULL
     try:
         process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)
