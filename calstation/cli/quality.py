@@ -15,7 +15,7 @@ from rich.table import Table
 
 from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
 from calstation.config import load_product
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, display, further_parameter, number
 from calstation.quality import (
@@ -85,7 +85,8 @@ def plan_command(
 def study_command(path: Path, product: Path | None, parameter: str | None, out: Path, json: str | None) -> int:
     """Evaluate a study from the stored runs; return 1 if the measurement is unacceptable in a parameter.
 
-    `product` gives the tolerances, which are the widths of its limits. Raises InputError while runs are missing.
+    `product` gives the tolerances, which are the widths of its limits.
+    Raises InputError while runs are missing, or if no parameter was solved in all of them.
     """
     _check_folder(out)
     _check_parameter(parameter)
@@ -99,6 +100,8 @@ def study_command(path: Path, product: Path | None, parameter: str | None, out: 
         if _known(name) and parameter in (None, name):
             interval = None if limits is None else limit_interval(limits, name)
             studies[name] = gauge_study(measured, None if interval is None else interval[1] - interval[0])
+    if not studies:
+        raise InputError("quality.not_measured")
     rows = {
         name: {**asdict(study), "categories": study.categories, "verdict": study.verdict}
         for name, study in studies.items()

@@ -120,4 +120,6 @@ def test_a_study_is_planned_and_evaluated_from_the_stored_runs(calstation: Run, 
     assert [*found] == [*NAMES]
     assert found["gyro_bias_x"]["gauge"]["percent_tolerance"] is None
     assert found["gyro_bias_x"]["categories"] > 5
+    other = calstation(*study, "--parameter", "clock_offset")
+    assert (other.code, "not every run of the study solved the parameter" in other.err.lower()) == (2, True)
     assert [*calstation(*study, "--parameter", "gyro_bias_y").json["parameters"]] == ["gyro_bias_y"]

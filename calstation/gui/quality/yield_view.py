@@ -46,9 +46,7 @@ class YieldView(QWidget):
         titles = [label(kind="muted") for _ in range(2)]
         bind(
             titles[0],
-            lambda: self.tr("Yield by day (over more than {0} days: by week), with its 95 % interval").format(
-                _MOST_DAYS
-            ),
+            lambda: self.tr("Yield by day, or by week if there are many, with its 95 % interval"),
         )
         bind(titles[1], lambda: self.tr("Failed checks by frequency, and their cumulative share of the failed runs"))
         column(titles[0], (self.days, 1), titles[1], (self.pareto, 1), on=plots, spacing=theme.GRID // 2)
