@@ -123,6 +123,10 @@
         <translation>历史记录</translation>
     </message>
     <message>
+        <source>Quality</source>
+        <translation>质量</translation>
+    </message>
+    <message>
         <source>Station</source>
         <translation>工位</translation>
     </message>
@@ -169,7 +173,7 @@
     <name>ParameterTable</name>
     <message>
         <source>Copy</source>
-        <extracomment>Smallest width of an elided column, px. Differences above this number of sigmas are highlighted. Whether cells are right-aligned. Symbol before the text, one of `badge.KINDS` or None. Tooltip.</extracomment>
+        <extracomment>Smallest width of an elided column, px. Height of a row of a table of texts, px. Differences above this number of sigmas are highlighted. Whether cells are right-aligned. Symbol before the text, one of `badge.KINDS` or None. Tooltip.</extracomment>
         <translation>复制</translation>
     </message>
     <message>
