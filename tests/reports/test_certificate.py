@@ -8,6 +8,7 @@ file can see: identification in the XMP metadata, output intent, attachments, em
 import io
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,10 @@ from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX
 from calstation.records import context_from_meta
 from calstation.reports import pdf as pdf_module
+from calstation.reports.content import build_certificate
 from calstation.reports.issue import attachments
 from calstation.reports.pdf import typeset
+from calstation.results import Result
 from tests.reports.certificates import KINDS, LABORATORY, Made, make
 from tests.shared_runs import SharedRuns
 
@@ -82,6 +85,50 @@ def test_a_partial_calibration_is_nowhere_a_pass(made: Made) -> None:
     assert "PASS" not in text
     assert "This is not a statement about the whole unit" in " ".join(text.split())
     assert "not improved" in text
+
+
+#: Changes of a passed result that make other kinds of it, and words of their certificate.
+OTHERS: dict[str, tuple[dict[str, Any], str]] = {
+    "stopped": ({"outcome": "stopped", "passed": False, "stop_reason": "operator"}, "stopped by the operator"),
+    "fault": (
+        {
+            "outcome": "fault",
+            "passed": False,
+            "error": "x",
+            "error_code": "label.not_passed",
+            "error_values": {"serial": "7"},
+        },
+        "Fault: 7 gets no label",
+    ),
+    "incomplete": ({"outcome": "incomplete", "passed": None}, "The run ended before a verdict (incomplete)"),
+    "without limits": ({"outcome": "resolved", "passed": None, "registers": None}, "solved again offline"),
+    "lacking data": (
+        {"outcome": "resolved", "passed": None, "lacking": {"rate": "No rest."}},
+        "The data lack a part that the limits need",
+    ),
+    "gaps": (
+        {
+            "log": {"file": "x.h5", "gaps": 3, "damaged": [{"rows": 5, "seq": "1"}]},
+            "attempt": 3,
+            "resumed_from": "y.h5",
+        },
+        "The recording has 3 gaps",
+    ),
+}
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+@pytest.mark.parametrize("kind", OTHERS)
+def test_every_other_ending_has_a_certificate(made: Made, kind: str) -> None:
+    changes, words = OTHERS[kind]
+    result = Result.from_json({**made.certificate.result.to_json(), **changes})
+    certificate = build_certificate(result, made.certificate.meta, budget=made.analysis.budget)
+    assert certificate.verdict == ("passed" if kind == "gaps" else "not_judged")
+    other = replace(made, certificate=certificate)
+    text = " ".join("".join(p.extract_text() for p in pypdf.PdfReader(io.BytesIO(printed(other))).pages).split())
+    assert words in text
+    assert ("NOT JUDGED" in text) == (kind != "gaps")
+    assert printed(other, "zh_CN").startswith(b"%PDF")
 
 
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
