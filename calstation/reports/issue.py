@@ -7,6 +7,7 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 
 from calstation import __version__
+from calstation.config import ReportSection, load_station
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, os_reason
@@ -35,6 +36,44 @@ class ReportRequest:
     templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
     dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
     signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
+
+
+def station_request(station: Path, section: ReportSection | None, result_file: Path) -> ReportRequest:
+    """Return the request for the report of a result as the `[report]` section of a station file asks for it.
+
+    Without a folder, the PDF is written to ``certificates`` beside the folder of the runs.
+    """
+    section, beside = section or ReportSection(), station.absolute().parent
+    folder = (
+        result_file.absolute().parent.parent / "certificates" if section.folder is None else _at(beside, section.folder)
+    )
+    return ReportRequest(
+        result_file.absolute(),
+        folder / f"{result_file.stem}.pdf",
+        "zh_CN" if section.language == "zh" else "en",
+        templates=None if section.template is None else _at(beside, section.template),
+        signing=None if section.signing is None else _at(beside, section.signing.certificate),
+    )
+
+
+def issue_certificate(report: ProgressCallback, result_file: Path, station: Path | None) -> Path:
+    """Job: issue the report of a result as the station asks for it, and return the PDF.
+
+    Raises InputError or ConfigurationError.
+    """
+    path, config = load_station(station)
+    request = station_request(path, config.report, result_file)
+    if config.report is None or config.report.folder is None:
+        try:
+            request.out.parent.mkdir(exist_ok=True)
+        except OSError as exc:
+            raise InputError("report.unwritable", file=request.out.parent, reason=os_reason(exc)) from exc
+    issue_report(report, request)
+    return request.out
+
+
+def _at(folder: Path, name: str) -> Path:
+    return folder / Path(name).expanduser()
 
 
 def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificate:

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from calstation.config import ResolvedConfiguration
+from calstation.reports import station_request
 
 #: Processes that may outlive the engine; without a reference, Python would warn of them.
 _started: list[subprocess.Popen[bytes]] = []
@@ -18,14 +19,12 @@ def start_report(setup: ResolvedConfiguration, result_file: Path) -> None:
     section, source = setup.station.report, setup.sources.get("station")
     if section is None or section.folder is None or source is None:
         return
-    beside = source.path.absolute().parent
-    out = beside / Path(section.folder).expanduser() / f"{result_file.stem}.pdf"
-    command = [sys.executable, "-m", "calstation", "report", str(result_file), "-o", str(out)]
+    request = station_request(source.path, section, result_file)
+    out = request.out
+    command = [sys.executable, "-m", "calstation", "report", str(request.source), "-o", str(out)]
     command += ["--language", section.language]
-    if section.template is not None:
-        command += ["--templates", str(beside / Path(section.template).expanduser())]
-    if section.signing is not None:
-        command += ["--sign", str(beside / Path(section.signing.certificate).expanduser())]
+    for option, path in (("--templates", request.templates), ("--sign", request.signing)):
+        command += [] if path is None else [option, str(path)]
     nothing = subprocess.DEVNULL
     try:
         process = subprocess.Popen(command, stdin=nothing, stdout=nothing, stderr=nothing, start_new_session=True)

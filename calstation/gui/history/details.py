@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QComboBox, QFormLayout, QFrame, QSizePolicy, QWidg
 from calstation.gui.history.comparison import limits_of
 from calstation.gui.history.resolves_table import ResolvesTable
 from calstation.gui.history.run_table import stages_text
-from calstation.gui.operator import FiguresTable, LabelButton, advice
+from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton, advice
 from calstation.gui.text import (
     KINDS,
     bind,
@@ -136,9 +136,9 @@ class Trend(QWidget):
 
 
 class RunDetails(QFrame):
-    """Shows the details of a run; the page connects the buttons and adds that for the label."""
+    """Shows the details of a run; the page connects the buttons and adds those for label and certificate."""
 
-    def __init__(self, label_button: LabelButton) -> None:
+    def __init__(self, label_button: LabelButton, certificate_button: CertificateButton) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
         self._run: RunRecord | None = None
@@ -160,7 +160,7 @@ class RunDetails(QFrame):
         self.folder_button = button("history_folder_button", lambda: self.tr("Folder"))
         self.resume_button = button("history_resume_button", lambda: self.tr("Resume"))
         self.close_button = button("history_close_button")
-        self._label_button = label_button
+        self._documents = (label_button, certificate_button)
         self._lay_out()
         on_language_change(self, self._show)
 
@@ -174,7 +174,8 @@ class RunDetails(QFrame):
     ) -> None:
         """Show a run with its result, the solved runs of the same unit, oldest first, and the possible actions."""
         self._run, self._result, self._actions = run, result, actions
-        self._label_button.offer(result, run.result)
+        for document in self._documents:
+            document.offer(result, run.result)
         self.trend.show_runs(unit_runs, run.log.stem, {} if result is None else limits_of(result))
         self._show()
 
@@ -194,7 +195,8 @@ class RunDetails(QFrame):
             (self.content_area, 5),
             (self.trend, 3),
             row((self.resume_button, 1), (self.close_button, 1)),
-            row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button, self._label_button))),
+            row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button))),
+            row(*((each, 1) for each in self._documents)),
             on=self,
             margins=(2 * theme.GRID,) * 4,
         )

@@ -13,7 +13,7 @@ from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
-from calstation.gui.operator import LabelButton
+from calstation.gui.operator import CertificateButton, LabelButton
 from calstation.gui.shell import AppContext, Page
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
@@ -56,7 +56,11 @@ class HistoryPage(Page):
         self.table = RunTable()
         bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
         self.notice = NoticeBar("history_notice")
-        self.details = RunDetails(LabelButton(app, "history_label_button", self.notice, self.table.setFocus))
+        focus = self.table.setFocus
+        self.details = RunDetails(
+            LabelButton(app, "history_label_button", self.notice, focus),
+            CertificateButton(app, "history_certificate_button", self.notice, focus),
+        )
         self.exports = FileExport(app.job_queue, self, self.notice, self.table.setFocus)
         self._loader = JobWatch(self)
         self._filters = Filters(self._build_actions())

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QBoxLayout, QFrame, QLabel, QWidget
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
 from calstation.gui.operator import advice
-from calstation.gui.operator.production import LabelButton
+from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.shell import AppContext, ResetBar
 from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, term
 from calstation.gui.widgets import (
@@ -165,6 +165,7 @@ class VerdictPanel(QFrame):
             "acknowledge_button", lambda: self.tr("Understood"), self.acknowledged, kind="primary"
         )
         self.label_button = LabelButton(app, "label_button", notice, then)
+        self.certificate_button = CertificateButton(app, "certificate_button", notice, then)
         self._station_button = button(
             "verdict_station_button",
             lambda: self.tr("Open the station page"),
@@ -173,7 +174,14 @@ class VerdictPanel(QFrame):
         beside = column(
             *(self._facts, self._notes),
             None,
-            row(self.acknowledge_button, self.label_button, self.details_button, self._station_button, None),
+            row(
+                self.acknowledge_button,
+                self.label_button,
+                self.certificate_button,
+                self.details_button,
+                self._station_button,
+                None,
+            ),
         )
         column(
             (self._banner, 2),
@@ -195,7 +203,9 @@ class VerdictPanel(QFrame):
         if run.verdict is not self._verdict:
             self._verdict = run.verdict
             self._result = None if run.verdict is None else Result.from_json(run.verdict.result)
-            self.label_button.offer(self._result, None if run.verdict is None else Path(run.verdict.result_file))
+            file = None if run.verdict is None else Path(run.verdict.result_file)
+            for each in (self.label_button, self.certificate_button):
+                each.offer(self._result, file)
         self._refresh()
 
     def next_action(self) -> str:

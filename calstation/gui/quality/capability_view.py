@@ -30,7 +30,6 @@ class CapabilityView(QWidget):
         text = table.column
         table.parameters.set_columns(
             (
-                text(lambda: self.tr("Runs"), "count"),
                 text(lambda: self.tr("Mean"), "mean"),
                 text(lambda: self.tr("σ within"), "within"),
                 text(lambda: self.tr("σ overall"), "overall"),
@@ -54,7 +53,7 @@ class CapabilityView(QWidget):
         )
         column(
             note,
-            (split((table, 7), (self.plot, 4), handle=2 * theme.GRID), 1),
+            (split((table, 2), (self.plot, 1), handle=2 * theme.GRID), 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )
@@ -80,7 +79,6 @@ class CapabilityView(QWidget):
             size, unit = display(name, 1.0)
             digits = size * found.sigma_overall
             cells[name] = {
-                "count": str(found.count),
                 "mean": number(size * found.mean, digits),
                 "within": number(size * found.sigma_within, digits),
                 "overall": number(digits, digits),

@@ -8,10 +8,6 @@
         <translation>各参数的过程能力</translation>
     </message>
     <message>
-        <source>Runs</source>
-        <translation>标定次数</translation>
-    </message>
-    <message>
         <source>Mean</source>
         <translation>均值</translation>
     </message>
@@ -194,7 +190,7 @@
     </message>
     <message>
         <source>Units</source>
-        <translation>产品</translation>
+        <translation>范围</translation>
     </message>
     <message>
         <source>Time</source>
