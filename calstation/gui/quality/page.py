@@ -74,10 +74,9 @@ class QualityPage(Page):
             self.notice.report_failures(watch, lambda: self.tr("The runs could not be read"), self.tabs.setFocus)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._refresh_visible)
-        app.station_changed.connect(self._refresh_visible)
-        app.product_changed.connect(self._choose_product)
+        for changed in (app.station_changed, app.product_changed):
+            changed.connect(lambda: self._offer_products(app.product_path))
         on_language_change(self, self._show_texts)
-        self._choose_product()
 
     @property
     def busy(self) -> bool:
@@ -107,9 +106,9 @@ class QualityPage(Page):
         )
 
     def showEvent(self, event: QShowEvent) -> None:
-        """Read the runs."""
+        """Offer the products, which may have changed, and read the runs."""
         super().showEvent(event)
-        self.refresh()
+        self._offer_products(self.product.currentData())
 
     def _combo(self, name: str) -> QComboBox:
         combo = QComboBox()
@@ -140,9 +139,9 @@ class QualityPage(Page):
 
     # ---- choices
 
-    def _choose_product(self) -> None:
-        """Offer the products and choose that of the next run."""
-        wanted = self.app.product_path or library.find("products", DEFAULT_PRODUCT)
+    def _offer_products(self, wanted: Path | None) -> None:
+        """Offer the products of the library and choose one."""
+        wanted = wanted or library.find("products", DEFAULT_PRODUCT)
         with QSignalBlocker(self.product):
             self.product.clear()
             for text, path in offered_products():
@@ -223,7 +222,7 @@ class QualityPage(Page):
             self.period.setItemText(index, text)
         self.shown_as.setItemText(0, self.tr("Value"))
         self.shown_as.setItemText(1, self.tr("(Value − reference) / σ"))
-        self._choose_product()
+        self._offer_products(self.product.currentData() or self.app.product_path)
         self._show_view()
 
 
