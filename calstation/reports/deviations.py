@@ -1,5 +1,6 @@
 """Deviations of a run from its method, and what else a reader of its certificate must know."""
 
+import tomllib
 from collections.abc import Iterator, Sequence
 from datetime import date, datetime
 
@@ -8,6 +9,7 @@ from calstation.messages import Text
 from calstation.reports.analysis import Analysis
 from calstation.reports.content import Certificate
 from calstation.results import Result, cause_text
+from procedures import DEFAULT_STAGES
 
 #: Names listed in a deviation; more are only counted by the table that has them all.
 _MOST = 8
@@ -44,6 +46,10 @@ def _of_end(result: Result) -> Iterator[Text]:
 
 def _of_values(certificate: Certificate) -> Iterator[Text]:
     result = certificate.result
+    if result.partial:
+        product = tomllib.loads(certificate.meta.profiles.get("product", ""))
+        omitted = [stage for stage in product.get("stages", DEFAULT_STAGES) if stage not in result.stages]
+        yield Text.of("certificate.d_partial", stages=omitted)
     if result.calibration is not None:
         used = result.calibration
         yield Text.of("certificate.d_calibration", date=used.started_utc[:10], log=used.log)

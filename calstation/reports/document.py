@@ -218,6 +218,7 @@ class _Document:
     def _stage(self, stage: str) -> dict[str, Any]:
         begin, end = self._analysis.spans.get(stage, (math.nan, math.nan))
         found = self._result.consistency.get(stage)
+        names = set(method(stage).estimates(context_from_meta(self._meta)))
         words = f"certificate.stage_{stage}"
         tested = found is not None and found.passed is not None
         schedule = self._meta.schedule.get(stage, {})
@@ -225,7 +226,7 @@ class _Document:
             "name": term("stage", stage, self._language),
             "text": self._say(Text(words)) if known(words) else "",
             "minutes": rounded((end - begin) / 60.0, 0.11) if math.isfinite(end) else NONE,
-            "estimates": str(len(method(stage).estimates(context_from_meta(self._meta)))),
+            "estimates": str(len(names | {q.name for q in self._certificate.quantities if q.stage == stage})),
             "nis": f"{found.nis_mean:.3g}" if found is not None and tested else NONE,
             "band": f"{found.nis_low:.2g} … {found.nis_high:.3g}" if found is not None and tested else NONE,
             "schedule": [
