@@ -9,7 +9,7 @@ from calstation.messages import Text
 from calstation.reports.analysis import Analysis
 from calstation.reports.content import Certificate
 from calstation.results import Result, cause_text
-from procedures import DEFAULT_STAGES
+from procedures import DEFAULT_STAGES, method
 
 #: Names listed in a deviation; more are only counted by the table that has them all.
 _MOST = 8
@@ -57,7 +57,7 @@ def _of_values(certificate: Certificate) -> Iterator[Text]:
             yield Text.of("certificate.d_not_improved", names=_names(used.not_improved))
     if result.undetermined:
         yield Text.of("certificate.d_unobservable", names=_names(result.undetermined))
-    left = [name for name in result.not_compared if name not in result.undetermined]
+    left = [name for name in result.not_compared if name not in result.unobservable]
     if left:
         yield Text.of("certificate.d_not_compared", names=_names(left))
     for stage, reason in result.missing_data.items():
@@ -90,8 +90,9 @@ def _of_traceability(certificate: Certificate) -> Iterator[Text]:
     for instrument in certificate.instruments:
         if instrument.due is not None and instrument.due < day:
             yield Text.of("certificate.d_overdue", name=instrument.name, due=instrument.due.isoformat())
+    with_table = [stage for stage in certificate.result.stages if not method(stage).needs_no_table]
     tables = [i for i in certificate.instruments if i.kind == "table" and i.certificate is not None]
-    if not tables:
+    if with_table and not tables:
         yield Text("certificate.d_no_table")
 
 

@@ -90,7 +90,9 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     certificate = replace(certificate, budget=analysis.budget)
     dcc = write_dcc(certificate, deviations(certificate, analysis))
     dcc = dcc if signer is None else sign_xml(dcc, signer)
-    pdf = typeset(certificate, analysis, request.language, attachments(certificate, dcc), request.templates)
+    digital = Attachment(f"{certificate.identification}.xml", "application/xml", dcc, "alternative")
+    files = [digital, *attachments(certificate)]
+    pdf = typeset(certificate, analysis, request.language, files, request.templates)
     _write(request.out, pdf if signer is None else sign_pdf(pdf, signer))
     if request.dcc is not None:
         _write(request.dcc, dcc)
@@ -103,14 +105,11 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     return certificate
 
 
-def attachments(certificate: Certificate, dcc: bytes) -> list[Attachment]:
-    """Return the files embedded in the PDF of a certificate: its digital form and the result."""
+def attachments(certificate: Certificate) -> list[Attachment]:
+    """Return the files embedded in the PDF of a certificate beside its digital form."""
     content = json.dumps(certificate.result.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    name = certificate.identification
-    return [
-        Attachment(f"{name}.xml", "application/xml", dcc, "alternative"),
-        Attachment(f"{name}.json", "application/json", content.encode(), "source"),
-    ]
+    name = f"{certificate.identification}.json"
+    return [Attachment(name, "application/json", content.encode(), "source")]
 
 
 def load_source(path: Path) -> tuple[Result, Log]:

@@ -17,15 +17,20 @@ import pypdf
 import pytest
 
 from calstation.config.library import shipped_folder
+from calstation.config.request import RunRequest
 from calstation.errors import InputError
 from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX
 from calstation.records import context_from_meta
 from calstation.reports import pdf as pdf_module
 from calstation.reports.content import build_certificate
-from calstation.reports.issue import attachments
+from calstation.reports.issue import ReportRequest, attachments, issue_report
 from calstation.reports.pdf import typeset
 from calstation.results import Result
+from calstation.runs.run import execute
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Verdict
+from calstation.simulation.hooks import BenchHooks
 from tests.reports.certificates import KINDS, LABORATORY, Made, make
 from tests.shared_runs import SharedRuns
 
@@ -246,3 +251,21 @@ def test_the_labels_are_in_both_languages() -> None:
     assert list(texts["en"]) == list(texts["zh"])
     assert all(texts["en"].values())
     assert all(texts["zh"].values())
+
+
+@pytest.mark.long
+def test_a_calibration_by_hand_has_a_certificate_without_a_table(tmp_path: Path) -> None:
+    station, product = (shipped_folder() / kind for kind in ("stations/virtual_hand.toml", "products/mems_hand.toml"))
+    events: list[Event] = []
+    request = RunRequest("SN-000007", station, product, None, tmp_path / "runs", "tester")
+    execute(request, events.append, Control(), BenchHooks)
+    verdict = events[-1]
+    assert isinstance(verdict, Verdict)
+    for language in LANGUAGES:
+        out = tmp_path / f"{language}.pdf"
+        certificate = issue_report(lambda *args, **more: None, ReportRequest(Path(verdict.result_file), out, language))
+        assert certificate.verdict == "passed"
+    text = " ".join(" ".join(p.extract_text() for p in pypdf.PdfReader(tmp_path / "en.pdf").pages).split())
+    assert "Laboratory not stated" in text
+    assert "azimuth found from the data" in text
+    assert "traceability of angles" not in text  # it needs none
