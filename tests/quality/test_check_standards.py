@@ -302,3 +302,13 @@ def test_a_check_standard_is_listed_once(site_folder: SiteFolder) -> None:
     with pytest.raises(ConfigurationError) as caught:
         resolve_configuration(site_folder.request())
     assert "product.standard_twice" in json.dumps(caught.value.values, default=repr)
+
+
+def test_check_of_a_station_file_names_overdue_certificates(
+    site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = site_folder.station.read_text(encoding="utf-8")
+    instruments = [{"name": "rate table", "kind": "table", "due": date(2020, 1, 2)}]
+    site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
+    assert run_app(["check", str(site_folder.station), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["overdue"] == [{"name": "rate table", "since": "2020-01-02"}]
