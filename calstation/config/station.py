@@ -17,7 +17,7 @@ from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSetting
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.estimation.effects import CONSTANT
 from calstation.physics import INDEX, PARAMETERS, further_parameter, named
-from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
+from calstation.records import ChecksSection, ConformitySection, Limit, SiteSection, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
 from procedures import DEFAULT_STAGES, method
 
@@ -193,6 +193,7 @@ class ProductConfig(StrictModel):
     targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
+    conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
     #: Sizes of effects outside the model, SI, that a designed schedule must show, by cause.
     diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()
