@@ -237,9 +237,14 @@ class Check:
         return _NAMES.get(self.kind, self.kind).format(self.subject)
 
     @property
+    def compared_with(self) -> float | tuple[float, float]:
+        """The limit, or the acceptance limits where the decision rule narrows it."""
+        return self.acceptance or self.limit
+
+    @property
     def margin(self) -> float:
-        """Distance between value and limit, or acceptance limit, in `unit`; negative if it is exceeded."""
-        return _margin(self.value, self.acceptance or self.limit)
+        """Distance between the value and what it is compared with, in `unit`; negative if that is exceeded."""
+        return _margin(self.value, self.compared_with)
 
     def to_json(self) -> dict[str, Any]:
         """Return the check as a row of the result JSON."""
