@@ -177,6 +177,13 @@ class LoadAngleSection(StrictModel):
     inner_deg: float = 0.0
 
 
+class ConfirmationSection(StrictModel):
+    """`[confirmation]` of a product: actions that a second engineer must confirm."""
+
+    #: Release of a failed unit, register writes outside a run, and the issue of a certificate.
+    required_for: list[Literal["override", "registers", "certificate"]] = Field(default_factory=list)
+
+
 class ProductConfig(StrictModel):
     """A product file: a type of unit, its calibration, and its limits."""
 
@@ -194,6 +201,7 @@ class ProductConfig(StrictModel):
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
     conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
+    confirmation: ConfirmationSection | None = None
     #: Sizes of effects outside the model, SI, that a designed schedule must show, by cause.
     diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()

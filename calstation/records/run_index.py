@@ -31,7 +31,7 @@ from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 9
+_VERSION = 10
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
@@ -66,6 +66,7 @@ class RunRecord:
     resumed_from: str | None = None  #: Name of the log that this run continued; None for a new run.
     closed: bool = False  #: Whether an operator decided not to resume the run.
     partial: bool = False  #: Whether the run omitted stages of its product.
+    released: bool = False  #: Whether an engineer released the unit although it failed.
 
     @property
     def verdict(self) -> str:

@@ -91,6 +91,15 @@ class Conformity(_Section):
     parameters: dict[str, ParameterConformity] = Field(default_factory=dict)
 
 
+class Override(_Section):
+    """Release of a unit that failed."""
+
+    by: str  #: Badge or name of the person who released it.
+    confirmed_by: str | None = None  #: Second person, where the product requires one.
+    why: str
+    utc: str  #: ISO 8601.
+
+
 class JointEstimate(_Section):
     """Joint estimate of a unit's parameters by name, SI: means, standard deviations and correlation coefficients."""
 
@@ -228,6 +237,7 @@ class Result(_Section):
     states_added: list[EffectName] = Field(default_factory=list)
     closed_utc: str | None = None  #: Time of the decision not to resume an incomplete run.
     closed_by: str | None = None  #: Person who made this decision.
+    override: Override | None = None  #: Release of a unit that failed; the outcome stays ``failed``.
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Result":
@@ -251,6 +261,11 @@ class Result(_Section):
     def verdict(self) -> str:
         """The outcome, or ``partial`` for a partial run that passed."""
         return verdict_of(self.outcome, partial=self.partial)
+
+    @property
+    def released(self) -> bool:
+        """Whether the unit failed and an engineer released it all the same."""
+        return self.override is not None
 
     @property
     def judged(self) -> bool:
