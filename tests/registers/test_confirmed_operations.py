@@ -1,4 +1,4 @@
-"""A register write outside a run is in the audit trail, and where the product requires it a second engineer confirms."""
+"""A register write outside a run is in the audit trail; where the product requires it, a second engineer confirms."""
 
 from dataclasses import replace
 from pathlib import Path
