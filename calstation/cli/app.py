@@ -57,6 +57,14 @@ ProductOption = Annotated[
 ]
 
 
+ByOption = Annotated[
+    str | None, typer.Option(help="Badge of the engineer who does this; default: the computer's user.", metavar="BADGE")
+]
+ConfirmedByOption = Annotated[
+    str | None, typer.Option(help="Badge of the engineer who confirms it, where two are required.", metavar="BADGE")
+]
+
+
 def _show_version(wanted: bool) -> None:
     if wanted:
         sys.stdout.write(f"calstation {__version__}\n")
@@ -372,6 +380,30 @@ def audit(
     raise typer.Exit(audit_command(file, event, by, since, json))
 
 
+@app.command()
+def override(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="Result of a run that failed.")],
+    reason: Annotated[str, typer.Option(help="Why the unit may be used although it failed.")],
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Release a unit that failed; the result stays FAIL and says who released it. PINs are asked for."""
+    from calstation.cli.confirmation import override_command
+
+    raise typer.Exit(override_command(result, reason, by, confirmed_by, json))
+
+
+@app.command()
+def pin(
+    badge: Annotated[str, typer.Option(help="Badge of an engineer; default: the PIN of the site.")] = "",
+) -> None:
+    """Set or change the engineer's PIN of the site, or the personal PIN of an engineer."""
+    from calstation.cli.confirmation import pin_command
+
+    raise typer.Exit(pin_command(badge))
+
+
 registers = typer.Typer(
     help="Registers of units: read them, list what was written, finish an interrupted write, restore earlier values.",
     no_args_is_help=True,
@@ -420,13 +452,15 @@ def finish(
     json: JsonOption = None,
     yes: YesOption = False,
     at_rest: AtRestOption = False,
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
 ) -> None:
     """Complete a unit's interrupted transfer. The table turns to verify it."""
     from calstation.cli.registers import operate_command
     from calstation.config import RegisterOperation
 
     operation = RegisterOperation(_unit(serial, station, product, out), "finish", at_rest=at_rest)
-    raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
+    raise typer.Exit(operate_command(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj)))
 
 
 @registers.command()
@@ -442,6 +476,8 @@ def restore(
     json: JsonOption = None,
     yes: YesOption = False,
     at_rest: AtRestOption = False,
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
 ) -> None:
     """Restore the registers that a unit held before a transfer. The table turns to verify them."""
     from calstation.cli.registers import operate_command
@@ -449,7 +485,7 @@ def restore(
 
     request = _unit(serial, station, product, out)
     operation = RegisterOperation(request, "restore", transfer=transfer, at_rest=at_rest)
-    raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
+    raise typer.Exit(operate_command(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj)))
 
 
 def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":
