@@ -12,19 +12,18 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import TypeAdapter
 from sqlalchemy import (
+    Boolean,
     Column,
     ColumnElement,
     Connection,
     Engine,
     Index,
-    Integer,
     LargeBinary,
     MetaData,
     Row,
     Select,
     String,
     Table,
-    cast,
     create_engine,
     delete,
     event,
@@ -36,13 +35,16 @@ from sqlalchemy import (
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
-from calstation.physics import FloatArray
+from calstation.physics import BoolArray, FloatArray
 
 #: Version of the table layout; an index of another version is rebuilt.
 _VERSION = 10
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
+
+#: Julian day of 1970-01-01T00:00 UTC.
+_EPOCH = 2440587.5
 
 #: Longest time to wait for another program that has locked the index, s.
 _BUSY_S = 5.0
@@ -100,11 +102,12 @@ class RunColumns:
 
     names: tuple[str, ...]  #: File names of the logs without suffix.
     serials: tuple[str, ...]
-    started: FloatArray  #: Start, s since 1970 in UTC, shape (n,).
+    started: FloatArray  #: Start, s since 1970 in UTC to a millisecond, shape (n,).
     verdicts: tuple[str, ...]
     products: tuple[str | None, ...]
     stations: tuple[str | None, ...]
     operators: tuple[str | None, ...]
+    partial: BoolArray  #: Whether the run omitted stages of its product, shape (n,).
     failed_checks: tuple[tuple[str, ...], ...]  #: As in `IndexedRun`.
     values: Mapping[str, FloatArray]  #: Solved values by parameter, SI, shape (n,); NaN where a run has none.
     sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI, in the same shape.
@@ -150,6 +153,7 @@ _runs = Table(
     *(Column(name, String, index=name == "serial") for name in _SEARCHED),
     Column("text", String, nullable=False),
     Column("content", String, nullable=False),
+    Column("partial", Boolean, nullable=False),
     Column("failed_checks", String, nullable=False),
     Column("parameters", String, nullable=False),
     Column("numbers", LargeBinary, nullable=False),
@@ -223,27 +227,26 @@ class RunIndex:
 
     def columns(self, wanted: RunFilter) -> RunColumns:
         """Return the runs that meet all conditions and have a time of start, in columns."""
-        started = cast(func.strftime("%s", _runs.c.started_utc), Integer)  # NULL for what is no time
-        fields = ("name", "serial", "verdict", "product", "station", "operator", "failed_checks")
-        query = (
-            select(started, *(_runs.c[name] for name in (*fields, "parameters", "numbers")))
-            .where(started.is_not(None), *_conditions(wanted))
-            .order_by(_runs.c.started_utc, _runs.c.name)
-        )
+        days = func.julianday(_runs.c.started_utc)  # NULL for what is no time
+        fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "failed_checks")
+        query = select(days, *(_runs.c[name] for name in (*fields, "parameters", "numbers")))
+        query = query.where(days.is_not(None), *_conditions(wanted))
         rows = self._try(lambda connection: connection.execute(query).all())
-        begun, names, serials, verdicts, products, stations, operators, failed, parameters, numbers = (
-            zip(*rows, strict=True) if rows else [()] * 10
-        )
+        # sorted here: SQLite would read the whole table in the order of time, which is random access
+        order = np.argsort([row[0] for row in rows], kind="stable")
+        columns = zip(*(rows[k] for k in order.tolist()), strict=True) if rows else [()] * 11
+        begun, names, serials, verdicts, products, stations, operators, partial, failed, parameters, numbers = columns
         values, sigmas = _estimates(parameters, numbers)
         checks = {text: tuple(json.loads(text)) for text in set(failed)}
         return RunColumns(
             names,
             serials,
-            np.array(begun, dtype=float),
+            np.round((np.array(begun, dtype=float) - _EPOCH) * 86400.0, 3),
             verdicts,
             products,
             stations,
             operators,
+            np.array(partial, dtype=bool),
             tuple(checks[text] for text in failed),
             values,
             sigmas,
@@ -336,6 +339,7 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     texts = (record.serial, run.name, record.product, record.station, record.operator)
     columns["text"] = "\n".join(filter(None, texts)).casefold()
     columns["content"] = json.dumps(asdict(record), default=str)
+    columns["partial"] = record.partial
     columns["failed_checks"] = json.dumps(run.failed_checks)
     columns["parameters"] = json.dumps([*run.values])
     numbers = [*run.values.values(), *(run.sigmas.get(name, math.nan) for name in run.values)]

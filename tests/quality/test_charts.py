@@ -1,7 +1,10 @@
 """Control charts give published limits and sums, and signal as often as published."""
 
+import math
+
 import numpy as np
 import pytest
+from scipy import stats
 
 from calstation.errors import InputError
 from calstation.physics import FloatArray
@@ -173,6 +176,26 @@ def run_length(first: list[int | None], length: int) -> tuple[float, float]:
     ended = [k + 1 for k in first if k is not None]
     arl = (sum(ended) + length * (len(first) - len(ended))) / len(ended)
     return arl, arl / len(ended) ** 0.5
+
+
+def test_each_nelson_rule_signals_by_chance_as_often_as_its_pattern_occurs() -> None:
+    p = {k: float(stats.norm.sf(k)) for k in (1, 2, 3)}  # beyond k sigma on one side
+    alternating = 199360981  # alternating permutations of 14 values that begin upwards (OEIS A000111)
+    rates = {
+        1: 2 * p[3],
+        2: 2 / 2**9,
+        3: 2 / math.factorial(6),
+        4: 2 * alternating / math.factorial(14),
+        5: 2 * p[2] * (1 - (1 - p[2]) ** 2),
+        6: 2 * p[1] * float(stats.binom.sf(2, 4, p[1])),
+        7: (1 - 2 * p[1]) ** 15,
+        8: (2 * p[1]) ** 8,
+    }
+    count = 1_000_000
+    found = nelson_signals(np.random.default_rng(7).normal(size=count), 0.0, 1.0)
+    for rule, rate in rates.items():
+        # successive points share values: the variance of a count is up to five times that of separate points
+        assert found.count(rule) == pytest.approx(count * rate, abs=4.0 * (5.0 * count * rate) ** 0.5), rule
 
 
 def test_false_alarm_rates_are_those_published() -> None:

@@ -106,7 +106,7 @@ def test_columns_have_the_runs_with_a_time_the_oldest_first(index: RunIndex) -> 
     both, one = {"gyro_bias_x": 1e-6, "accel_bias_x": 2e-3}, {"gyro_bias_x": 3e-6}
     index.put(
         [
-            replace(run("f", 6), values=both, sigmas={"gyro_bias_x": 1e-8}),
+            replace(run("f", 6, partial=True), values=both, sigmas={"gyro_bias_x": 1e-8}),
             replace(run("e", 5, outcome="failed"), values=one, sigmas=one, failed_checks=("a b", "c")),
             run("g", 1, started_utc=""),
             run("h", 1, started_utc="yesterday"),
@@ -116,7 +116,8 @@ def test_columns_have_the_runs_with_a_time_the_oldest_first(index: RunIndex) -> 
     assert found.names == ("d", "e", "f")
     assert found.serials == ("D", "E", "F")
     assert found.started.tolist() == [(BEGIN + timedelta(days=day)).timestamp() for day in (3, 4, 5)]
-    assert found.verdicts == ("passed", "failed", "passed")
+    assert found.verdicts == ("passed", "failed", "partial")
+    assert found.partial.tolist() == [False, False, True]
     assert found.failed_checks == ((), ("a b", "c"), ())
     assert found.values.keys() == found.sigmas.keys() == {"gyro_bias_x", "accel_bias_x"}
     nan = math.nan
