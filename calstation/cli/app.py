@@ -13,7 +13,16 @@ import typer
 
 from calstation import __version__, applog
 from calstation.cli.device_commands import registers, table
-from calstation.cli.options import JsonOption, ProductOption, StagesOption, StationOption, by_name, parsed_stages
+from calstation.cli.options import (
+    ByOption,
+    ConfirmedByOption,
+    JsonOption,
+    ProductOption,
+    StagesOption,
+    StationOption,
+    by_name,
+    parsed_stages,
+)
 from calstation.cli.quality_commands import quality
 from calstation.errors import CalstationError, ConfigurationError
 
@@ -352,6 +361,30 @@ def audit(
     from calstation.cli.audit import audit_command
 
     raise typer.Exit(audit_command(file, event, by, since, json))
+
+
+@app.command()
+def override(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="Result of a run that failed.")],
+    reason: Annotated[str, typer.Option(help="Why the unit may be used although it failed.")],
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
+    json: JsonOption = None,
+) -> None:
+    """Release a unit that failed; the result stays FAIL and says who released it. PINs are asked for."""
+    from calstation.cli.confirmation import override_command
+
+    raise typer.Exit(override_command(result, reason, by, confirmed_by, json))
+
+
+@app.command()
+def pin(
+    badge: Annotated[str, typer.Option(help="Badge of an engineer; default: the PIN of the site.")] = "",
+) -> None:
+    """Set or change the engineer's PIN of the site, or the personal PIN of an engineer."""
+    from calstation.cli.confirmation import pin_command
+
+    raise typer.Exit(pin_command(badge))
 
 
 @app.command()

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from calstation.cli.options import JsonOption, ProductOption, StationOption
+from calstation.cli.options import ByOption, ConfirmedByOption, JsonOption, ProductOption, StationOption
 
 if TYPE_CHECKING:
     from calstation.config import RunRequest
@@ -57,13 +57,15 @@ def finish(
     json: JsonOption = None,
     yes: YesOption = False,
     at_rest: AtRestOption = False,
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
 ) -> None:
     """Complete a unit's interrupted transfer. The table turns to verify it."""
     from calstation.cli.registers import operate_command
     from calstation.config import RegisterOperation
 
     operation = RegisterOperation(_unit(serial, station, product, out), "finish", at_rest=at_rest)
-    raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
+    raise typer.Exit(operate_command(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj)))
 
 
 @registers.command()
@@ -79,6 +81,8 @@ def restore(
     json: JsonOption = None,
     yes: YesOption = False,
     at_rest: AtRestOption = False,
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
 ) -> None:
     """Restore the registers that a unit held before a transfer. The table turns to verify them."""
     from calstation.cli.registers import operate_command
@@ -86,7 +90,7 @@ def restore(
 
     request = _unit(serial, station, product, out)
     operation = RegisterOperation(request, "restore", transfer=transfer, at_rest=at_rest)
-    raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
+    raise typer.Exit(operate_command(operation, by, confirmed_by, json, yes=yes, debug=bool(context.obj)))
 
 
 def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":

@@ -50,3 +50,11 @@ def parsed_stages(text: str | None) -> tuple[str, ...] | None:
     for stage in stages:
         method(stage)
     return stages
+
+
+ByOption = Annotated[
+    str | None, typer.Option(help="Badge of the engineer who does this; default: the computer's user.", metavar="BADGE")
+]
+ConfirmedByOption = Annotated[
+    str | None, typer.Option(help="Badge of the engineer who confirms it, where two are required.", metavar="BADGE")
+]

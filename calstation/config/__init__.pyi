@@ -4,6 +4,12 @@ from . import library as library
 from . import versions as versions
 from .blocks import arrange_entries as arrange_entries
 from .check_standards import CheckStandardSection as CheckStandardSection
+from .confirmation import Action as Action
+from .confirmation import Confirmation as Confirmation
+from .confirmation import ConfirmationRequired as ConfirmationRequired
+from .confirmation import Person as Person
+from .confirmation import confirm as confirm
+from .confirmation import confirmation_required as confirmation_required
 from .editing import check as check
 from .editing import detect_kind as detect_kind
 from .editing import edit_toml as edit_toml

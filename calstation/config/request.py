@@ -44,6 +44,7 @@ class RegisterOperation:
     source: str = ""  #: Origin of the values.
     transfer: str | None = None  #: The transfer to undo; None for the latest.
     at_rest: bool = False  #: Whether to verify the output at rest, without moving the table.
+    confirmed_by: str | None = None  #: Second engineer who confirmed the operation, see `calstation.config.confirm`.
 
 
 def computer_user() -> str | None:

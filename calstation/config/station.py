@@ -19,7 +19,7 @@ from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSetting
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.estimation.effects import CONSTANT
 from calstation.physics import INDEX, PARAMETERS, further_parameter, named
-from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
+from calstation.records import ChecksSection, ConformitySection, Limit, SiteSection, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
 from procedures import DEFAULT_STAGES, method
 
@@ -182,6 +182,13 @@ class LoadAngleSection(StrictModel):
     inner_deg: float = 0.0
 
 
+class ConfirmationSection(StrictModel):
+    """`[confirmation]` of a product: actions that a second engineer must confirm."""
+
+    #: Release of a failed unit, register writes outside a run, and the issue of a certificate.
+    required_for: list[Literal["override", "registers", "certificate"]] = Field(default_factory=list)
+
+
 class ProductConfig(StrictModel):
     """A product file: a type of unit, its calibration, and its limits."""
 
@@ -198,6 +205,8 @@ class ProductConfig(StrictModel):
     targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
+    conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
+    confirmation: ConfirmationSection | None = None
     #: Sizes of effects outside the model, SI, that a designed schedule must show, by cause.
     diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()

@@ -1,7 +1,7 @@
 """EWMA charts of the table's geometry: every run measures it, whichever unit is on the table.
 
-The three charts together alarm about once in 1300 runs without a shift; a shift of one standard deviation is alarmed
-after 13 runs in the median. `docs/how-to/check-standards.md` gives the measured probabilities.
+The three charts together alarm about once in 1600 runs without a shift; a shift of one standard deviation is alarmed
+after 14 runs in the median. `docs/how-to/check-standards.md` gives the measured probabilities.
 """
 
 from collections.abc import Mapping

@@ -9,6 +9,7 @@ from .checked_lines import Lines as Lines
 from .checked_lines import append_line as append_line
 from .checked_lines import read_lines as read_lines
 from .checks import ChecksSection as ChecksSection
+from .checks import ConformitySection as ConformitySection
 from .checks import SampleClockLimit as SampleClockLimit
 from .checks import TemperatureLimit as TemperatureLimit
 from .checks import acceptance as acceptance
@@ -28,11 +29,14 @@ from .files import write_atomic as write_atomic
 from .laboratory import Day as Day
 from .laboratory import InstrumentSection as InstrumentSection
 from .laboratory import LaboratorySection as LaboratorySection
+from .limits import COVERAGE_FACTOR as COVERAGE_FACTOR
 from .limits import NEAR as NEAR
 from .limits import Check as Check
 from .limits import CheckKind as CheckKind
 from .limits import Limit as Limit
+from .limits import Rule as Rule
 from .limits import Where as Where
+from .limits import acceptance_interval as acceptance_interval
 from .limits import check_limit_names as check_limit_names
 from .limits import check_limits as check_limits
 from .limits import estimated_stage as estimated_stage

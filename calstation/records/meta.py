@@ -28,7 +28,7 @@ from calstation.physics import (
     further_parameter,
     group_indices,
 )
-from calstation.records.checks import ChecksSection
+from calstation.records.checks import ChecksSection, ConformitySection
 from calstation.records.files import write_atomic
 from calstation.records.laboratory import InstrumentSection, LaboratorySection
 from calstation.records.limits import Limit, check_limit_names
@@ -128,12 +128,13 @@ class PriorSection(StrictModel):
 
 
 class ProductSection(StrictModel):
-    """`[product]`: type of the unit, limits, acceptance checks, and target sigmas at which a stage may stop."""
+    """`[product]`: type of the unit, limits, acceptance checks, decision rule, and target sigmas of a stage."""
 
     name: str
     limits: dict[str, Limit] = Field(default_factory=dict)
     targets: dict[str, float] = Field(default_factory=dict)
     checks: ChecksSection | None = None
+    conformity: ConformitySection | None = None
 
     @field_validator("limits")
     @classmethod

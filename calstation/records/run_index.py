@@ -76,6 +76,7 @@ class RunRecord:
     resumed_from: str | None = None  #: Name of the log that this run continued; None for a new run.
     closed: bool = False  #: Whether an operator decided not to resume the run.
     partial: bool = False  #: Whether the run omitted stages of its product.
+    released: bool = False  #: Whether an engineer released the unit although it failed.
 
     @property
     def verdict(self) -> str:

@@ -33,6 +33,8 @@ from .offline import export_log as export_log
 from .offline import export_result as export_result
 from .offline import export_runs as export_runs
 from .offline import offline_solve as offline_solve
+from .override import override_required as override_required
+from .override import override_result as override_result
 from .pairs import PairCheckResult as PairCheckResult
 from .pairs import PairConsumer as PairConsumer
 from .pairs import PairProgress as PairProgress
@@ -54,6 +56,7 @@ from .resolving import resolve_with_state as resolve_with_state
 from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
 from .result import CyclePhase as CyclePhase
+from .result import Override as Override
 from .result import Parameter as Parameter
 from .result import Registers as Registers
 from .result import Result as Result

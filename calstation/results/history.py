@@ -231,6 +231,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         resumed_from=result.resumed_from,
         closed=result.closed_utc is not None,
         partial=result.partial,
+        released=result.released,
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
     "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate

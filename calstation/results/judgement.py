@@ -29,6 +29,7 @@ from calstation.records import (
     undetermined,
     unobservable,
 )
+from calstation.results.conformity import conformity, decision_rule
 from calstation.results.result import SCHEMA, CalibrationUsed, CyclePhase, Parameter, Result, StageConsistency, plain
 from procedures import DEFAULT_STAGES
 
@@ -62,7 +63,8 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     limits = meta.product.limits if meta.product is not None else {}
     section = meta.product.checks if meta.product is not None else None
     near = section.near_miss_beyond if section is not None else NEAR
-    found = [_explained(meta, c) for c in check_limits(limits, prior, solutions, near, meta.calibrated)]
+    compared = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
+    found = [_explained(meta, check) for check in compared]
     if section is not None:
         if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
             section = section.model_copy(update={"excitation": None})
@@ -156,6 +158,7 @@ def build_result(
             "unobservable": unobservable(prior, solutions),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
+            "conformity": conformity(meta, prior, solutions, judgement.checks),
             "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
             "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
             "details": {s.stage: plain(s.details) for s in solutions if s.details},

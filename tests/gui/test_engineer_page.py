@@ -657,6 +657,37 @@ def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engi
     assert "as the run wrote it and read it back, 2026-11-21" in engineer.says()
 
 
+def test_a_guard_band_shows_what_is_accepted_and_how_probable_a_wrong_decision_is(engineer: Engineer) -> None:
+    row = {"value": 9.5e-4, "sigma": 5e-5, "unit": "1", "stage": "rate"}
+    limits, accepted = [-1e-3, 1e-3], [-9e-4, 9e-4]
+    named = {"name": "gyro_scale_x within", "value": 9.5e-4, "unit": "1", "passed": False}
+    decision = {"accepted": False, "limits": limits, "acceptance": accepted, "outside": 0.159, "probability": 0.841}
+    result = finished_run(
+        {"gyro_scale_x": row},
+        outcome="failed",
+        checks=[{**named, "limit": limits, "acceptance": accepted}],
+        conformity={
+            "rule": "guard_band",
+            "parameters": {"gyro_scale_x": {**decision, "false_accept": 0.002, "false_reject": 0.05}},
+        },
+    )
+    for name, shown in (("plain", finished_run({"gyro_scale_x": row})), ("guarded", result)):
+        path = engineer.site_folder.folder / f"{name}.json"
+        path.write_text(json.dumps(shown.result.to_json()), encoding="utf-8")
+        engineer.page.analysis.open(path)
+        engineer.until(lambda: not engineer.page.analysis.loading.busy)
+        engineer.show_view(1)
+        table = engineer.widget("result_table", QTableView)
+        assert table.isColumnHidden(7) == (name == "plain")
+    cells = engineer.cells("result_table")["gyro_scale_x"]
+    assert (cells["Value limit"], cells["Accepted"]) == ("±1000", "±900")
+    assert "decision rule: guard band of 2 σ" in engineer.says()
+    index = table.model().index(0, table.model().columnCount() - 1)
+    hint = table.model().data(index, Qt.ItemDataRole.ToolTipRole)
+    assert "the true value is within the limits with a probability of 84 %" in hint
+    assert "0.2 % are accepted though outside, 5 % refused though within" in hint
+
+
 def test_a_plan_beyond_the_travel_is_explained_in_both_languages(qapp: QApplication) -> None:
     refusal = Text.of("plan.turns_exceed_travel", turns=7, needed_deg=2520, axis="outer", travel_deg=2160.0)
     assert show(refusal).endswith("Lower turns in the schedule of rate.")

@@ -302,3 +302,36 @@ def test_a_check_standard_is_listed_once(site_folder: SiteFolder) -> None:
     with pytest.raises(ConfigurationError) as caught:
         resolve_configuration(site_folder.request())
     assert "product.standard_twice" in json.dumps(caught.value.values, default=repr)
+
+
+def test_check_of_a_station_file_names_overdue_certificates(
+    site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = site_folder.station.read_text(encoding="utf-8")
+    instruments = [{"name": "rate table", "kind": "table", "due": date(2020, 1, 2)}]
+    site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
+    assert run_app(["check", str(site_folder.station), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["overdue"] == [{"name": "rate table", "since": "2020-01-02"}]
+
+
+@pytest.mark.long
+def test_runs_of_the_fast_product_through_the_real_protocols_agree_with_the_truth(
+    site_folder: SiteFolder, stable: ImuProfile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sum of T² of independent units is χ² with the sum of their degrees of freedom."""
+    monkeypatch.setenv("CALSTATION_HOME", str(site_folder.folder / "home"))
+    total, degrees = 0.0, 0
+    for number in (101, 102, 103):
+        serial = f"SN-{number:06d}"
+        request = replace(site_folder.request(), serial=serial, product=library.find("products", "mems_c_fast"))
+        site_folder.request = lambda *stages, made=request: made  # type: ignore[method-assign,misc]
+        result = load_result(Path(site_folder.run().result_file))
+        del site_folder.request  # type: ignore[method-assign]
+        truth = BenchConfig.model_validate(resolve_configuration(request).bench_config()).truth()
+        verdict = judge_result(standard(truth.parameters), stable, result)
+        assert verdict.passed
+        total, degrees = total + verdict.t_squared, degrees + verdict.degrees
+        assert set(result.table) == {"orthogonality", "tilt_x", "tilt_y"}
+        table = result.table["orthogonality"]
+        assert abs(table.value - truth.table.non_orthogonality) < 4.0 * table.sigma
+    assert 0.001 < stats.chi2(degrees).cdf(total) < 0.999

@@ -5,11 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calstation.cli.app import run_app
 from calstation.config import resolve_configuration
 from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.quality import WEIGHT, WIDTH, alarms, ewma_chart, table_charts
 from calstation.quality.table_chart import LEAST_BASELINE
 from calstation.results import History
+from calstation.simulation import golden
 from calstation.simulation.golden import BASELINE, golden_run, resampled
 from tests.site_folder import SiteFolder
 
@@ -50,3 +52,20 @@ def test_a_station_with_few_runs_has_no_chart(site_folder: SiteFolder) -> None:
     setup = resolve_configuration(site_folder.request())
     assert LEAST_BASELINE == 20
     assert table_charts(setup.station, setup.product, History(Path(site_folder.folder))) == {}
+
+
+@pytest.mark.long
+def test_the_demonstration_finds_a_large_shift_and_nothing_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(golden, "BASELINE", 30)
+    monkeypatch.setattr(golden, "WITHIN", 4)
+    counted: list[tuple[int, int]] = []
+    found = golden.golden_demo(5, 4.0, 3, "tilt_y", 1, lambda done, count: counted.append((done, count)), workers=1)
+    assert counted[-1] == (30 + 5 * 2 + 4 * 2, 30 + 5 * 2 + 4 * 2)
+    assert found["passed"]
+    assert found["alarmed_after"] in (1, 2)
+    assert found == golden.golden_demo(5, 4.0, 3, "tilt_y", 1, workers=1)
+
+
+def test_the_demonstration_refuses_an_unknown_quantity(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_app(["quality", "golden-demo", "--quantity", "azimuth"]) == 2
+    assert "tilt_y" in capsys.readouterr().err
