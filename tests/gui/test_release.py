@@ -1,7 +1,6 @@
 """A unit that failed is released in the window by one or two engineers; it is never shown as PASS."""
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
@@ -83,8 +82,6 @@ def test_two_engineers_release_a_unit_on_the_history_page(operator: Operator, fa
     confirm = operator.widget("history_release_confirm_button", QPushButton)
     people = {"badge": "B0001", "pin": "1111", "second_badge": "B0002"}
     fill(operator, "history_release", reason="label scratched", **people)
-    if folder := os.environ.get("SHOTS"):
-        operator.window.grab().save(f"{folder}/panel.png")
     assert (confirm.isEnabled(), confirm.toolTip()) == (False, "Fill in every field")
     fill(operator, "history_release", second_pin="1111")
     operator.press("history_release_confirm_button")
@@ -104,8 +101,6 @@ def test_two_engineers_release_a_unit_on_the_history_page(operator: Operator, fa
     assert (event.event, event.by, event.confirmed_by) == ("override", "B0001", "B0002")
     language.use("zh_CN")
     assert "不合格，已放行" in texts(operator)
-    if folder := os.environ.get("SHOTS"):
-        operator.window.grab().save(f"{folder}/released_zh.png")
 
 
 def test_a_release_can_be_cancelled(operator: Operator, failed: Path) -> None:
@@ -140,5 +135,3 @@ def test_a_unit_is_released_on_the_engineer_page_and_the_operator_page_follows(
     operator.until(lambda: f"{SERIAL}  ·  FAIL, released" in operator.says())
     operator.window.show_page("operator_page")
     assert operator.verdict == "FAIL, released"
-    if folder := os.environ.get("SHOTS"):
-        operator.window.grab().save(f"{folder}/operator.png")
