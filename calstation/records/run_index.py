@@ -83,6 +83,11 @@ class RunRecord:
         """The outcome, or ``partial`` for a partial run that passed."""
         return verdict_of(self.outcome, partial=self.partial)
 
+    @property
+    def badge(self) -> str:
+        """The verdict as the window shows it: ``released`` for a failed run whose unit was released."""
+        return "released" if self.released else self.verdict
+
 
 @dataclass(frozen=True)
 class IndexedRun:

@@ -294,6 +294,11 @@ class Result(_Section):
         return self.override is not None
 
     @property
+    def badge(self) -> str:
+        """The verdict as the window shows it: ``released`` for a failed run whose unit was released."""
+        return "released" if self.released else self.verdict
+
+    @property
     def judged(self) -> bool:
         """Whether the run reached its end, so that its values are compared with the limits."""
         return self.outcome not in ("stopped", "fault", "incomplete")

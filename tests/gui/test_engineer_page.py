@@ -26,12 +26,13 @@ from PySide6.QtWidgets import (
     QToolTip,
 )
 
-from calstation.config import library, versions
+from calstation.config import access, library, versions
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.text import language
 from calstation.gui.text.messages import show
 from calstation.messages.rendering import Text
+from calstation.records import audit_path, read_audit
 from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
 from calstation.results.resolving import FinishedRun
@@ -587,6 +588,30 @@ def test_registers_of_another_unit_are_refused_beside_the_button(engineer: Engin
     assert engineer.why_not("write_registers_button") == reason
     assert engineer.widget("write_reason_label", QLabel).isVisible()
     assert engineer.widget("write_reason_label", QLabel).text() == reason
+
+
+@pytest.mark.long
+def test_two_engineers_confirm_a_write_where_the_product_requires_it(engineer: Engineer) -> None:
+    ask_to_write(engineer)
+    for badge in ("B0001", "B0002"):
+        access.set_pin("2468", badge, badge)
+    flash = str(engineer.site_folder.folder / "flash.bin")
+    sign_in = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+    engineer.site_folder.write(
+        {"confirmation": {"required_for": ["registers"]}}, {"sign_in": sign_in}, flash_file=flash
+    )
+    engineer.press("confirm_at_rest_button")
+    assert f"Two engineers confirm the registers of unit {SERIAL}" in engineer.says()
+    for key, text in (("badge", "B0001"), ("pin", "B0001"), ("second_badge", "B0001"), ("second_pin", "B0001")):
+        engineer.type(f"registers_{key}_edit", text)
+    engineer.press("registers_confirm_button")
+    assert "cannot confirm what the same person does" in engineer.says()
+    for key, text in (("pin", "B0001"), ("second_badge", "B0002"), ("second_pin", "B0002")):
+        engineer.type(f"registers_{key}_edit", text)
+    engineer.press("registers_confirm_button")
+    engineer.until(lambda: "Verified at rest; no turn was made." in engineer.says())
+    event = read_audit(audit_path(library.site_folder())).events[-1]
+    assert (event.event, event.by, event.confirmed_by) == ("registers", "B0001", "B0002")
 
 
 @pytest.mark.exhaustive

@@ -12,7 +12,7 @@ from calstation.gui.engineer.cycle_view import CycleView
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ResidualsView
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.verdict import verdict_badge, verdict_text
-from calstation.gui.shell import AppContext
+from calstation.gui.shell import AppContext, ReleaseBar
 from calstation.gui.text import (
     bind,
     error_text,
@@ -71,8 +71,9 @@ _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad",
 class ResultView(QWidget):
     """The run's verdict, the parameter table, and the checks that do not concern a single parameter."""
 
-    def __init__(self, adding: JobWatch) -> None:
+    def __init__(self, adding: JobWatch, release: ReleaseBar) -> None:
         super().__init__()
+        self.release = release
         self.shown: FinishedRun | None = None
         self.missing = MissingState(adding, "add_state_button")
         self._badge = StateBadge(theme.SECTION)
@@ -114,6 +115,7 @@ class ResultView(QWidget):
         )
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
+            release,
             (table, 2),
             self.missing,
             (self._checks, 1),
@@ -286,6 +288,7 @@ class ResultAnalysis(QObject):
         self._computed = self.innovations, self.residuals
         #: The views in order: parameters, innovations, residuals, observability.
         self.views: tuple[QWidget, ...] = (self.result, *self._computed, self.observability)
+        app.released.connect(self._released)
         self._diagnosing.failed.connect(lambda error: self._not_diagnosed(lambda: error_text(error).sentences))
 
     def open(self, path: Path) -> None:
@@ -345,7 +348,7 @@ class ResultAnalysis(QObject):
         return "  ·  ".join(part for part in parts if part)
 
     def _result_view(self) -> ResultView:
-        view = ResultView(self.adding)
+        view = ResultView(self.adding, ReleaseBar(self._app, "engineer_release"))
         view.missing.wanted.connect(self._add_state)
         return view
 
@@ -359,6 +362,8 @@ class ResultAnalysis(QObject):
         self._run, self._diagnosed_log, self._following = run, None, False
         if run.result.parameters:
             self.result.view.show_run(run)
+            result_file = self._path if self._path is not None and self._path.suffix == ".json" else None
+            self.result.view.release.offer(run.result, result_file)
             self.result.show_view()
         else:
             self.result.show_empty(lambda: _why_no_result(run))
@@ -373,6 +378,11 @@ class ResultAnalysis(QObject):
             self.cycle.show_empty(lambda: say("engineer.no_cycle"))
         self.changed.emit()
         self.loaded.emit(run)
+
+    def _released(self, path: Path) -> None:
+        """Read the result shown again after its unit was released."""
+        if path == self._path:
+            self.open(path)
 
     def _not_loaded(self, error: CalstationError) -> None:
         self._path = None

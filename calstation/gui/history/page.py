@@ -14,7 +14,7 @@ from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
 from calstation.gui.operator import CertificateButton, LabelButton
-from calstation.gui.shell import AppContext, Page
+from calstation.gui.shell import AppContext, Page, ReleaseBar
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
@@ -60,6 +60,7 @@ class HistoryPage(Page):
         self.details = RunDetails(
             LabelButton(app, "history_label_button", self.notice, focus),
             CertificateButton(app, "history_certificate_button", self.notice, focus),
+            ReleaseBar(app, "history_release"),
         )
         self.exports = FileExport(app.job_queue, self, self.notice, self.table.setFocus)
         self._loader = JobWatch(self)
@@ -147,6 +148,7 @@ class HistoryPage(Page):
             ended.connect(self.refresh)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._list_visible)
+        app.released.connect(lambda _: self._list_visible())
         app.engine_link.running_changed.connect(lambda _: self._update())
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)

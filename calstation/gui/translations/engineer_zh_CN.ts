@@ -613,6 +613,10 @@
         <translation>写入产品</translation>
     </message>
     <message>
+        <source>Two engineers confirm the registers of unit {0}</source>
+        <translation>由两位工程师确认产品 {0} 的寄存器写入</translation>
+    </message>
+    <message>
         <source>In the unit</source>
         <translation>产品内</translation>
     </message>

@@ -186,6 +186,50 @@
     </message>
 </context>
 <context>
+    <name>PeoplePanel</name>
+    <message>
+        <source>Confirm</source>
+        <extracomment>Called with the reason, the person who acts, and the one who confirms, None if none is required.</extracomment>
+        <translation>确认</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>取消</translation>
+    </message>
+    <message>
+        <source>Confirmation</source>
+        <translation>确认</translation>
+    </message>
+    <message>
+        <source>Fill in every field</source>
+        <translation>请填写所有栏目</translation>
+    </message>
+    <message>
+        <source>Reason</source>
+        <translation>理由</translation>
+    </message>
+    <message>
+        <source>Your badge</source>
+        <translation>您的工牌</translation>
+    </message>
+    <message>
+        <source>Your name</source>
+        <translation>您的姓名</translation>
+    </message>
+    <message>
+        <source>Your PIN</source>
+        <translation>您的 PIN 码</translation>
+    </message>
+    <message>
+        <source>Second engineer&apos;s badge</source>
+        <translation>第二位工程师的工牌</translation>
+    </message>
+    <message>
+        <source>Second engineer&apos;s PIN</source>
+        <translation>第二位工程师的 PIN 码</translation>
+    </message>
+</context>
+<context>
     <name>PlotMenu</name>
     <message>
         <source>Copy as picture</source>
@@ -198,6 +242,21 @@
     <message>
         <source>Save the plot</source>
         <translation>保存图形</translation>
+    </message>
+</context>
+<context>
+    <name>ReleaseBar</name>
+    <message>
+        <source>Release the unit…</source>
+        <translation>放行产品…</translation>
+    </message>
+    <message>
+        <source>Let the unit be used although it failed; the run stays FAIL</source>
+        <translation>允许使用不合格的产品；该次标定仍为不合格</translation>
+    </message>
+    <message>
+        <source>Release unit {0} although it failed?</source>
+        <translation>产品 {0} 不合格，仍要放行吗？</translation>
     </message>
 </context>
 <context>
