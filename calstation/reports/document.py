@@ -25,7 +25,7 @@ from calstation.records import Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
 from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity
-from calstation.reports.deviations import deviations
+from calstation.reports.deviations import deviations, is_simulated
 from calstation.reports.numbers import NONE, check_unit, in_display, interval, rounded, short
 from calstation.results import Verification, plain
 from procedures import method
@@ -61,6 +61,7 @@ class _Document:
             "issued": certificate.issued.isoformat(),
             "verdict": certificate.verdict,
             "verdict_text": self._say(self._verdict()),
+            "simulated": self._say(Text("certificate.d_simulated")) if is_simulated(certificate) else None,
             "rule": self._say(Text(f"certificate.rule_{certificate.rule}")),
             "coverage_factor": f"{COVERAGE_FACTOR:g}",
             "laboratory": None if laboratory is None else laboratory.model_dump(),
