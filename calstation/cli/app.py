@@ -408,11 +408,13 @@ def report(
         Path | None,
         typer.Option(help="Certificate to sign PDF and XML with.", metavar="FILE.p12"),
     ] = None,
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
 ) -> None:
     """Write the calibration certificate of a result as a PDF."""
     from calstation.cli.report import report_command
 
-    raise typer.Exit(report_command(source, out, language, issued, revise, templates, dcc, sign))
+    raise typer.Exit(report_command(source, out, language, issued, revise, templates, dcc, sign, by, confirmed_by))
 
 
 app.add_typer(quality, name="quality")

@@ -1,12 +1,15 @@
 """`report`: the calibration certificate of a result."""
 
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from calstation.cli.confirmation import ask_person
 from calstation.cli.show import say, show_line
+from calstation.config import computer_user
 from calstation.errors import ConfigurationError
 from calstation.messages import Language, term
 from calstation.reports import ReportRequest, issue_report
@@ -24,6 +27,8 @@ def report_command(
     templates: Path | None,
     dcc: Path | None,
     sign: Path | None,
+    by: str | None,
+    confirmed_by: str | None,
 ) -> int:
     """Write the certificate of a result or log, and say its number and verdict."""
     if language not in LANGUAGES:
@@ -32,6 +37,9 @@ def report_command(
         if file is not None and (file.is_dir() or not file.absolute().parent.is_dir()):
             raise ConfigurationError("cli.out_unwritable", path=file)
     request = ReportRequest(source, out, LANGUAGES[language], _day(issued), revise, templates, dcc, sign)
+    if by is not None or confirmed_by is not None:
+        first = ask_person(by or computer_user() or "", pin=confirmed_by is not None)
+        request = replace(request, first=first, second=None if confirmed_by is None else ask_person(confirmed_by))
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:

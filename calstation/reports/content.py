@@ -41,8 +41,8 @@ class Quantity:
     as_found: float | None
     as_left: float | None
     decision: Decision
-    false_accept: float | None = None  #: Probability that a value within its limits is wrongly accepted.
-    false_reject: float | None = None  #: Probability that a value outside its limits is wrongly rejected.
+    #: Probability that the decision about the value is wrong: false accept or false reject; None without limits.
+    risk: float | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Certificate:
     correlation: FloatArray  #: Correlation coefficients in the order of `quantities`, shape (n, n).
     budget: Budget | None  #: None if it was not computed.
     verdict: Verdict
-    rule: str  #: Decision rule: ``simple`` acceptance without a guard band.
+    rule: str  #: Decision rule, see `calstation.results.conformity`.
 
     @property
     def identification(self) -> str:
@@ -102,7 +102,7 @@ def build_certificate(
         correlation=_correlation([q.name for q in quantities], result.correlation),
         budget=budget,
         verdict=_verdict(result),
-        rule="simple",  # the only decision rule so far; others belong to calstation.results.conformity
+        rule="simple" if result.conformity is None else result.conformity.rule,
     )
 
 
@@ -137,6 +137,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     for check in result.checks:
         if check.kind in ("within", "sigma_below") and decisions.get(check.subject) != "failed":
             decisions[check.subject] = "passed" if check.passed else "failed"
+    judged = {} if result.conformity is None else result.conformity.parameters
     rows = []
     for name, found in result.parameters.items():
         limit = limits.get(name, limits.get(group_of(name), Limit()))
@@ -153,6 +154,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
                 as_found=before.get(name),
                 as_left=after.get(name),
                 decision=decisions.get(name, "not_judged") if result.judged else "not_judged",
+                risk=judged[name].probability if name in judged else None,
             )
         )
     return rows

@@ -18,11 +18,19 @@ _MOST = 8
 def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     """Yield the deviations, the most important first."""
     result = certificate.result
+    if is_simulated(certificate):
+        yield Text("certificate.d_simulated")
     yield from _of_end(result)
     yield from _of_values(certificate)
     yield from _of_data(result, analysis)
     yield from _of_traceability(certificate)
     yield from analysis.warnings
+
+
+def is_simulated(certificate: Certificate) -> bool:
+    """Whether the run was made on the virtual bench."""
+    run = certificate.meta.run
+    return run is not None and run.seed is not None
 
 
 def _of_end(result: Result) -> Iterator[Text]:
@@ -38,6 +46,9 @@ def _of_end(result: Result) -> Iterator[Text]:
         yield Text("certificate.d_registers_kept")
     elif not result.registers.verified:
         yield Text("certificate.d_unverified")
+    if result.override is not None:
+        people = ", ".join(filter(None, (result.override.by, result.override.confirmed_by)))
+        yield Text.of("certificate.d_released", by=people, date=result.override.utc[:10], why=result.override.why)
     if result.resumed_from is not None:
         yield Text.of("certificate.d_resumed", log=result.resumed_from)
     if result.attempt > 1:

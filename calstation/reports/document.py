@@ -23,8 +23,8 @@ from calstation.records import Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
 from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity, group_of
-from calstation.reports.deviations import deviations
-from calstation.reports.numbers import NONE, check_unit, in_display, interval, rounded, short
+from calstation.reports.deviations import deviations, is_simulated
+from calstation.reports.numbers import NONE, check_unit, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain
 from procedures import method
 
@@ -59,6 +59,7 @@ class _Document:
             "issued": certificate.issued.isoformat(),
             "verdict": certificate.verdict,
             "verdict_text": self._say(self._verdict()),
+            "simulated": self._say(Text("certificate.d_simulated")) if is_simulated(certificate) else None,
             "rule": self._say(Text(f"certificate.rule_{certificate.rule}")),
             "coverage_factor": f"{COVERAGE_FACTOR:g}",
             "laboratory": None if laboratory is None else laboratory.model_dump(),
@@ -132,8 +133,7 @@ class _Document:
             "found": rounded(in_display(q.name, q.as_found), expanded),
             "left": rounded(in_display(q.name, q.as_left), expanded),
             "decision": self._decision(q),
-            "false_accept": q.false_accept,
-            "false_reject": q.false_reject,
+            "risk": NONE if q.risk is None else percentage(q.risk),
         }
 
     def _decision(self, q: Quantity) -> str:

@@ -7,18 +7,37 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 
 from calstation import __version__
-from calstation.config import ReportSection, load_station
+from calstation.config import (
+    Confirmation,
+    ConfirmationRequired,
+    Person,
+    ReportSection,
+    computer_user,
+    confirm,
+    confirmation_required,
+    load_station,
+    site_folder,
+)
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
 from calstation.messages import Language, os_reason
-from calstation.records import IssuedReport, Log, LogMeta, append_report, open_log, read_reports, write_atomic
+from calstation.records import (
+    IssuedReport,
+    Log,
+    LogMeta,
+    append_audit,
+    append_report,
+    open_log,
+    read_reports,
+    write_atomic,
+)
 from calstation.reports.analysis import analyse
 from calstation.reports.content import Certificate, build_certificate, certificate_number
 from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
 from calstation.reports.pdf import Attachment, typeset
 from calstation.reports.signing import load_signer, sign_pdf, sign_xml
-from calstation.results import Result, find_log, load_result, resolve, stored_result
+from calstation.results import Result, find_log, load_result, resolve, run_files, stored_result
 
 #: Fraction of the job's progress before the PDF is typeset.
 _ANALYSED = 0.97
@@ -36,6 +55,8 @@ class ReportRequest:
     templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
     dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
     signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
+    first: Person | None = None  #: Who issues it; None for the computer's user.
+    second: Person | None = None  #: Who confirms a new certificate, where the product requires it.
 
 
 def station_request(station: Path, section: ReportSection | None, result_file: Path) -> ReportRequest:
@@ -56,13 +77,17 @@ def station_request(station: Path, section: ReportSection | None, result_file: P
     )
 
 
-def issue_certificate(report: ProgressCallback, result_file: Path, station: Path | None) -> Path:
+def issue_certificate(
+    report: ProgressCallback, result_file: Path, station: Path | None, first: Person, second: Person | None
+) -> Path:
     """Job: issue the report of a result as the station asks for it, and return the PDF.
+
+    `first` issues it, `second` confirms it where the product requires it.
 
     Raises InputError or ConfigurationError.
     """
     path, config = load_station(station)
-    request = station_request(path, config.report, result_file)
+    request = replace(station_request(path, config.report, result_file), first=first, second=second)
     if config.report is None or config.report.folder is None:
         try:
             request.out.parent.mkdir(exist_ok=True)
@@ -86,6 +111,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(request.source)
     certificate, record = _numbered(result, log, request)
+    people = None if record is None else _confirmed(result, request)
     analysis = analyse(lambda done, remaining_s=None, note="": report(_ANALYSED * done, note=note), log, result)
     certificate = replace(certificate, budget=analysis.budget)
     dcc = write_dcc(certificate, deviations(certificate, analysis))
@@ -96,13 +122,29 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     _write(request.out, pdf if signer is None else sign_pdf(pdf, signer))
     if request.dcc is not None:
         _write(request.dcc, dcc)
-    if record is not None:
+    if record is not None and people is not None:
+        about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
+        reason = record.reason or ""
+        append_audit(site_folder(), "certificate", people.by, reason, confirmed_by=people.confirmed_by, **about)
         try:
             append_report(log.path.absolute().parent, record)
         except OSError as exc:
             raise InputError("report.unwritable", file=log.path.parent, reason=os_reason(exc)) from exc
     report(1.0)
     return certificate
+
+
+def certificate_required(report: ProgressCallback, result_file: Path) -> ConfirmationRequired:
+    """Job: return what issuing a certificate of a result requires. Raises InputError."""
+    return confirmation_required("certificate", *run_files(load_result(result_file), result_file))
+
+
+def _confirmed(result: Result, request: ReportRequest) -> Confirmation:
+    """Return who issues a certificate; a recording without a product needs no confirmation."""
+    first = request.first or Person(computer_user() or "-")
+    if result.product is None:
+        return Confirmation(first.badge)
+    return confirm("certificate", *run_files(result, request.source), first, request.second)
 
 
 def attachments(certificate: Certificate) -> list[Attachment]:

@@ -54,3 +54,8 @@ def interval(low: float, high: float) -> str:
 def check_unit(unit: str) -> tuple[str, float]:
     """Return the display unit of a check that compares no parameter, and its size in the check's unit."""
     return _OF_CHECKS.get(unit) or unit_of(unit)
+
+
+def percentage(probability: float) -> str:
+    """Return a probability in percent with one decimal, or that it is smaller."""
+    return "< 0.1 %" if probability < 0.0005 else f"{100.0 * probability:.1f} %"

@@ -35,6 +35,7 @@ from .offline import export_runs as export_runs
 from .offline import offline_solve as offline_solve
 from .override import override_required as override_required
 from .override import override_result as override_result
+from .override import run_files as run_files
 from .pairs import PairCheckResult as PairCheckResult
 from .pairs import PairConsumer as PairConsumer
 from .pairs import PairProgress as PairProgress

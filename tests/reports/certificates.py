@@ -33,7 +33,7 @@ LABORATORY: dict[str, Any] = {
             "kind": "table",
             "certificate": "PTB-0815",
             "calibrated": date(2020, 3, 2),
-            "due": date(2021, 3, 2),
+            "due": date(2121, 3, 2),
         }
     ],
 }

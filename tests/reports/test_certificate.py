@@ -83,6 +83,18 @@ def test_every_page_is_identified_and_the_document_says_all(made: Made, language
         assert "".join(group.split()).lower() in whole.lower()
 
 
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_simulation_says_so_beside_its_verdict(made: Made) -> None:
+    words = "Simulation: the run was made on the virtual bench"
+    assert words in " ".join(pypdf.PdfReader(io.BytesIO(printed(made))).pages[0].extract_text().split())
+    run = made.certificate.meta.run
+    assert run is not None
+    meta = made.certificate.meta.model_copy(update={"run": run.model_copy(update={"seed": None})})
+    real = replace(made, certificate=replace(made.certificate, meta=meta))
+    pages = pypdf.PdfReader(io.BytesIO(printed(real))).pages
+    assert "Simulation" not in "".join(page.extract_text() for page in pages)
+
+
 @pytest.mark.parametrize("made", ["partial"], indirect=True)
 def test_a_partial_calibration_is_nowhere_a_pass(made: Made) -> None:
     assert made.certificate.verdict == "partial"

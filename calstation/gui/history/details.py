@@ -162,7 +162,9 @@ class RunDetails(QFrame):
         self.resume_button = button("history_resume_button", lambda: self.tr("Resume"))
         self.close_button = button("history_close_button")
         self._documents, self._release = (label_button, certificate_button), release
-        release.asking.connect(lambda asking: self.trend.setVisible(not asking and self.has_parameters))
+        self._people = certificate_button.panel
+        for asking in (release.asking, self._people.asking):
+            asking.connect(lambda open_: self.trend.setVisible(not open_ and self.has_parameters))
         self._lay_out()
         on_language_change(self, self._show)
 
@@ -200,6 +202,7 @@ class RunDetails(QFrame):
             row((self.resume_button, 1), (self.close_button, 1)),
             row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button))),
             row(*((each, 1) for each in self._documents)),
+            self._people,
             on=self,
             margins=(2 * theme.GRID,) * 4,
         )

@@ -184,6 +184,7 @@ class VerdictPanel(QFrame):
                 self._station_button,
                 None,
             ),
+            self.certificate_button.panel,
         )
         column(
             (self._banner, 2),
