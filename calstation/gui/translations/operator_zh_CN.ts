@@ -36,6 +36,10 @@
         <translation>证书，{0:.0f} %</translation>
     </message>
     <message>
+        <source>Issue a certificate?</source>
+        <translation>签发证书？</translation>
+    </message>
+    <message>
         <source>The certificate was issued</source>
         <translation>证书已签发</translation>
     </message>
