@@ -140,9 +140,9 @@ def certificate_required(report: ProgressCallback, result_file: Path) -> Confirm
 
 
 def _confirmed(result: Result, request: ReportRequest) -> Confirmation:
-    """Return who issues a certificate; a recording without a product needs no confirmation."""
+    """Return who issues a certificate; a recording without a product file needs no confirmation."""
     first = request.first or Person(computer_user() or "-")
-    if result.product is None:
+    if "product" not in result.configuration:
         return Confirmation(first.badge)
     return confirm("certificate", *run_files(result, request.source), first, request.second)
 

@@ -21,7 +21,7 @@ def test_the_log_has_the_laboratory_of_the_station(site_folder: SiteFolder) -> N
     meta = resolve_configuration(site_folder.request()).log_meta()
     assert meta.laboratory is not None
     assert meta.laboratory.model_dump(exclude_none=True) == LABORATORY["laboratory"]
-    assert meta.instruments[0].due == date(2021, 3, 2)
+    assert meta.instruments[0].due == date(2121, 3, 2)
     assert meta_from_json(meta.to_json(), "log").instruments == meta.instruments
 
 

@@ -34,7 +34,8 @@ LABORATORY: dict[str, Any] = {
             "certificate": "PTB-0815",
             "calibrated": date(2020, 3, 2),
             "due": date(2121, 3, 2),
-        }
+        },
+        {"name": "Thermometer PT-7", "due": date(2021, 3, 2)},  # no calibration is refused because of it
     ],
 }
 #: Kinds of runs.

@@ -233,7 +233,7 @@ def test_a_failure_names_its_quantities_and_what_was_not_done(made: Made) -> Non
     text = " ".join("".join(p.extract_text() for p in pypdf.PdfReader(io.BytesIO(printed(made))).pages).split())
     assert "Gyro scale factor x within its limit" in text
     assert "No registers were written" in text
-    assert "The calibration of Rate table RT-200 was overdue" in text
+    assert "The calibration of Thermometer PT-7 was overdue" in text
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)

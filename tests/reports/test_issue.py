@@ -177,6 +177,6 @@ def test_a_station_asks_for_reports_of_its_verdicts(site_folder: SiteFolder, mon
     ((_, _, _, *command),) = started
     folder = site_folder.folder
     assert command == [
-        *("report", "SN_1.json", "-o", str(folder / "reports" / "SN_1.pdf")),
+        *("report", str(Path("SN_1.json").absolute()), "-o", str(folder / "reports" / "SN_1.pdf")),
         *("--language", "zh", "--templates", str(folder / "mine")),
     ]
