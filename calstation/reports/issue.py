@@ -140,11 +140,13 @@ def certificate_required(report: ProgressCallback, result_file: Path) -> Confirm
 
 
 def _confirmed(result: Result, request: ReportRequest) -> Confirmation:
-    """Return who issues a certificate; a recording without a product file needs no confirmation."""
+    """Return who issues a certificate. Raises ConfigurationError if one or two people must prove their identity."""
     first = request.first or Person(computer_user() or "-")
-    if "product" not in result.configuration:
+    try:
+        files = run_files(result, request.source)
+    except InputError:  # a recording of a product that neither the log nor the site knows
         return Confirmation(first.badge)
-    return confirm("certificate", *run_files(result, request.source), first, request.second)
+    return confirm("certificate", *files, first, request.second)
 
 
 def attachments(certificate: Certificate) -> list[Attachment]:
