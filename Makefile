@@ -46,6 +46,7 @@ translations: $(VENV)/installed-dev
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/history/*.py -ts $(GUI)/translations/history_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/*.py -ts $(GUI)/translations/offline_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/logs/methods/*.py -ts $(GUI)/translations/methods_zh_CN.ts
+	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/quality/*.py -ts $(GUI)/translations/quality_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/settings/*.py \
 		-ts $(GUI)/translations/station_page_zh_CN.ts
 	$(VENV)/bin/pyside6-lupdate -no-obsolete -locations none $(GUI)/shell/*.py $(GUI)/text/*.py $(GUI)/widgets/*.py \

@@ -6,17 +6,25 @@ import os
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from calstation import __version__, applog
+from calstation.cli.device_commands import registers, table
+from calstation.cli.options import (
+    ByOption,
+    ConfirmedByOption,
+    JsonOption,
+    ProductOption,
+    StagesOption,
+    StationOption,
+    by_name,
+    parsed_stages,
+)
+from calstation.cli.quality_commands import quality
 from calstation.errors import CalstationError, ConfigurationError
-
-if TYPE_CHECKING:
-    from calstation.config import RunRequest
 
 _NAME = "calstation"
 
@@ -29,32 +37,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-StagesOption = Annotated[
-    str | None, typer.Option("--stages", help="Stages in order, e.g. rate,six_position.", metavar="A,B,...")
-]
-JsonOption = Annotated[
-    str | None, typer.Option("--json", help="Write the result JSON to this file; - for standard output.")
-]
-
-
-def _given(kind: str) -> Callable[[Path | None], Path | None]:
-    """Return a callback that finds the file of an option by its path or name. It raises ConfigurationError."""
-
-    def look_up(path: Path | None) -> Path | None:
-        from calstation.config import locate
-
-        return None if path is None else locate(kind, path)
-
-    return look_up
-
-
-StationOption = Annotated[
-    Path | None, typer.Option(help="Station file or its name; default: the virtual bench.", callback=_given("stations"))
-]
-ProductOption = Annotated[
-    Path | None, typer.Option(help="Product file or its name; default: nav_a.", callback=_given("products"))
-]
 
 
 def _show_version(wanted: bool) -> None:
@@ -99,6 +81,14 @@ def run(
     beyond_attempts: Annotated[
         bool, typer.Option("--beyond-attempts", help="Accept a unit whose attempts are used up.")
     ] = False,
+    override_standard: Annotated[
+        str | None,
+        typer.Option(
+            "--override-standard",
+            help="Calibrate although a check standard or a certificate is not in order.",
+            metavar="REASON",
+        ),
+    ] = None,
     faults: Annotated[Path | None, typer.Option(help="Virtual bench: plan of faults.", metavar="FILE.toml")] = None,
     operator: Annotated[
         str | None,
@@ -113,13 +103,14 @@ def run(
         serial or "",
         station,
         product,
-        _stages(stages),
+        parsed_stages(stages),
         out,
         operator,
         speed=speed,
         seed=seed,
         resume=resume,
         beyond_attempts=beyond_attempts,
+        override_standard=override_standard,
         faults=faults,
     )
     raise typer.Exit(run_command(complete_request(request), json, yes=yes, debug=bool(context.obj)))
@@ -141,7 +132,9 @@ def resolve(
     """Solve a stored log again."""
     from calstation.cli.logs import resolve_command
 
-    raise typer.Exit(resolve_command(log, _stages(stages), first, last, json, residuals=residuals, states=states or ()))
+    raise typer.Exit(
+        resolve_command(log, parsed_stages(stages), first, last, json, residuals=residuals, states=states or ())
+    )
 
 
 @app.command(name="import")
@@ -151,13 +144,13 @@ def import_(
     meta: Annotated[Path | None, typer.Option(help="TOML of the file; default: beside it.")] = None,
     imu: Annotated[
         Path | None,
-        typer.Option(help="Decode a raw capture with this IMU profile; file or name.", callback=_given("imus")),
+        typer.Option(help="Decode a raw capture with this IMU profile; file or name.", callback=by_name("imus")),
     ] = None,
     station: Annotated[
         Path | None,
         typer.Option(
             help="Station whose site a capture without [site] has; default: the virtual bench.",
-            callback=_given("stations"),
+            callback=by_name("stations"),
         ),
     ] = None,
 ) -> None:
@@ -199,12 +192,19 @@ def apply(
 
 @app.command()
 def record(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal.")],
-    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write.", metavar="LOG")],
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="hand, pair (of IMUs on one body) or gimbal; history: many results.")
+    ],
+    out: Annotated[Path, typer.Option("-o", "--out", help="Raw log to write; history: folder.", metavar="LOG")],
     grade: Annotated[str, typer.Option(help="nav, tactical or mems.")] = "mems",
     seed: Annotated[int, typer.Option(min=0, help="Of unit, motion and noise.")] = 1,
+    runs: Annotated[int, typer.Option(min=1, help="history: number of runs.")] = 2000,
 ) -> None:
-    """Make a recording on the virtual bench for the methods that need no table."""
+    """Make a recording on the virtual bench for the methods that need no table, or a synthetic history of runs."""
+    if kind == "history":
+        from calstation.cli.quality import history_command
+
+        raise typer.Exit(history_command(out, runs, seed))
     from calstation.cli.logs import record_command
 
     raise typer.Exit(record_command(kind, out, grade, seed))
@@ -215,7 +215,7 @@ def watch(
     log: Annotated[Path | None, typer.Argument(metavar="LOG", help="Log of IMUs on one body.")] = None,
     station: Annotated[
         Path | None,
-        typer.Option(help="Watch the IMUs of this station live; file or name.", callback=_given("stations")),
+        typer.Option(help="Watch the IMUs of this station live; file or name.", callback=by_name("stations")),
     ] = None,
     product: ProductOption = None,
     serial: Annotated[str, typer.Option(help="Serial number of a primary that cannot report it.")] = "",
@@ -332,125 +332,94 @@ def try_link(
 @app.command()
 def check(
     file: Annotated[
-        Path,
-        typer.Argument(metavar="FILE", help="Station, table, IMU or product file, or its name; or a recording."),
-    ],
+        Path | None,
+        typer.Argument(
+            metavar="[FILE]",
+            help="Station, table, IMU or product file, or its name; a recording; or audit.jsonl, the default.",
+        ),
+    ] = None,
     json: JsonOption = None,
 ) -> None:
     """Show all that is wrong in a file, or what a recording contains and can be solved with; exit code 2 if not."""
+    from calstation.cli.audit import check_audit_command
     from calstation.cli.devices import check_command
 
+    if file is None or file.name == "audit.jsonl":
+        raise typer.Exit(check_audit_command(file, json))
     raise typer.Exit(check_command(file, json))
 
 
-registers = typer.Typer(
-    help="Registers of units: read them, list what was written, finish an interrupted write, restore earlier values.",
-    no_args_is_help=True,
-)
-app.add_typer(registers, name="registers")
-
-SerialArgument = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the unit.")]
-RunsOption = Annotated[Path, typer.Option("--out", help="Folder of the runs; a virtual unit's journal is there.")]
-YesOption = Annotated[bool, typer.Option("--yes", help="Do not ask before writing.")]
-AtRestOption = Annotated[bool, typer.Option("--at-rest", help="Leave the table alone: verify at rest, without a turn.")]
-
-
-@registers.command("list")
-def list_(
-    serial: Annotated[str | None, typer.Argument(metavar="SERIAL", help="One unit; default: all.")] = None,
-    out: RunsOption = Path("runs"),
+@app.command()
+def audit(
+    event: Annotated[str | None, typer.Option(help="Only this event, e.g. file_saved.")] = None,
+    by: Annotated[str | None, typer.Option(help="Only what this person did or confirmed.")] = None,
+    since: Annotated[str | None, typer.Option(help="Only from this day on.", metavar="YYYY-MM-DD")] = None,
+    file: Annotated[Path | None, typer.Option(help="Another audit trail than the site's.")] = None,
     json: JsonOption = None,
 ) -> None:
-    """Show what was written into units, when and by whom, and what is still open; --json has all values."""
-    from calstation.cli.registers import list_command
+    """List the audit trail: changed files and PINs, registers written by hand, released units, certificates."""
+    from calstation.cli.audit import audit_command
 
-    raise typer.Exit(list_command(out, serial, json))
+    raise typer.Exit(audit_command(file, event, by, since, json))
 
 
-@registers.command()
-def read(
-    serial: SerialArgument,
-    station: StationOption = None,
-    product: ProductOption = None,
-    out: RunsOption = Path("runs"),
+@app.command()
+def override(
+    result: Annotated[Path, typer.Argument(metavar="RESULT.json", help="Result of a run that failed.")],
+    reason: Annotated[str, typer.Option(help="Why the unit may be used although it failed.")],
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
     json: JsonOption = None,
 ) -> None:
-    """Show what a unit's registers hold now. Nothing moves, nothing is written."""
-    from calstation.cli.registers import read_command
+    """Release a unit that failed; the result stays FAIL and says who released it. PINs are asked for."""
+    from calstation.cli.confirmation import override_command
 
-    raise typer.Exit(read_command(_unit(serial, station, product, out), json))
+    raise typer.Exit(override_command(result, reason, by, confirmed_by, json))
 
 
-@registers.command()
-def finish(
-    context: typer.Context,
-    serial: SerialArgument,
-    station: StationOption = None,
-    product: ProductOption = None,
-    out: RunsOption = Path("runs"),
-    json: JsonOption = None,
-    yes: YesOption = False,
-    at_rest: AtRestOption = False,
+@app.command()
+def pin(
+    badge: Annotated[str, typer.Option(help="Badge of an engineer; default: the PIN of the site.")] = "",
 ) -> None:
-    """Complete a unit's interrupted transfer. The table turns to verify it."""
-    from calstation.cli.registers import operate_command
-    from calstation.config import RegisterOperation
+    """Set or change the engineer's PIN of the site, or the personal PIN of an engineer."""
+    from calstation.cli.confirmation import pin_command
 
-    operation = RegisterOperation(_unit(serial, station, product, out), "finish", at_rest=at_rest)
-    raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
+    raise typer.Exit(pin_command(badge))
 
 
-@registers.command()
-def restore(
-    context: typer.Context,
-    serial: SerialArgument,
-    transfer: Annotated[
-        str | None, typer.Option(help="As before this transfer of the list; default: the latest.", metavar="ID")
+@app.command()
+def report(
+    source: Annotated[Path, typer.Argument(metavar="RESULT.json|LOG", help="Result of a run, its log, or any log.")],
+    out: Annotated[Path, typer.Option("-o", "--out", help="PDF to write.", metavar="FILE.pdf")],
+    language: Annotated[str, typer.Option(help="en or zh.")] = "en",
+    issued: Annotated[
+        str | None, typer.Option(help="Date of issue; default: the day of the result.", metavar="YYYY-MM-DD")
     ] = None,
-    station: StationOption = None,
-    product: ProductOption = None,
-    out: RunsOption = Path("runs"),
-    json: JsonOption = None,
-    yes: YesOption = False,
-    at_rest: AtRestOption = False,
+    revise: Annotated[
+        str | None, typer.Option(help="Issue the next revision, for this reason.", metavar="REASON")
+    ] = None,
+    templates: Annotated[
+        Path | None, typer.Option(help="Folder with templates in place of the site's.", metavar="DIR")
+    ] = None,
+    dcc: Annotated[
+        Path | None, typer.Option(help="Digital calibration certificate to write besides.", metavar="FILE.xml")
+    ] = None,
+    sign: Annotated[
+        Path | None,
+        typer.Option(help="Certificate to sign PDF and XML with.", metavar="FILE.p12"),
+    ] = None,
+    by: ByOption = None,
+    confirmed_by: ConfirmedByOption = None,
 ) -> None:
-    """Restore the registers that a unit held before a transfer. The table turns to verify them."""
-    from calstation.cli.registers import operate_command
-    from calstation.config import RegisterOperation
+    """Write the calibration certificate of a result as a PDF."""
+    from calstation.cli.report import report_command
 
-    request = _unit(serial, station, product, out)
-    operation = RegisterOperation(request, "restore", transfer=transfer, at_rest=at_rest)
-    raise typer.Exit(operate_command(operation, json, yes=yes, debug=bool(context.obj)))
+    raise typer.Exit(report_command(source, out, language, issued, revise, templates, dcc, sign, by, confirmed_by))
 
 
-def _unit(serial: str, station: Path | None, product: Path | None, out: Path) -> "RunRequest":
-    from calstation.cli.run import complete_request
-    from calstation.config import RunRequest, computer_user
-
-    return complete_request(RunRequest(serial, station, product, out=out, operator=computer_user()))
-
-
-table = typer.Typer(
-    help="The table alone: its state, and the reset of a fault that it has latched. Nothing moves.",
-    no_args_is_help=True,
-)
+app.add_typer(quality, name="quality")
+app.add_typer(registers, name="registers")
 app.add_typer(table, name="table")
-
-
-@table.command()
-def status(station: StationOption = None, product: ProductOption = None, json: JsonOption = None) -> None:
-    """Show the table's state and what is latched; exit code 3 while a fault is latched."""
-    from calstation.cli.devices import status_command
-
-    raise typer.Exit(status_command(station, product, json))
-
-
-@table.command()
-def reset(station: StationOption = None, product: ProductOption = None, json: JsonOption = None) -> None:
-    """Reset a latched fault once its cause is removed; exit code 3 if it persists. No axis is switched on."""
-    from calstation.cli.devices import reset_command
-
-    raise typer.Exit(reset_command(station, product, json))
 
 
 def run_app(arguments: list[str]) -> int:
@@ -516,19 +485,3 @@ def has_screen() -> bool:
     except subprocess.TimeoutExpired:
         return False
     return probe.returncode == 0
-
-
-def _stages(text: str | None) -> tuple[str, ...] | None:
-    """Return the stages of an option's comma-separated list, None without the option. Raises ConfigurationError."""
-    if text is None:
-        return None
-    stages = tuple(part.strip() for part in text.split(",") if part.strip())
-    if not stages:
-        raise ConfigurationError("cli.no_stage")
-    if len(set(stages)) != len(stages):
-        raise ConfigurationError("cli.stage_twice")
-    from procedures import method
-
-    for stage in stages:
-        method(stage)
-    return stages

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict, replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 from rich.console import Console
@@ -22,6 +23,7 @@ from calstation.connection import (
 )
 from calstation.errors import ConfigurationError, DeviceFaultError
 from calstation.messages import render, sentence
+from calstation.quality import due_certificates
 from calstation.records import SUFFIX, is_text
 from calstation.results import inspect_recording
 
@@ -76,7 +78,11 @@ def check_command(path: Path, json: str | None) -> int:
     rows = [{"line": p.line, "text": p.text} for p in problems]
     lines = [f"{path}:{problem.line}: {problem.text}" for problem in problems]
     valid = [say("cli.file_valid", path=path, kind=kind)]
-    report({"file": str(path), "kind": kind, "problems": rows}, json, lines or valid)
+    overdue = due_certificates(load_station(path)[1], datetime.now(UTC)) if kind == "stations" and not problems else []
+    certificates = [{"name": due.name, "since": f"{due.since:%Y-%m-%d}"} for due in overdue]
+    valid += [say("cli.certificate_overdue", **each) for each in certificates]
+    row = {"file": str(path), "kind": kind, "problems": rows}
+    report({**row, "overdue": certificates} if certificates else row, json, lines or valid)
     return ConfigurationError.exit_code if problems else 0
 
 

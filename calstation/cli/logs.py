@@ -100,7 +100,10 @@ def export_command(log: Path, target: Path) -> int:
 
 def record_command(kind: str, target: Path, grade: str, seed: int) -> int:
     """Write a recording of the virtual bench as the raw log `target`, and its true values as NAME.truth.json."""
-    for option, value, choices in (("KIND", kind, get_args(Kind)), ("--grade", grade, get_args(GradeName))):
+    for option, value, choices in (
+        ("KIND", kind, (*get_args(Kind), "history")),
+        ("--grade", grade, get_args(GradeName)),
+    ):
         _check_choice(option, value, choices)
     if target.suffix != SUFFIX:
         raise InputError("csv.import_name", file=target, suffix=SUFFIX)

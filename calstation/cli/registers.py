@@ -12,6 +12,7 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
+from calstation.cli.confirmation import confirm_registers
 from calstation.cli.run import complain_fault, engine_events
 from calstation.cli.show import check_json, ignore_progress, report, say, show_line
 from calstation.config import RegisterOperation, RunRequest, library, load_station, site_folder
@@ -88,10 +89,19 @@ def read_command(request: RunRequest, json: str | None) -> int:
     return 0
 
 
-def operate_command(operation: RegisterOperation, json: str | None, *, yes: bool, debug: bool) -> int:
-    """Announce a register operation, run it in the engine, and show its result."""
+def operate_command(
+    operation: RegisterOperation,
+    by: str | None,
+    confirmed_by: str | None,
+    json: str | None,
+    *,
+    yes: bool,
+    debug: bool,
+) -> int:
+    """Announce a register operation, run it in the engine, and show its result; two people confirm it if required."""
     check_json(json)
     _confirm(operation, yes)
+    operation = confirm_registers(operation, by, confirmed_by)
     settled = fault = None
     for event in engine_events(operation.request, operation):
         settled = event if isinstance(event, Settled) else settled

@@ -95,17 +95,18 @@ def on_line(line: str, action: Callable[[], object]) -> None:
 
 
 def result_table(console: Console, result: Result) -> None:
-    """Show every parameter with its sigma, unit, limit and verdict, then the other checks."""
+    """Show every parameter with its sigma, unit, limit and verdict, then the other checks and the decision rule."""
     table = Table(title=f"unit {result.serial}", title_justify="left", box=SIMPLE_HEAD, padding=(0, 1))
     table.add_column("parameter", no_wrap=True, min_width=19)
-    for heading in ("value", "sigma", "unit", "limit", "≤ sigma"):
+    narrowed = any(check.acceptance for check in result.checks)  # by the decision rule; the JSON has both
+    for heading in ("value", "sigma", "unit", "accepted" if narrowed else "limit", "≤ sigma"):
         table.add_column(heading, justify="left" if heading == "unit" else "right", no_wrap=True)
     table.add_column("verdict")
     limits = {(c.kind, c.subject): c for c in result.checks if c.kind in ("within", "sigma_below")}
     for name, row in result.parameters.items():
         (value, unit), sigma = display(name, row.value), display(name, row.sigma)[0]
         within, below = limits.pop(("within", name), None), limits.pop(("sigma_below", name), None)
-        interval = "" if within is None else _interval(name, within.limit)
+        interval = "" if within is None else _interval(name, within.compared_with)
         largest = "" if below is None else f"{display(name, _bounds(below)[-1])[0]:.3g}"
         verdict = _verdict(name in result.undetermined, [c for c in (within, below) if c is not None])
         table.add_row(name, number(value, sigma), f"{sigma:.2g}", unit, interval, largest, verdict)
@@ -116,6 +117,11 @@ def result_table(console: Console, result: Result) -> None:
             console.print(_check_line(check), highlight=False)
         if cause := cause_text(check):
             console.print(f"  {sentence(cause)}", highlight=False)
+    if result.conformity is not None:
+        worst, found = max(result.conformity.parameters.items(), key=lambda each: each[1].probability)
+        kind = "accept" if found.accepted else "reject"
+        line = say(f"cli.conformity_{kind}", rule=result.conformity.rule, name=worst, percent=100.0 * found.probability)
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def residual_table(stage: str, rows: Sequence[PositionResidual]) -> None:

@@ -3,6 +3,13 @@ from . import editing as editing
 from . import library as library
 from . import versions as versions
 from .blocks import arrange_entries as arrange_entries
+from .check_standards import CheckStandardSection as CheckStandardSection
+from .confirmation import Action as Action
+from .confirmation import Confirmation as Confirmation
+from .confirmation import ConfirmationRequired as ConfirmationRequired
+from .confirmation import Person as Person
+from .confirmation import confirm as confirm
+from .confirmation import confirmation_required as confirmation_required
 from .editing import check as check
 from .editing import detect_kind as detect_kind
 from .editing import edit_toml as edit_toml
@@ -15,10 +22,12 @@ from .forms import FormColumn as FormColumn
 from .forms import FormRow as FormRow
 from .forms import cells_with_problem as cells_with_problem
 from .forms import new_register as new_register
+from .laboratory import InstrumentSection as InstrumentSection
+from .laboratory import LaboratorySection as LaboratorySection
+from .laboratory import ReportSection as ReportSection
 from .library import locate as locate
 from .library import pair_folder as pair_folder
 from .library import site_folder as site_folder
-from .noise import save_noise as save_noise
 from .pair import PairConfiguration as PairConfiguration
 from .pair import resolve_pair as resolve_pair
 from .request import RegisterOperation as RegisterOperation
@@ -69,3 +78,4 @@ from .summary import RunSummary as RunSummary
 from .summary import compatible_products as compatible_products
 from .summary import run_summary as run_summary
 from .versions import Version as Version
+from .versions import save_noise as save_noise

@@ -1,4 +1,7 @@
-"""The engineer's PIN, required for everything that changes results; its salted hash is in the site's folder."""
+"""The engineer's PIN, required for everything that changes results, and personal PINs of engineers by badge.
+
+Their salted hashes are in the site's folder. In all functions, the badge "" stands for the site's PIN.
+"""
 
 import hashlib
 import hmac
@@ -7,13 +10,15 @@ import os
 import time
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from pydantic import Field
 
 from calstation.config import library
+from calstation.config.request import computer_user
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
-from calstation.records import write_atomic
+from calstation.records import append_audit, write_atomic
 from calstation.schema import StrictModel, validate
 
 #: Minimum number of characters of a PIN.
@@ -41,43 +46,51 @@ class _Stored(StrictModel):
     failed_at: float = 0.0
 
 
-def has_pin() -> bool:
-    """Whether a PIN has been set. The first user sets the PIN."""
-    return _file().exists()
+def has_pin(badge: str = "") -> bool:
+    """Whether a PIN has been set. The first user sets the site's PIN."""
+    return _file(badge).exists()
 
 
-def set_pin(old: str, new: str) -> None:
-    """Set a new PIN; `old` is ignored if no PIN is set. Raises ConfigurationError."""
+def set_pin(old: str, new: str, badge: str = "") -> None:
+    """Set a new PIN; an event of the audit trail. Raises ConfigurationError.
+
+    `old` is the present PIN. It is ignored if the site has none; the first PIN of a badge needs the site's PIN.
+    """
     if len(new) < SHORTEST:
         raise ConfigurationError("access.pin_too_short", shortest=SHORTEST)
-    if has_pin() and not check(old):
-        seconds = wait()
+    event = "pin_changed" if has_pin(badge) else "pin_set"
+    owner = badge if has_pin(badge) else ""  # of the old PIN
+    if badge and not has_pin(owner):
+        raise ConfigurationError("access.no_site_pin")
+    if has_pin(owner) and not check(old, owner):
+        seconds = wait(owner)
         if seconds:
             raise ConfigurationError("access.wrong_pin_wait", seconds=seconds)
         raise ConfigurationError("access.wrong_pin")
     salt = os.urandom(16)
-    _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P))
+    _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P), badge)
+    append_audit(library.site_folder(), event, computer_user() or "engineer", **({"badge": badge} if badge else {}))
 
 
-def check(pin: str) -> bool:
+def check(pin: str, badge: str = "") -> bool:
     """Whether `pin` is correct; no PIN is accepted during the delay after wrong ones. Raises ConfigurationError."""
-    if not has_pin():
+    if not has_pin(badge):
         return False
-    stored = _load()
+    stored = _load(badge)
     if _wait(stored) > 0.0:
         return False
     found = _hash(pin, bytes.fromhex(stored.salt), stored.n, stored.r, stored.p)
     right = hmac.compare_digest(found, bytes.fromhex(stored.hash))
     if right and stored.failures:
-        _store(stored.model_copy(update={"failures": 0, "failed_at": 0.0}))
+        _store(stored.model_copy(update={"failures": 0, "failed_at": 0.0}), badge)
     elif not right:
-        _store(stored.model_copy(update={"failures": stored.failures + 1, "failed_at": time.time()}))
+        _store(stored.model_copy(update={"failures": stored.failures + 1, "failed_at": time.time()}), badge)
     return right
 
 
-def wait() -> float:
+def wait(badge: str = "") -> float:
     """Return the time until the next PIN may be tried, s; the delay continues after a restart of the program."""
-    return _wait(_load()) if has_pin() else 0.0
+    return _wait(_load(badge)) if has_pin(badge) else 0.0
 
 
 def _wait(stored: _Stored) -> float:
@@ -92,12 +105,13 @@ def _hash(pin: str, salt: bytes, n: int, r: int, p: int) -> bytes:
     return hashlib.scrypt(pin.encode(), salt=salt, n=n, r=r, p=p, maxmem=2**27, dklen=32)
 
 
-def _file() -> Path:
-    return library.site_folder() / "engineer.json"
+def _file(badge: str) -> Path:
+    folder = library.site_folder()
+    return folder / "engineers" / f"{quote(badge, safe='')}.json" if badge else folder / "engineer.json"
 
 
-def _load() -> _Stored:
-    path = _file()
+def _load(badge: str) -> _Stored:
+    path = _file(badge)
     try:
         data: Any = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as exc:
@@ -105,8 +119,8 @@ def _load() -> _Stored:
     return validate(_Stored, data, path)
 
 
-def _store(stored: _Stored) -> None:
-    path = _file()
+def _store(stored: _Stored, badge: str) -> None:
+    path = _file(badge)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_atomic(path, json.dumps(stored.model_dump()) + "\n", mode=0o600)

@@ -26,6 +26,8 @@ class RunRequest:
     #: of that run.
     resume: Path | None = None
     beyond_attempts: bool = False  #: Whether an engineer allows a unit that has used up its attempts.
+    #: Reason why an engineer allows a run although a check standard or a certificate is not in order; None for none.
+    override_standard: str | None = None
     faults: Path | None = None  #: Fault plan of the virtual bench; None for that of the station file.
     #: Action for an interrupted transfer of the unit's registers; with None the run is refused.
     unfinished: Literal["finish", "restore"] | None = None
@@ -42,6 +44,7 @@ class RegisterOperation:
     source: str = ""  #: Origin of the values.
     transfer: str | None = None  #: The transfer to undo; None for the latest.
     at_rest: bool = False  #: Whether to verify the output at rest, without moving the table.
+    confirmed_by: str | None = None  #: Second engineer who confirmed the operation, see `calstation.config.confirm`.
 
 
 def computer_user() -> str | None:

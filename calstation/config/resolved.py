@@ -15,6 +15,7 @@ from pydantic import BaseModel, JsonValue
 
 from calstation import __version__
 from calstation.config import library, versions
+from calstation.config.check_standards import CheckStandardSection
 from calstation.config.request import RunRequest, computer_user
 from calstation.config.site_check import check_confirmation, check_gravity_sigma, check_site
 from calstation.config.station import (
@@ -119,6 +120,11 @@ class ResolvedConfiguration:
         return float(np.deg2rad(accuracy.repeatability_deg or accuracy.encoder_sigma_deg))
 
     @property
+    def check_standard(self) -> CheckStandardSection | None:
+        """The check standard that the unit is; None for a unit of production."""
+        return self.product.standard(self.request.serial)
+
+    @property
     def by_hand(self) -> bool:
         """Whether the operator moves the unit and there is no drive."""
         return self.table.by_hand
@@ -162,8 +168,11 @@ class ResolvedConfiguration:
                 software=__version__,
                 started_utc=started.isoformat(timespec="seconds"),
                 clock_error_ppm=self.station.clock_error_ppm,
+                standard_override=self.request.override_standard,
                 files={kind: source.section for kind, source in self.sources.items()} or None,
             ),
+            laboratory=self.station.laboratory,
+            instruments=self.station.instruments,
             schedule={stage: s.model_dump(mode="json") for stage, s in self.schedules.items()},
             profiles={kind: source.text for kind, source in self.sources.items()},
             registers=held if self.after_registers else {},

@@ -15,6 +15,8 @@ class SignInSection(StrictModel):
     badge_pattern: Pattern  #: Regular expression for the whole badge.
     #: Names by badge; if there are any, no other badge is accepted.
     names: dict[str, Annotated[str, Field(min_length=1)]] = Field(default_factory=dict)
+    #: Badges of the engineers, who release failed units and confirm for one another, each with a PIN of their own.
+    engineers: list[str] = Field(default_factory=list)
     idle_minutes: float | None = Field(default=None, gt=0)  #: The window signs the operator out after this time.
 
     @model_validator(mode="after")
@@ -22,6 +24,11 @@ class SignInSection(StrictModel):
         for badge in self.names:
             if not self.is_badge(badge):
                 raise EntryError("station.badge_unlike", "names", badge=badge, pattern=self.badge_pattern)
+        for badge in self.engineers:
+            if not self.is_badge(badge):
+                raise EntryError("station.badge_unlike", "engineers", badge=badge, pattern=self.badge_pattern)
+            if self.names and badge not in self.names:
+                raise EntryError("station.engineer_unnamed", "engineers", badge=badge)
         return self
 
     def is_badge(self, text: str) -> bool:

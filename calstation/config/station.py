@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue, field_validator, model_validator
 
 from calstation.config import library
+from calstation.config.check_standards import CheckStandardSection
+from calstation.config.laboratory import InstrumentSection, LaboratorySection, ReportSection
 from calstation.config.sign_in import SignInSection
 from calstation.devices.codecs import SLOTS, legal_range, parameter_of
 from calstation.devices.links import SOCKETS, host_and_port
@@ -17,7 +19,7 @@ from calstation.devices.profiles import ImuProfile, RegisterEntry, SerialSetting
 from calstation.errors import CalstationError, ConfigurationError
 from calstation.estimation.effects import CONSTANT
 from calstation.physics import INDEX, PARAMETERS, further_parameter, named
-from calstation.records import ChecksSection, Limit, SiteSection, check_limit_names
+from calstation.records import ChecksSection, ConformitySection, Limit, SiteSection, check_limit_names
 from calstation.schema import EntryError, Pattern, Problem, StrictModel, load, near_miss
 from procedures import DEFAULT_STAGES, method
 
@@ -129,6 +131,9 @@ class StationConfig(StrictModel):
         default=["00:00"], min_length=1
     )
     label: LabelSection | None = None
+    laboratory: LaboratorySection | None = None
+    instruments: list[InstrumentSection] = Field(default_factory=list)
+    report: ReportSection | None = None
 
     @property
     def virtual_serial(self) -> str:
@@ -177,6 +182,13 @@ class LoadAngleSection(StrictModel):
     inner_deg: float = 0.0
 
 
+class ConfirmationSection(StrictModel):
+    """`[confirmation]` of a product: actions that a second engineer must confirm."""
+
+    #: Release of a failed unit, register writes outside a run, and the issue of a certificate.
+    required_for: list[Literal["override", "registers", "certificate"]] = Field(default_factory=list)
+
+
 class ProductConfig(StrictModel):
     """A product file: a type of unit, its calibration, and its limits."""
 
@@ -193,6 +205,8 @@ class ProductConfig(StrictModel):
     targets: dict[str, float] = Field(default_factory=dict)  #: Sigmas at which a repeated stage may stop, SI.
     limits: dict[str, Limit] = Field(default_factory=dict)
     checks: ChecksSection | None = None
+    conformity: ConformitySection | None = None  #: Decision rule; simple acceptance without it.
+    confirmation: ConfirmationSection | None = None
     #: Sizes of effects outside the model, SI, that a designed schedule must show, by cause.
     diagnosis: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
     load_angle: LoadAngleSection = LoadAngleSection()
@@ -203,6 +217,7 @@ class ProductConfig(StrictModel):
     advice: list[Advice] = Field(default=["reseat", "repeat", "set_aside"], min_length=1)
     #: Consecutive failures after which a unit is not calibrated again.
     attempts_allowed: int | None = Field(default=None, ge=1)
+    check_standards: list[CheckStandardSection] = Field(default_factory=list)
 
     @field_validator("stages")
     @classmethod
@@ -220,6 +235,15 @@ class ProductConfig(StrictModel):
                 raise EntryError("entry.unknown_name", cause, name=cause, remedy=remedy)
         return sizes
 
+    @field_validator("check_standards")
+    @classmethod
+    def _standards(cls, standards: list[CheckStandardSection]) -> list[CheckStandardSection]:
+        serials = [standard.serial for standard in standards]
+        for number, serial in enumerate(serials):
+            if serial in serials[:number]:
+                raise EntryError("product.standard_twice", number, "serial", serial=serial)
+        return standards
+
     @field_validator("limits")
     @classmethod
     def _limits(cls, limits: dict[str, Limit]) -> dict[str, Limit]:
@@ -233,6 +257,10 @@ class ProductConfig(StrictModel):
             values = {"example": self.serial_example, "pattern": self.serial_pattern}
             raise EntryError("product.example_unlike", "serial_example", **values)
         return self
+
+    def standard(self, serial: str) -> CheckStandardSection | None:
+        """Return the check standard with a serial number, None for any other unit."""
+        return next((standard for standard in self.check_standards if standard.serial == serial), None)
 
     @property
     def example(self) -> str:

@@ -3,15 +3,20 @@
 import hashlib
 import json
 import tomllib
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+import tomlkit
+
 from calstation.config import editing, library
 from calstation.errors import ConfigurationError
+from calstation.jobs import ProgressCallback
 from calstation.messages import os_reason
-from calstation.records import write_atomic
+from calstation.physics import NOISE_DISPLAY
+from calstation.records import append_audit, write_atomic
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,8 @@ def sha256(content: str) -> str:
 def save(kind: str, name: str, content: str, author: str) -> Version:
     """Check a text and save it as the site's file with a name; a text equal to the current version is not saved again.
 
-    Raises ConfigurationError for the first problem of the text, or if the site's folder cannot be written.
+    Every new version is an event of the audit trail. Raises ConfigurationError for the first problem of the text, or if
+    the site's folder cannot be written.
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
@@ -91,12 +97,31 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
             raise
     except OSError as exc:
         raise ConfigurationError("configuration.unwritable", file=path, reason=os_reason(exc)) from exc
+    _audit("file_saved", version)
     return version
 
 
 def restore(kind: str, name: str, number: int, author: str) -> Version:
     """Save the text of an old version as a new one. Raises ConfigurationError like `save`."""
     return save(kind, name, text(kind, name, number), author)
+
+
+def save_noise(
+    report: ProgressCallback, profile: str, values: Mapping[str, float], source: str, author: str
+) -> Version:
+    """Job: save entries of `[noise]`, SI, as a new version of an IMU profile; a comment names their `source`.
+
+    Raises ConfigurationError if there is no such profile, or it would be invalid or cannot be written.
+    """
+    report(0.0)
+    document = tomlkit.parse(editing.read_text(library.find("imus", profile)))
+    noise = document["noise"]
+    assert isinstance(noise, tomlkit.items.Table)
+    for name, value in values.items():
+        unit, shown, size = NOISE_DISPLAY[name]
+        noise[name] = float(f"{value:.4g}")
+        noise[name].comment(f"{unit}, {value / size:.4g} {shown}, {source}")
+    return save("imus", profile, tomlkit.dumps(document), author)
 
 
 def _save_present(kind: str, name: str, path: Path) -> None:
@@ -108,7 +133,9 @@ def _save_present(kind: str, name: str, path: Path) -> None:
         return  # there is no file, or it is unusable
     versions = list_versions(kind, name)
     if not versions or versions[0].sha256 != sha256(present):
-        _add(kind, name, present, None)
+        version = _add(kind, name, present, None)
+        if versions:
+            _audit("file_changed_outside", version)
 
 
 def _add(kind: str, name: str, content: str, author: str | None) -> Version:
@@ -121,6 +148,18 @@ def _add(kind: str, name: str, content: str, author: str | None) -> Version:
     write_atomic(folder / f"{number:04d}.toml", content)
     write_atomic(folder / f"{number:04d}.json", json.dumps(asdict(version), ensure_ascii=False) + "\n")
     return version
+
+
+def _audit(event: str, version: Version) -> None:
+    append_audit(
+        library.site_folder(),
+        event,
+        version.author or "",
+        kind=version.kind,
+        name=version.name,
+        version=version.number,
+        sha256=version.sha256,
+    )
 
 
 def _folder(kind: str, name: str) -> Path:

@@ -12,11 +12,25 @@ from calstation.estimation import Solution
 from calstation.estimation.common import Belief, SolveContext
 from calstation.estimation.positions import RestEvidence, angle_errors, turn_between
 from calstation.physics import GROUPS, INDEX, NAMES, PARAMETERS, FloatArray
-from calstation.records.limits import NEAR, Check, CheckKind, Where, estimated_stage
+from calstation.records.limits import NEAR, Check, CheckKind, Rule, Where, check_limit_names, estimated_stage
 from calstation.schema import EntryError, StrictModel, near_miss
 
 #: Motions with a smaller rotation than this, rad, do not reveal a scale factor error.
 LEAST_TURN = np.deg2rad(10.0)
+
+
+class ConformitySection(StrictModel):
+    """`[conformity]` of a product: its decision rule, and the spread of the true values of its units."""
+
+    rule: Rule = "simple"
+    #: Standard deviation of the true values about the middle of the limits, SI, by parameter or group.
+    spread: dict[str, Annotated[float, Field(gt=0)]] = Field(default_factory=dict)
+
+    @field_validator("spread")
+    @classmethod
+    def _known(cls, spread: dict[str, float]) -> dict[str, float]:
+        check_limit_names(spread)
+        return spread
 
 
 class GravityAtRest(StrictModel):

@@ -1,7 +1,7 @@
 """Limits of a product (value `within`, sigma `below`), and the checks against them."""
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
@@ -26,6 +26,10 @@ _FURTHER = (*PAIR_PARAMETERS, *EFFECT_PARAMETERS)
 FURTHER_GROUPS = tuple(dict.fromkeys(p.group for p in _FURTHER))
 #: A value above this fraction of its limit is a near miss, unless the product specifies another fraction.
 NEAR = 0.8
+#: Decision rule: accept a value within the limits, or within the limits narrowed by its expanded uncertainty.
+Rule = Literal["simple", "guard_band"]
+#: Coverage factor of the expanded uncertainty.
+COVERAGE_FACTOR = 2.0
 #: Change of a parameter, in its standard deviations, beyond which the unit is not that of its calibration any more.
 _CHANGED = 6.0
 #: Smallest relative decrease of a variance that is not rounding.
@@ -72,10 +76,26 @@ class Limit(StrictModel):
         return -self.within, self.within
 
 
-def check_limit_names(limits: Mapping[str, Limit]) -> None:
-    """Raise EntryError for a key that is neither a parameter nor a group."""
+def acceptance_interval(limits: tuple[float, float], sigma: float, rule: Rule) -> tuple[float, float]:
+    """Return the lowest and highest accepted value; nothing is accepted if the lowest is above the highest.
+
+    Simple acceptance, JCGM 106:2012, 8.2, or guarded acceptance with a guard band of the expanded uncertainty on each
+    side, 8.3.2 and ILAC-G8:09/2019, 4.2.
+
+    Parameters
+    ----------
+    limits : lowest and highest permitted true value
+    sigma : standard uncertainty of the value
+    rule : decision rule
+    """
+    guard = COVERAGE_FACTOR * sigma if rule == "guard_band" else 0.0
+    return limits[0] + guard, limits[1] - guard
+
+
+def check_limit_names(names: Iterable[str]) -> None:
+    """Raise EntryError for a name that is neither a parameter nor a group."""
     known = (*NAMES, *GROUPS, *(p.name for p in _FURTHER), *FURTHER_GROUPS)
-    for name in limits:
+    for name in names:
         if name not in known and further_parameter(name) is None:
             raise EntryError("entry.unknown_parameter", name, name=name, remedy=near_miss(name, known))
 
@@ -177,6 +197,8 @@ class Check:
     near_miss: bool = False  #: Whether the value is within the limit, but with little margin.
     where: Where = Where()  #: Origin of the value.
     misfit: Misfit | None = None  #: What the failure of a test of the model shows.
+    #: Lowest and highest accepted value where the decision rule narrows the limit.
+    acceptance: tuple[float, float] | None = None
 
     @classmethod
     def of_model(cls, stage: str, test: ModelTest) -> "Check":
@@ -196,13 +218,18 @@ class Check:
         subject: str = "",
         near: float = NEAR,
         where: Where | None = None,
+        acceptance: tuple[float, float] | None = None,
     ) -> "Check":
-        """Compare a value with its limit; within the limit but above its fraction `near`, the value is a near miss."""
-        low, high = limit if isinstance(limit, tuple) else (-math.inf, limit)
+        """Compare a value with its limit, or with `acceptance` if the decision rule narrows the limit.
+
+        A value within it but above its fraction `near` is a near miss.
+        """
+        accepted = acceptance or limit
+        low, high = accepted if isinstance(accepted, tuple) else (-math.inf, accepted)
         passed = bool(low <= value <= high)
-        width = 0.5 * (high - low) if isinstance(limit, tuple) else abs(limit)
-        near_miss = bool(passed and 0.0 < width < math.inf and _margin(value, limit) < (1.0 - near) * width)
-        return cls(kind, subject, value, limit, unit, passed, near_miss, where or Where())
+        width = 0.5 * (high - low) if isinstance(accepted, tuple) else abs(accepted)
+        near_miss = bool(passed and 0.0 < width < math.inf and _margin(value, accepted) < (1.0 - near) * width)
+        return cls(kind, subject, value, limit, unit, passed, near_miss, where or Where(), acceptance=acceptance)
 
     @property
     def name(self) -> str:
@@ -210,9 +237,14 @@ class Check:
         return _NAMES.get(self.kind, self.kind).format(self.subject)
 
     @property
+    def compared_with(self) -> float | tuple[float, float]:
+        """The limit, or the acceptance limits where the decision rule narrows it."""
+        return self.acceptance or self.limit
+
+    @property
     def margin(self) -> float:
-        """Distance between value and limit, in `unit`; negative if the limit is exceeded."""
-        return _margin(self.value, self.limit)
+        """Distance between the value and what it is compared with, in `unit`; negative if that is exceeded."""
+        return _margin(self.value, self.compared_with)
 
     def to_json(self) -> dict[str, Any]:
         """Return the check as a row of the result JSON."""
@@ -227,6 +259,8 @@ class Check:
         }
         if where := str(self.where):
             row["where"] = where
+        if self.acceptance is not None:
+            row["acceptance"] = list(self.acceptance)
         if self.misfit is not None:
             row |= self.misfit.to_json()
         return row
@@ -235,7 +269,7 @@ class Check:
     def from_json(cls, row: Mapping[str, Any]) -> "Check":
         """Read a check from a result JSON of any version of the program."""
         kind, subject = _kind_and_subject(row["name"])
-        limit = row["limit"]
+        limit, acceptance = row["limit"], row.get("acceptance")
         return cls(
             kind,
             subject,
@@ -246,6 +280,7 @@ class Check:
             bool(row.get("near_miss")),
             Where.from_json(row.get("where", "")),
             Misfit.from_json(row) if "cause" in row else None,
+            None if acceptance is None else (acceptance[0], acceptance[1]),
         )
 
 
@@ -323,8 +358,9 @@ def check_limits(
     solutions: Sequence[Solution],
     near: float = NEAR,
     calibrated: Collection[str] = (),
+    rule: Rule = "simple",
 ) -> list[Check]:
-    """Compare the result of a chain of stages with the limits of its product.
+    """Compare the result of a chain of stages with the limits of its product by a decision rule.
 
     A value above the fraction `near` of its limit is a near miss. A parameter's limit overrides that of its group;
     only parameters that were estimated and determined by the data are compared. Innovations, if a stage had any to
@@ -343,13 +379,13 @@ def check_limits(
         limit = limits.get(name, limits.get(PARAMETERS[i].group))
         if limit is not None:
             estimate = Estimate(float(belief.mean[i]), float(sigma[i]), PARAMETERS[i].unit)
-            checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near)
+            checks += _check_estimate(name, estimate, limit, limit.sigma_limit(stage), near, rule)
     for s in solutions:
         for name, estimate in s.found.items():
             parameter = further_parameter(name)
             limit = limits.get(name, limits.get(parameter.group if parameter else ""))
             if limit is not None:
-                checks += _check_estimate(name, estimate, limit, limit.sigma_below, near)
+                checks += _check_estimate(name, estimate, limit, limit.sigma_below, near, rule)
     last = solutions[-1]  # its test for effects uses all stages
     model = [
         Check.of_model(s.stage, test) for s in solutions for test in s.tests if test.kind != "effects" or s is last
@@ -384,10 +420,19 @@ def _changes(prior: Belief, found: Belief, names: Sequence[str]) -> dict[str, fl
     return found_changes
 
 
-def _check_estimate(name: str, estimate: Estimate, limit: Limit, sigma_limit: float | None, near: float) -> list[Check]:
-    checks = []
+def _check_estimate(
+    name: str, estimate: Estimate, limit: Limit, sigma_limit: float | None, near: float, rule: Rule
+) -> list[Check]:
+    checks, unit = [], estimate.unit
     if limit.interval is not None:
-        checks.append(Check.compare("within", estimate.value, limit.interval, estimate.unit, subject=name, near=near))
+        accepted = None if rule == "simple" else acceptance_interval(limit.interval, estimate.sigma, rule)
+        check = Check.compare(
+            "within", estimate.value, limit.interval, unit, subject=name, near=near, acceptance=accepted
+        )
+        if accepted is not None and accepted[0] > accepted[1]:
+            guard = COVERAGE_FACTOR * estimate.sigma
+            check = replace(check, misfit=Misfit("guard_band", guard, unit=unit, values={"parameter": name}))
+        checks.append(check)
     if sigma_limit is not None:
-        checks.append(Check.compare("sigma_below", estimate.sigma, sigma_limit, estimate.unit, subject=name, near=near))
+        checks.append(Check.compare("sigma_below", estimate.sigma, sigma_limit, unit, subject=name, near=near))
     return checks

@@ -28,8 +28,9 @@ from calstation.physics import (
     further_parameter,
     group_indices,
 )
-from calstation.records.checks import ChecksSection
+from calstation.records.checks import ChecksSection, ConformitySection
 from calstation.records.files import write_atomic
+from calstation.records.laboratory import InstrumentSection, LaboratorySection
 from calstation.records.limits import Limit, check_limit_names
 from calstation.schema import EntryError, StrictModel, load, near_miss, validate
 
@@ -127,12 +128,13 @@ class PriorSection(StrictModel):
 
 
 class ProductSection(StrictModel):
-    """`[product]`: type of the unit, limits, acceptance checks, and target sigmas at which a stage may stop."""
+    """`[product]`: type of the unit, limits, acceptance checks, decision rule, and target sigmas of a stage."""
 
     name: str
     limits: dict[str, Limit] = Field(default_factory=dict)
     targets: dict[str, float] = Field(default_factory=dict)
     checks: ChecksSection | None = None
+    conformity: ConformitySection | None = None
 
     @field_validator("limits")
     @classmethod
@@ -170,6 +172,8 @@ class RunSection(StrictModel):
     files: dict[str, FileSection] | None = None  #: Files by kind.
     clock_error_ppm: float | None = Field(default=None, ge=0)  #: Largest error of the station's clock.
     resumed_from: str | None = None  #: Name of the log whose completed stages this log begins with.
+    #: Reason for a run although a check standard or a certificate was not in order; None if all were.
+    standard_override: str | None = None
     calibration: CalibrationSection | None = None  #: None if the prior is that of the IMU profile.
 
 
@@ -191,6 +195,8 @@ class LogMeta(StrictModel):
     prior_correlation: dict[str, dict[str, float]] = Field(default_factory=dict)
     product: ProductSection | None = None
     run: RunSection | None = None
+    laboratory: LaboratorySection | None = None
+    instruments: list[InstrumentSection] = Field(default_factory=list)
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Schedule of each stage.
     profiles: dict[str, str] = Field(default_factory=dict)  #: Texts of the station and product files, by kind.
     registers: dict[str, float] = Field(default_factory=dict)  #: Registers of the unit, SI, if they act on its output.
@@ -263,13 +269,13 @@ class LogMeta(StrictModel):
 
     def _plain(self) -> dict[str, Any]:
         plain = _without_none(self.model_dump())
-        return {key: value for key, value in plain.items() if value != {}}
+        return {key: value for key, value in plain.items() if value not in ({}, [])}
 
 
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
-    return value
+    return [_without_none(item) for item in value] if isinstance(value, list) else value
 
 
 def load_meta(path: Path) -> LogMeta:

@@ -1,21 +1,26 @@
 """Search index of runs in SQLite. The files of the runs are authoritative; a lost index is rebuilt from them."""
 
 import json
+import math
 import sqlite3
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from pydantic import TypeAdapter
 from sqlalchemy import (
+    Boolean,
     Column,
     ColumnElement,
     Connection,
     Engine,
     Index,
+    LargeBinary,
     MetaData,
+    Row,
     Select,
     String,
     Table,
@@ -30,11 +35,16 @@ from sqlalchemy import (
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool, StaticPool
 
+from calstation.physics import BoolArray, FloatArray
+
 #: Version of the table layout; an index of another version is rebuilt.
-_VERSION = 9
+_VERSION = 10
 
 #: File name of the index in the folder of the runs.
 FILE = "history.sqlite"
+
+#: Julian day of 1970-01-01T00:00 UTC.
+_EPOCH = 2440587.5
 
 #: Longest time to wait for another program that has locked the index, s.
 _BUSY_S = 5.0
@@ -66,11 +76,17 @@ class RunRecord:
     resumed_from: str | None = None  #: Name of the log that this run continued; None for a new run.
     closed: bool = False  #: Whether an operator decided not to resume the run.
     partial: bool = False  #: Whether the run omitted stages of its product.
+    released: bool = False  #: Whether an engineer released the unit although it failed.
 
     @property
     def verdict(self) -> str:
         """The outcome, or ``partial`` for a partial run that passed."""
         return verdict_of(self.outcome, partial=self.partial)
+
+    @property
+    def badge(self) -> str:
+        """The verdict as the window shows it: ``released`` for a failed run whose unit was released."""
+        return "released" if self.released else self.verdict
 
 
 @dataclass(frozen=True)
@@ -82,6 +98,24 @@ class IndexedRun:
     record: RunRecord
     values: Mapping[str, float]  #: Solved values by parameter, SI.
     sigmas: Mapping[str, float]  #: Their standard deviations, SI.
+    failed_checks: tuple[str, ...] = ()  #: Names of the checks that failed; none of a run that is not judged.
+
+
+@dataclass(frozen=True)
+class RunColumns:
+    """Runs in columns, the oldest first, for statistics of many runs."""
+
+    names: tuple[str, ...]  #: File names of the logs without suffix.
+    serials: tuple[str, ...]
+    started: FloatArray  #: Start, s since 1970 in UTC to a millisecond, shape (n,).
+    verdicts: tuple[str, ...]
+    products: tuple[str | None, ...]
+    stations: tuple[str | None, ...]
+    operators: tuple[str | None, ...]
+    partial: BoolArray  #: Whether the run omitted stages of its product, shape (n,).
+    failed_checks: tuple[tuple[str, ...], ...]  #: As in `IndexedRun`.
+    values: Mapping[str, FloatArray]  #: Solved values by parameter, SI, shape (n,); NaN where a run has none.
+    sigmas: Mapping[str, FloatArray]  #: Their standard deviations, SI, in the same shape.
 
 
 @dataclass(frozen=True)
@@ -108,8 +142,10 @@ class RunChoices:
     first_utc: str = ""
 
 
-_RUN = TypeAdapter(IndexedRun)
-#: Fields of a run that are columns; `text` is what a search finds, `content` the whole `IndexedRun` as JSON.
+_RECORD = TypeAdapter(RunRecord)
+#: Fields of a run that are columns; `text` is what a search finds, `content` the whole `RunRecord` as JSON.
+#: `parameters` and `failed_checks` are lists of names as JSON, `numbers` the values of all parameters, then their
+#: sigmas, as float64: those of 100,000 runs are read at once without parsing.
 _SEARCHED = ("serial", "started_utc", "verdict", "product", "station", "operator", "resumed_from")
 #: Columns of the conditions, in an index of their own: a query does not read the contents of other runs.
 _FILTERED = ("started_utc", "name", "verdict", "product", "station", "operator", "text")
@@ -122,6 +158,10 @@ _runs = Table(
     *(Column(name, String, index=name == "serial") for name in _SEARCHED),
     Column("text", String, nullable=False),
     Column("content", String, nullable=False),
+    Column("partial", Boolean, nullable=False),
+    Column("failed_checks", String, nullable=False),
+    Column("parameters", String, nullable=False),
+    Column("numbers", LargeBinary, nullable=False),
 )
 Index("runs_filtered", *(_runs.c[name] for name in _FILTERED))
 
@@ -190,14 +230,47 @@ class RunIndex:
         query = select(func.count()).select_from(_runs).where(_runs.c.serial == serial, _runs.c.resumed_from.is_(None))
         return self._try(lambda connection: int(connection.execute(query).scalar_one()))
 
-    def _found(self, query: Select[Any]) -> list[IndexedRun]:
-        return self._try(lambda connection: [self._run(row.content) for row in connection.execute(query)])
+    def columns(self, wanted: RunFilter) -> RunColumns:
+        """Return the runs that meet all conditions and have a time of start, in columns."""
+        days = func.julianday(_runs.c.started_utc)  # NULL for what is no time
+        fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "failed_checks")
+        query = select(days, *(_runs.c[name] for name in (*fields, "parameters", "numbers")))
+        query = query.where(days.is_not(None), *_conditions(wanted))
+        rows = self._try(lambda connection: connection.execute(query).all())
+        # sorted here: SQLite would read the whole table in the order of time, which is random access
+        order = np.argsort([row[0] for row in rows], kind="stable")
+        columns = zip(*(rows[k] for k in order.tolist()), strict=True) if rows else [()] * 11
+        begun, names, serials, verdicts, products, stations, operators, partial, failed, parameters, numbers = columns
+        values, sigmas = _estimates(parameters, numbers)
+        checks = {text: tuple(json.loads(text)) for text in set(failed)}
+        return RunColumns(
+            names,
+            serials,
+            np.round((np.array(begun, dtype=float) - _EPOCH) * 86400.0, 3),
+            verdicts,
+            products,
+            stations,
+            operators,
+            np.array(partial, dtype=bool),
+            tuple(checks[text] for text in failed),
+            values,
+            sigmas,
+        )
 
-    def _run(self, content: str) -> IndexedRun:
+    def _found(self, query: Select[Any]) -> list[IndexedRun]:
+        return self._try(lambda connection: [self._run(row) for row in connection.execute(query)])
+
+    def _run(self, row: Row[Any]) -> IndexedRun:
         """Return a stored run with the paths of its files in the folder of the index."""
-        run = _RUN.validate_python(json.loads(content))
-        result = run.record.result and self._folder / run.record.result.name
-        return replace(run, record=replace(run.record, log=self._folder / run.record.log.name, result=result))
+        record = _RECORD.validate_python(json.loads(row.content))
+        result = record.result and self._folder / record.result.name
+        record = replace(record, log=self._folder / record.log.name, result=result)
+        names = json.loads(row.parameters)
+        values, sigmas = (
+            {name: number for name, number in zip(names, numbers, strict=True) if not math.isnan(number)}
+            for numbers in np.frombuffer(row.numbers).reshape(2, len(names)).tolist()
+        )
+        return IndexedRun(row.name, row.stamp, record, values, sigmas, tuple(json.loads(row.failed_checks)))
 
     def _try(self, action: Callable[[Connection], T]) -> T:
         """Run `action`; if the file is damaged or not writable, retry with a new file, then in memory."""
@@ -270,4 +343,29 @@ def _row(run: IndexedRun) -> dict[str, Any]:
     columns = {name: getattr(record, name) for name in _SEARCHED}
     texts = (record.serial, run.name, record.product, record.station, record.operator)
     columns["text"] = "\n".join(filter(None, texts)).casefold()
-    return {"name": run.name, "stamp": run.stamp, **columns, "content": json.dumps(asdict(run), default=str)}
+    columns["content"] = json.dumps(asdict(record), default=str)
+    columns["partial"] = record.partial
+    columns["failed_checks"] = json.dumps(run.failed_checks)
+    columns["parameters"] = json.dumps([*run.values])
+    numbers = [*run.values.values(), *(run.sigmas.get(name, math.nan) for name in run.values)]
+    columns["numbers"] = np.array(numbers, dtype=float).tobytes()
+    return {"name": run.name, "stamp": run.stamp, **columns}
+
+
+def _estimates(
+    parameters: Sequence[str], numbers: Sequence[bytes]
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """Return values and sigmas by parameter from the columns of the table, NaN where a run has none."""
+    rows: dict[str, list[int]] = {}
+    for k, names_json in enumerate(parameters):
+        rows.setdefault(names_json, []).append(k)
+    values: dict[str, FloatArray] = {}
+    sigmas: dict[str, FloatArray] = {}
+    for names_json, where in rows.items():
+        names = json.loads(names_json)
+        table = np.frombuffer(b"".join(numbers[k] for k in where)).reshape(len(where), 2, len(names))
+        index = np.array(where)
+        for j, name in enumerate(names):
+            for columns, found in ((values, table[:, 0, j]), (sigmas, table[:, 1, j])):
+                columns.setdefault(name, np.full(len(parameters), np.nan))[index] = found
+    return values, sigmas

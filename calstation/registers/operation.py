@@ -10,7 +10,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from calstation.config import RegisterOperation, ResolvedConfiguration, resolve_configuration
+from calstation.config import (
+    RegisterOperation,
+    ResolvedConfiguration,
+    confirmation_required,
+    resolve_configuration,
+    site_folder,
+)
 from calstation.connection import Devices, capture_rest, connected, open_imu_session
 from calstation.devices import Imu, ImuIdentity
 from calstation.devices.imu import (
@@ -26,6 +32,7 @@ from calstation.devices.imu import (
 )
 from calstation.errors import CalstationError, ConfigurationError, DeviceFaultError, InputError
 from calstation.messages import entry as catalogue_entry
+from calstation.records import append_audit
 from calstation.registers import journal
 from calstation.registers.journal import Purpose, Transfer, journal_folder
 from calstation.registers.preconditions import (
@@ -74,10 +81,12 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
     restore it.
 
     Raises InputError if there is nothing to finish or the journal does not contain the transfer; ConfigurationError if
-    the journal cannot be written (the unit is then unchanged); DeviceFaultError if another unit is connected, an
+    the journal or the audit trail cannot be written (the unit is then unchanged), or the product requires a second
+    engineer and none confirmed; DeviceFaultError if another unit is connected, an
     earlier transfer is open, a value is out of range, or the link fails.
     """
     work = _ActiveOperation.of(operation, resolve_configuration(operation.request), emit)
+    _audit(operation, work.setup)
     try:
         if operation.at_rest or work.setup.by_hand:
             settled: Settled | None = _at_rest(work, control.check_cancelled)
@@ -87,6 +96,22 @@ def run_operation(operation: RegisterOperation, emit: Emit, control: Control) ->
         settled = Settled(operation.request.serial, "stopped", "")
     if settled is not None:
         emit(settled)
+
+
+def _audit(operation: RegisterOperation, setup: ResolvedConfiguration) -> None:
+    """Append the operation to the audit trail before it begins. Raises ConfigurationError if it is not confirmed."""
+    if confirmation_required("registers", setup.product, setup.station).second and operation.confirmed_by is None:
+        raise ConfigurationError("confirmation.registers_required", product=setup.product.name)
+    append_audit(
+        site_folder(),
+        "registers",
+        operation.request.operator or "",
+        confirmed_by=operation.confirmed_by,
+        serial=operation.request.serial,
+        what=operation.what,
+        source=operation.source or operation.transfer or "",
+        station=setup.station.name,
+    )
 
 
 @dataclass

@@ -1,4 +1,7 @@
-"""Documents made from finished results: labels. What judges or computes values belongs to `calstation.results`."""
+"""Documents made from finished results: labels and certificates.
+
+What judges or computes values belongs to `calstation.results`.
+"""
 
 import lazy_loader as lazy
 

@@ -8,6 +8,7 @@ from .diagnostics import Diagnostics as Diagnostics
 from .diagnostics import PositionResidual as PositionResidual
 from .diagnostics import StageDiagnostics as StageDiagnostics
 from .diagnostics import diagnose as diagnose
+from .diagnostics import stage_diagnostics as stage_diagnostics
 from .handover import Delivery as Delivery
 from .handover import HandOver as HandOver
 from .handover import deliver_pending as deliver_pending
@@ -32,6 +33,9 @@ from .offline import export_log as export_log
 from .offline import export_result as export_result
 from .offline import export_runs as export_runs
 from .offline import offline_solve as offline_solve
+from .override import override_required as override_required
+from .override import override_result as override_result
+from .override import run_files as run_files
 from .pairs import PairCheckResult as PairCheckResult
 from .pairs import PairConsumer as PairConsumer
 from .pairs import PairProgress as PairProgress
@@ -53,12 +57,17 @@ from .resolving import resolve_with_state as resolve_with_state
 from .resolving import stored_result as stored_result
 from .resolving import warm_up as warm_up
 from .result import CyclePhase as CyclePhase
+from .result import Override as Override
 from .result import Parameter as Parameter
 from .result import Registers as Registers
 from .result import Result as Result
+from .result import StandardVerdict as StandardVerdict
+from .result import Verification as Verification
 from .result import in_sigma as in_sigma
 from .result import load_result as load_result
 from .result import online_difference as online_difference
+from .result import plain as plain
 from .result import write_json as write_json
 from .solver_chain import StageChain as StageChain
 from .solver_chain import one_blas_thread as one_blas_thread
+from .solver_chain import solve as solve

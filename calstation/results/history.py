@@ -18,6 +18,7 @@ from calstation.records import (
     RawLogContents,
     ResolveRecord,
     RunChoices,
+    RunColumns,
     RunFilter,
     RunIndex,
     RunRecord,
@@ -79,6 +80,10 @@ class History:
     def indexed(self, wanted: RunFilter, limit: int | None = None) -> list[IndexedRun]:
         """Return at most `limit` runs that meet all conditions with their values, the latest first."""
         return self._ask(lambda: self._index.find(wanted, limit))
+
+    def columns(self, wanted: RunFilter = NO_FILTER) -> RunColumns:
+        """Return the runs that meet all conditions and have a time of start in columns, the oldest first."""
+        return self._ask(lambda: self._index.columns(wanted))
 
     def count(self, wanted: RunFilter) -> int:
         """Return the number of runs that meet all conditions."""
@@ -226,13 +231,15 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         resumed_from=result.resumed_from,
         closed=result.closed_utc is not None,
         partial=result.partial,
+        released=result.released,
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
     "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate
     known = {name: row for name, row in result.parameters.items() if math.isfinite(row.value)}
     values = {name: row.value for name, row in known.items()}
     sigmas = {name: row.sigma for name, row in known.items() if math.isfinite(row.sigma)}
-    return IndexedRun(name, stamp, record, values, sigmas)
+    failed = tuple(check.name for check in result.failed_checks) if result.judged else ()
+    return IndexedRun(name, stamp, record, values, sigmas, failed)
 
 
 def _from_log(folder: Path, name: str, stamp: str, contents: RawLogContents) -> IndexedRun:

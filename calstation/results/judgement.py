@@ -3,7 +3,7 @@
 import hashlib
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from calstation import __version__
@@ -11,6 +11,7 @@ from calstation.config import check_latitude, gravity_beyond, unconfirmed_latitu
 from calstation.errors import CalstationError
 from calstation.estimation import Misfit, Solution
 from calstation.estimation.common import Belief
+from calstation.estimation.positions import TableQuantity
 from calstation.messages import Text, values_from_json, values_to_json
 from calstation.physics import EFFECTS, INDEX, PARAMETERS, display, display_by_unit
 from calstation.records import (
@@ -28,6 +29,7 @@ from calstation.records import (
     undetermined,
     unobservable,
 )
+from calstation.results.conformity import conformity, decision_rule
 from calstation.results.result import SCHEMA, CalibrationUsed, CyclePhase, Parameter, Result, StageConsistency, plain
 from procedures import DEFAULT_STAGES
 
@@ -61,7 +63,8 @@ def judge(meta: LogMeta, prior: Belief, solutions: tuple[Solution, ...]) -> Judg
     limits = meta.product.limits if meta.product is not None else {}
     section = meta.product.checks if meta.product is not None else None
     near = section.near_miss_beyond if section is not None else NEAR
-    found = [_explained(meta, c) for c in check_limits(limits, prior, solutions, near, meta.calibrated)]
+    compared = check_limits(limits, prior, solutions, near, meta.calibrated, decision_rule(meta))
+    found = [_explained(meta, check) for check in compared]
     if section is not None:
         if meta.calibrated:  # the current calibration, not the run, determines most of the sigmas
             section = section.model_copy(update={"excitation": None})
@@ -120,6 +123,7 @@ class Ending:
     advice: str | None = None  #: Recommended action, see `calstation.runs.verdict`.
     finished_stages: tuple[str, ...] | None = None  #: Stages that an incomplete run solved before it ended.
     cycle: Sequence[CyclePhase] | None = None  #: Phases of the run.
+    table: Mapping[str, TableQuantity] | None = None  #: Geometry of the table, see `StageChain.table`.
 
 
 def build_result(
@@ -137,8 +141,10 @@ def build_result(
         "stop_reason": ending.stop_reason,
         "finished_stages": ending.finished_stages,
         "cycle": ending.cycle,
+        "table": {name: asdict(found) for name, found in ending.table.items()} if ending.table else None,
         "latitude_untold": unconfirmed_latitude(meta, solutions),
         "resumed_from": run.resumed_from if run else None,
+        "standard_override": run.standard_override if run else None,
     }
     return Result.model_validate(
         {
@@ -152,6 +158,7 @@ def build_result(
             "unobservable": unobservable(prior, solutions),
             "checks": judgement.checks,
             "not_compared": judgement.not_compared,
+            "conformity": conformity(meta, prior, solutions, judgement.checks),
             "consistency": {s.stage: StageConsistency.of(s.consistency) for s in solutions},
             "observability": {s.stage: plain(s.observability) for s in solutions if s.observability},
             "details": {s.stage: plain(s.details) for s in solutions if s.details},

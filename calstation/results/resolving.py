@@ -92,7 +92,9 @@ def resolve(
     contradiction = gravity_contradiction(meta.site)
     if (missing or contradiction is not None) and judgement.passed:
         judgement = replace(judgement, passed=None)
-    ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq)
+    with one_blas_thread():
+        table = chain.table()
+    ending = Ending("resolved", str(path), facts, first_seq=first_seq, last_seq=last_seq, table=table)
     result = build_result(meta, chain.prior, solutions, judgement, ending)
     messages = [(key, dict(values)) for solution in solutions for key, values in solution.messages]
     unconfirmed = unconfirmed_latitude(meta, solutions)

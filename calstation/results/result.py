@@ -13,7 +13,7 @@ from calstation.errors import CalstationError, ConfigurationError, InputError
 from calstation.estimation.common import Consistency
 from calstation.messages import known, os_reason, values_from_json
 from calstation.physics import EffectName
-from calstation.records import Check, FileSection, OnlineDifference, verdict_of, write_atomic
+from calstation.records import COVERAGE_FACTOR, Check, FileSection, OnlineDifference, Rule, verdict_of, write_atomic
 
 SCHEMA = "calstation.result/1"
 
@@ -43,6 +43,26 @@ class Parameter(_Section):
     stage: str = ""
 
 
+class TableValue(_Section):
+    """A quantity of the table's geometry, see `calstation.estimation.positions.table_axes`."""
+
+    value: Number
+    sigma: Number
+    unit: str = "rad"
+
+
+class StandardVerdict(_Section):
+    """Comparison of a check standard's values with its reference, see `calstation.quality.judge_standard`."""
+
+    passed: bool
+    e_n: dict[str, Number]  #: Normalised error of each parameter, by name.
+    e_n_limit: Number  #: Largest magnitude of a normalised error that passes.
+    t_squared: Number  #: Hotelling's T² of all parameters together.
+    t_squared_limit: Number
+    degrees: int  #: Number of parameters compared.
+    false_alarm: Number  #: Probability that an unchanged station and unit fail.
+
+
 class StageConsistency(_Section):
     """Innovation test of a stage: the mean normalised innovation squared and its acceptance band."""
 
@@ -65,6 +85,39 @@ class Temperature(_Section):
     mean: float
     min: float
     max: float
+
+
+class ParameterConformity(_Section):
+    """Decision about a parameter with limits of its value, and the probabilities that it is wrong.
+
+    `false_accept` and `false_reject` need the spread of the product and concern all its units, not this one.
+    """
+
+    accepted: bool
+    limits: tuple[Number, Number]
+    acceptance: tuple[Number, Number]  #: Lowest and highest accepted value.
+    outside: Number  #: Probability that the true value of this unit is outside the limits.
+    probability: Number  #: Probability that the decision is wrong: false accept if accepted, else false reject.
+    spread: float | None = None  #: Standard deviation of the true values of the product's units.
+    false_accept: float | None = None  #: Probability that a unit is outside the limits and accepted.
+    false_reject: float | None = None  #: Probability that a unit is within the limits and not accepted.
+
+
+class Conformity(_Section):
+    """Decision rule of a result, and its decisions by parameter."""
+
+    rule: Rule
+    coverage_factor: float = COVERAGE_FACTOR  #: Expanded uncertainty over standard uncertainty.
+    parameters: dict[str, ParameterConformity] = Field(default_factory=dict)
+
+
+class Override(_Section):
+    """Release of a unit that failed."""
+
+    by: str  #: Badge or name of the person who released it.
+    confirmed_by: str | None = None  #: Second person, where the product requires one.
+    why: str
+    utc: str  #: ISO 8601.
 
 
 class JointEstimate(_Section):
@@ -166,9 +219,12 @@ class Result(_Section):
     parameters: dict[str, Parameter]
     #: Correlation coefficients of the 30 parameters that were solved, by name; 0 for pairs that are not listed.
     correlation: dict[str, dict[str, float]] = Field(default_factory=dict)
+    #: Geometry of the table, which does not depend on the unit: ``orthogonality``, ``tilt_x`` and ``tilt_y``.
+    table: dict[str, TableValue] = Field(default_factory=dict)
     unobservable: list[str] = Field(default_factory=list)  #: Parameters that the run's own data did not determine.
     checks: list[CheckField] = Field(default_factory=list)
     not_compared: list[str] = Field(default_factory=list)  #: Parameters with a limit that no stage determined.
+    conformity: Conformity | None = None  #: None if no value has limits, or for a result of an older version.
     consistency: dict[str, StageConsistency] = Field(default_factory=dict)
     #: Observability and details by stage, as reported by its method.
     observability: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)
@@ -196,6 +252,10 @@ class Result(_Section):
     stop_reason: str | None = None
     finished_stages: list[str] | None = None  #: Stages that an incomplete run solved before it ended.
     latitude_untold: LatitudeUnknown | None = None
+    #: Comparison of a check standard with its reference values; None for a unit of production.
+    check_standard: StandardVerdict | None = None
+    #: Reason for a run although a check standard or a certificate was not in order.
+    standard_override: str | None = None
     resumed_from: str | None = None
     #: Reason why a stage could not be solved, by stage.
     missing_data: dict[str, str] = Field(default_factory=dict, alias="lacking")
@@ -203,6 +263,7 @@ class Result(_Section):
     states_added: list[EffectName] = Field(default_factory=list)
     closed_utc: str | None = None  #: Time of the decision not to resume an incomplete run.
     closed_by: str | None = None  #: Person who made this decision.
+    override: Override | None = None  #: Release of a unit that failed; the outcome stays ``failed``.
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Result":
@@ -226,6 +287,16 @@ class Result(_Section):
     def verdict(self) -> str:
         """The outcome, or ``partial`` for a partial run that passed."""
         return verdict_of(self.outcome, partial=self.partial)
+
+    @property
+    def released(self) -> bool:
+        """Whether the unit failed and an engineer released it all the same."""
+        return self.override is not None
+
+    @property
+    def badge(self) -> str:
+        """The verdict as the window shows it: ``released`` for a failed run whose unit was released."""
+        return "released" if self.released else self.verdict
 
     @property
     def judged(self) -> bool:

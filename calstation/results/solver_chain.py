@@ -22,7 +22,7 @@ from calstation.estimation.common import (
     with_gravity,
 )
 from calstation.estimation.navigation import warm_up
-from calstation.estimation.positions import gather
+from calstation.estimation.positions import TableQuantity, TableRests, gather, table_axes, table_rests
 from calstation.messages import Text
 from calstation.physics import COUNT, FloatArray, composition
 from calstation.records import LogMeta, context_from_meta, prior_from_meta
@@ -73,6 +73,7 @@ class StageChain:
         imu = self._context.imu
         self._model = ModelTests(self.prior, meta.model.states if meta.model is not None else ())
         self._resting = RestOutput(imu) if resolves_earth_rate(imu) else None
+        self._table_rests: list[TableRests] = []
 
     def warm(self) -> None:
         """Compile the solvers' kernels, or load them from their cache."""
@@ -129,10 +130,16 @@ class StageChain:
         solution = self._model.tested(solution, self.solutions, self.belief)
         solution = self._data_checks.checked(solution, joined(blocks), data)
         self.belief = solution.belief
+        if not data.joints.size:  # a gimbal has three joints, and no base that stays in its place
+            self._table_rests.append(table_rests(data, self._context, self.belief))
         gravity = self._context.site.relative_gravity_sigma
         solution = replace(solution, belief=with_gravity(self.belief, self._gravity, gravity))
         self.solutions.append(solution)
         return solution
+
+    def table(self) -> dict[str, TableQuantity]:
+        """Return the geometry of the table as the rests of the solved stages show it; {} if they are too few."""
+        return table_axes(self._table_rests, self._context, self.belief)
 
     def skip_stage(self, reason: Text) -> None:
         """Skip the started stage; the next one begins with the posterior of the previous one."""
@@ -147,13 +154,16 @@ def solve(
     *,
     source: str | Path = "log",
     progress: SolveProgress | None = None,
+    chain: StageChain | None = None,
 ) -> StageChain:
     """Solve the chosen stages of a log in order, by default all as recorded; `source` names the log in messages.
+
+    `chain` is a new chain that the caller observes while it is fed.
 
     Raises InsufficientDataError if a chosen stage or every stage of the log lacks data; InputError if the log cannot be
     solved for another reason.
     """
-    replay = _Replay(blocks, StageChain(meta), source, progress)
+    replay = _Replay(blocks, chain or StageChain(meta), source, progress)
     with one_blas_thread():
         if stages is None:
             replay.as_recorded()

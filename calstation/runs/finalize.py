@@ -10,7 +10,8 @@ from calstation.devices import Imu
 from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief
-from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
+from calstation.physics import EFFECT_PARAMETERS, INDEX, NAMES, compose
+from calstation.quality import judge_standard
 from calstation.records import context_from_meta, estimated_stage
 from calstation.registers import (
     AppliedRegisters,
@@ -68,14 +69,15 @@ class Finalization:
         DeviceFaultError or StopRequested.
         """
         run = self._run
+        standard_passed = self._judge_standard(solutions)
         if not judge(run.meta, run.chain.prior, solutions).passed:
             run.emit(Message("registers_kept"))
             untold = unconfirmed_latitude(run.meta, solutions)
             if untold is not None:
                 run.emit(Message("latitude_untold", untold))
             return Finalized(passed=False, written=False)
-        if not self._entries.parameters:
-            return Finalized(passed=True, written=False)
+        if standard_passed is not None or not self._entries.parameters:  # a check standard is never adjusted
+            return Finalized(passed=standard_passed is not False, written=False)
         # Only this thread may write the log, so the registers are read and logged before the transfer begins.
         run.emit(Message("registers_reading"))
         old = run_in_background(lambda: flash_registers(self._imu))
@@ -101,6 +103,26 @@ class Finalization:
             run.emit(Message("transfer_unproved"))
             raise
         return Finalized(passed=True, written=True)
+
+    def _judge_standard(self, solutions: tuple[Solution, ...]) -> bool | None:
+        """Compare a check standard with its reference; None for a unit of production."""
+        run, standard = self._run, self._setup.check_standard
+        if standard is None:
+            return None
+        estimated = [name for name in estimated_stage(solutions) if name in INDEX]
+        started = run.prepared.started
+        run.standard = verdict = judge_standard(standard, self._setup.imu, started, solutions[-1].belief, estimated)
+        worst = max(verdict.e_n, key=lambda name: abs(verdict.e_n[name]), default="")
+        values = {
+            "serial": run.serial,
+            "parameter": worst,
+            "e_n": abs(verdict.e_n.get(worst, 0.0)),
+            "e_n_limit": verdict.e_n_limit,
+            "t_squared": verdict.t_squared,
+            "t_squared_limit": verdict.t_squared_limit,
+        }
+        run.emit(Message("standard_agrees" if verdict.passed else "standard_differs", values))
+        return verdict.passed
 
     def verify(self, data: VerificationData, run_in_background: RunInBackground) -> None:
         """Verify the restarted unit's output; if it is wrong, restore the old registers.

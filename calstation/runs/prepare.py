@@ -3,18 +3,26 @@
 import logging
 import re
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config import ResolvedConfiguration, RunRequest, prepare_run
+from calstation.config import ResolvedConfiguration, RunRequest, prepare_run, site_folder
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX
-from calstation.records import RESERVE, LogMeta, RawLogWriter, free_space
+from calstation.quality import require_standards
+from calstation.records import RESERVE, LogMeta, RawLogWriter, append_audit, free_space
 from calstation.registers import UnverifiedTransfer, check_flash, check_interrupted
-from calstation.results import History, StageChain, current_calibration, is_partial, register_pending
+from calstation.results import (
+    History,
+    StageChain,
+    StandardVerdict,
+    current_calibration,
+    is_partial,
+    register_pending,
+)
 from calstation.runs.cycle import Cycle
 from calstation.runs.hooks import RunHooks
 from calstation.runs.incomplete import finish_incomplete
@@ -100,6 +108,7 @@ class OpenRun:
     chain: StageChain
     unverified: UnverifiedTransfer | None = None
     registers: dict[str, Any] = field(default_factory=dict)
+    standard: StandardVerdict | None = None  #: Set at the end of a whole run of a check standard.
 
     @property
     def setup(self) -> ResolvedConfiguration:
@@ -133,11 +142,13 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     history = History(request.out)
     history.refresh()
     failures, allowed = history.failures(request.serial), setup.product.attempts_allowed
-    if allowed is not None and failures >= allowed and not request.beyond_attempts:  # only an engineer may allow more
+    exempt = request.beyond_attempts or setup.check_standard is not None  # only an engineer may allow more
+    if allowed is not None and failures >= allowed and not exempt:
         product, serial = setup.product.name, request.serial
         raise ConfigurationError(
             "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product
         )
+    setup = _with_standards(setup, history)
     check_flash(setup, request.out, emit)
     check_interrupted(setup, request.out)
     emit = hooks.listener(setup, request.out, emit)
@@ -148,6 +159,27 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     for kind, section in files.items():
         logger.info("%s %s version %s sha256 %s", kind, section.name, section.version, section.sha256)
     return prepared
+
+
+def _with_standards(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
+    """Refuse production while a check standard or a certificate is not in order, or record why it is allowed.
+
+    Returns the configuration with the override only if it was needed. Raises ConfigurationError.
+    """
+    found, request = require_standards(setup, history, datetime.now(UTC)), setup.request
+    if not found:
+        return replace(setup, request=replace(request, override_standard=None))
+    values = {"serial": request.serial, "station": setup.station.name, "product": setup.product.name}
+    overridden = [f"{due.reason} {due.name}" for due in found]
+    append_audit(
+        site_folder(),
+        "standard_overridden",
+        request.operator or "",
+        request.override_standard or "",
+        overridden=overridden,
+        **values,
+    )
+    return setup
 
 
 def _check_folder(folder: Path) -> None:

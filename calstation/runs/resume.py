@@ -202,7 +202,9 @@ class Continuation:
         if registers_read and _known(new) != _known(old):
             raise DeviceFaultError("run.registers_changed", log=path.name)
         calibration = old.run.calibration if old.run is not None else None
-        changed = {"resumed_from": path.name, "calibration": calibration}
+        changed: dict[str, Any] = {"resumed_from": path.name, "calibration": calibration}
+        if old.run is not None and old.run.standard_override and new.run and new.run.standard_override is None:
+            changed["standard_override"] = old.run.standard_override
         run = new.run.model_copy(update=changed) if new.run is not None else None
         kept = {name: getattr(old, name) for name in ("prior", "prior_correlation", "registers")}
         return new.model_copy(update={**kept, "run": run})

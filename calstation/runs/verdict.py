@@ -7,6 +7,7 @@ from dataclasses import replace
 from calstation.config import ProductConfig, latitude_agrees
 from calstation.errors import ConfigurationError
 from calstation.results import Ending, build_result, judge, write_json
+from calstation.runs.automatic_report import start_report
 from calstation.runs.prepare import OpenRun
 from calstation.sequencer import Ended, State, Verdict
 
@@ -31,19 +32,25 @@ def close_run(run: OpenRun, ended: Ended) -> None:
         stop_reason=str(control.stop_reason) if outcome == "stopped" else None,
         advice=advice(run.setup.product, outcome, failures, finished),
         cycle=run.prepared.cycle.phases(),
+        table=run.chain.table(),
     )
     judgement = replace(judgement, passed=ended.state is State.PASSED)
-    result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending).to_json()
-    log.add_result(result)
+    result = build_result(run.meta, run.chain.prior, ended.solutions, judgement, ending)
+    if run.standard is not None:
+        result = result.model_copy(update={"check_standard": run.standard})
+    written = result.to_json()
+    log.add_result(written)
     log.close(outcome)
     beside = log.path.with_suffix(".json")
     ignored = () if ended.error is None else (ConfigurationError,)  # the fault itself is reported
     with suppress(*ignored):
-        write_json(beside, result)
+        write_json(beside, written)
     with suppress(OSError):  # only the index, which the next run restores
         history.refresh()
     logger.info("verdict %s, result %s", outcome, beside)
-    run.prepared.emit(Verdict(outcome, str(log.path), str(beside), result))
+    run.prepared.emit(Verdict(outcome, str(log.path), str(beside), written))
+    if outcome in ("passed", "failed"):
+        start_report(run.setup, beside.absolute())
 
 
 def advice(product: ProductConfig, outcome: str, failures: int, finished: bool) -> str | None:

@@ -1,10 +1,12 @@
 from .bench_recordings import GradeName as GradeName
 from .bench_recordings import Kind as Kind
 from .bench_recordings import make_recording as make_recording
+from .golden import golden_demo as golden_demo
 from .hooks import BenchHooks as BenchHooks
 from .method_study import run_method_study as run_method_study
 from .recordings import record_on_bench as record_on_bench
 from .recordings import recordings_folder as recordings_folder
+from .run_history import synthesise_runs as synthesise_runs
 from .soak_series import Soak as Soak
 from .soak_series import soak as soak
 from .study import SEEDS as SEEDS

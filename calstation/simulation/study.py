@@ -119,7 +119,7 @@ def run_study(
     schedules. `workers` is the number of processes; 1 runs in the calling process.
     """
     grades: list[GradeName] = [grade] if grade else list(SEEDS)
-    jobs = [(g, s, cases, _fast(g) | (schedules or {})) for g in grades for s in range(seeds or SEEDS[g])]
+    jobs = [(g, s, cases, fast_schedule(g) | (schedules or {})) for g in grades for s in range(seeds or SEEDS[g])]
     collected: dict[tuple[GradeName, str], list[UnitResult]] = {}
     for done, (name, results) in enumerate(_map(jobs, workers), 1):
         for result in results:
@@ -133,7 +133,7 @@ def run_study(
     return {"schema": "calstation.study/1", "rows": rows, "passed": all(r["passed"] for r in rows)}
 
 
-def _fast(grade: GradeName) -> Schedules:
+def fast_schedule(grade: GradeName) -> Schedules:
     """Return the designed schedule of a grade's product."""
     product = library.find("products", FAST[grade])
     setup = resolve_configuration(RunRequest("study", None, product))
@@ -232,7 +232,7 @@ def _solve(
         m = method(stage)
         schedule = m.schedule(**schedules.get(stage, {}))
         solver = m.solver(context, belief, schedule)
-        samples = _feed(solver, data[stage], schedule)
+        samples = feed_until_targets(solver, data[stage], schedule)
         seconds += len(samples.seq) / context.imu.sample_rate
         solution = solver.finish()
         belief = solution.belief
@@ -262,7 +262,7 @@ def _solve(
     return UnitResult(case.name, estimated, error, joint.covariance, bound.covariance + added, nis, cost, seconds)
 
 
-def _feed(solver: StageSolver, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
+def feed_until_targets(solver: StageSolver, samples: SampleBlock, schedule: BaseModel) -> SampleBlock:
     """Feed the samples, of a designed stage until its targets are reached, as in a run; return those fed."""
     targets, least = getattr(schedule, "targets", {}), getattr(schedule, "least_moves", None)
     if not targets or least is None:

@@ -1,12 +1,14 @@
-"""Time to find the runs of a filtered list among 100,000, relative to reading the runs that are listed."""
+"""Time to find, chart and count the runs of a history of 100,000, relative to reading the runs that are listed."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
 import pytest
 
 from calstation.physics.parameters import NAMES
+from calstation.quality import cusum_chart, ewma_chart, individuals_chart
 from calstation.records.run_index import IndexedRun, RunFilter, RunIndex, RunRecord
 
 COUNT, LISTED = 100_000, 300
@@ -72,3 +74,26 @@ def test_a_filter_of_100000_runs_costs_little_more_than_its_list(indexes, benchm
     benchmark.pedantic(lambda: many.find(filters["values"], LISTED), rounds=3)
     figures(**ratios)
     assert max(ratios.values()) < 15.0
+
+
+def test_columns_of_100000_runs_cost_a_fraction_of_reading_them_one_by_one(indexes, benchmark, figures):
+    few, many = indexes
+    each = shortest(lambda: few.find(RunFilter(), LISTED)) / LISTED
+    columns = shortest(lambda: many.columns(RunFilter())) / COUNT
+    benchmark.pedantic(lambda: many.columns(RunFilter()), rounds=3)
+    figures(columns_ratio=round(columns / each, 3))
+    assert columns < 0.4 * each
+
+
+def test_charts_of_100000_runs_cost_less_than_reading_their_columns(indexes, benchmark, figures):
+    _, many = indexes
+    found = many.columns(RunFilter())
+    values = np.random.default_rng(1).normal(found.values["gyro_bias_x"], 1e-7)
+
+    def charts():
+        return individuals_chart(values), ewma_chart(values), cusum_chart(values)
+
+    ratio = shortest(charts) / shortest(lambda: many.columns(RunFilter()))
+    benchmark.pedantic(charts, rounds=3)
+    figures(charts_ratio=round(ratio, 3))
+    assert ratio < 1.0

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import tomli_w
 
-from calstation.config.library import shipped_folder
+from calstation.config.library import KINDS, shipped_folder
 from tests.cli.conftest import Done
 from tests.connection.fake_links import FakeImu, FakeTable, server, terminal
 from tests.site_folder import STATION
@@ -61,7 +61,10 @@ def test_a_unit_on_hardware_is_tested(calstation: Run, tmp_path: Path) -> None:
     assert done.code == 0
 
 
-@pytest.mark.parametrize("path", sorted(shipped_folder().glob("*/*.toml")), ids=lambda p: f"{p.parent.name}-{p.stem}")
+SHIPPED = sorted(path for kind in KINDS for path in (shipped_folder() / kind).glob("*.toml"))
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda p: f"{p.parent.name}-{p.stem}")
 def test_a_shipped_file_is_valid_in_any_folder(calstation: Run, tmp_path: Path, path: Path) -> None:
     elsewhere = tmp_path / path.name
     elsewhere.write_text(path.read_text(encoding="utf-8"), encoding="utf-8")

@@ -53,7 +53,7 @@ def test_changing_a_pin_needs_the_present_one(home: Path) -> None:
     access.set_pin("2468", "ключ 密码")
     assert access.check("ключ 密码")
     assert not access.check("2468")
-    assert [path.name for path in home.iterdir()] == ["engineer.json"]
+    assert {path.name for path in home.iterdir()} == {"engineer.json", "audit.jsonl", ".audit.lock"}
 
 
 def test_a_short_pin_is_refused() -> None:

@@ -26,12 +26,13 @@ from PySide6.QtWidgets import (
     QToolTip,
 )
 
-from calstation.config import library, versions
+from calstation.config import access, library, versions
 from calstation.gui.engineer.observability_view import HeatMap
 from calstation.gui.engineer.page import EngineerPage
 from calstation.gui.text import language
 from calstation.gui.text.messages import show
 from calstation.messages.rendering import Text
+from calstation.records import audit_path, read_audit
 from calstation.records.log import open_log
 from calstation.registers import journal as register_journal
 from calstation.results.resolving import FinishedRun
@@ -589,6 +590,30 @@ def test_registers_of_another_unit_are_refused_beside_the_button(engineer: Engin
     assert engineer.widget("write_reason_label", QLabel).text() == reason
 
 
+@pytest.mark.long
+def test_two_engineers_confirm_a_write_where_the_product_requires_it(engineer: Engineer) -> None:
+    ask_to_write(engineer)
+    for badge in ("B0001", "B0002"):
+        access.set_pin("2468", badge, badge)
+    flash = str(engineer.site_folder.folder / "flash.bin")
+    sign_in = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+    engineer.site_folder.write(
+        {"confirmation": {"required_for": ["registers"]}}, {"sign_in": sign_in}, flash_file=flash
+    )
+    engineer.press("confirm_at_rest_button")
+    assert f"Two engineers confirm the registers of unit {SERIAL}" in engineer.says()
+    for key, text in (("badge", "B0001"), ("pin", "B0001"), ("second_badge", "B0001"), ("second_pin", "B0001")):
+        engineer.type(f"registers_{key}_edit", text)
+    engineer.press("registers_confirm_button")
+    assert "cannot confirm what the same person does" in engineer.says()
+    for key, text in (("pin", "B0001"), ("second_badge", "B0002"), ("second_pin", "B0002")):
+        engineer.type(f"registers_{key}_edit", text)
+    engineer.press("registers_confirm_button")
+    engineer.until(lambda: "Verified at rest; no turn was made." in engineer.says())
+    event = read_audit(audit_path(library.site_folder())).events[-1]
+    assert (event.event, event.by, event.confirmed_by) == ("registers", "B0001", "B0002")
+
+
 @pytest.mark.exhaustive
 def test_registers_can_be_written_with_the_table_at_rest(engineer: Engineer) -> None:
     ask_to_write(engineer)
@@ -655,6 +680,37 @@ def test_a_partial_run_shows_its_stages_and_when_its_registers_were_written(engi
     assert (rows["gyro_scale_y"]["In the unit"], rows["gyro_scale_y"]["Change"]) == ("100.0000", "0")
     engineer.show_view(5)
     assert "as the run wrote it and read it back, 2026-11-21" in engineer.says()
+
+
+def test_a_guard_band_shows_what_is_accepted_and_how_probable_a_wrong_decision_is(engineer: Engineer) -> None:
+    row = {"value": 9.5e-4, "sigma": 5e-5, "unit": "1", "stage": "rate"}
+    limits, accepted = [-1e-3, 1e-3], [-9e-4, 9e-4]
+    named = {"name": "gyro_scale_x within", "value": 9.5e-4, "unit": "1", "passed": False}
+    decision = {"accepted": False, "limits": limits, "acceptance": accepted, "outside": 0.159, "probability": 0.841}
+    result = finished_run(
+        {"gyro_scale_x": row},
+        outcome="failed",
+        checks=[{**named, "limit": limits, "acceptance": accepted}],
+        conformity={
+            "rule": "guard_band",
+            "parameters": {"gyro_scale_x": {**decision, "false_accept": 0.002, "false_reject": 0.05}},
+        },
+    )
+    for name, shown in (("plain", finished_run({"gyro_scale_x": row})), ("guarded", result)):
+        path = engineer.site_folder.folder / f"{name}.json"
+        path.write_text(json.dumps(shown.result.to_json()), encoding="utf-8")
+        engineer.page.analysis.open(path)
+        engineer.until(lambda: not engineer.page.analysis.loading.busy)
+        engineer.show_view(1)
+        table = engineer.widget("result_table", QTableView)
+        assert table.isColumnHidden(7) == (name == "plain")
+    cells = engineer.cells("result_table")["gyro_scale_x"]
+    assert (cells["Value limit"], cells["Accepted"]) == ("±1000", "±900")
+    assert "decision rule: guard band of 2 σ" in engineer.says()
+    index = table.model().index(0, table.model().columnCount() - 1)
+    hint = table.model().data(index, Qt.ItemDataRole.ToolTipRole)
+    assert "the true value is within the limits with a probability of 84 %" in hint
+    assert "0.2 % are accepted though outside, 5 % refused though within" in hint
 
 
 def test_a_plan_beyond_the_travel_is_explained_in_both_languages(qapp: QApplication) -> None:

@@ -73,6 +73,15 @@ def test_advice_names_the_worst_failure_and_counts_the_rest() -> None:
     assert advice.next_action("failed", result_with(advice="set_aside")).startswith("Set the unit aside")
 
 
+def test_a_value_in_the_guard_band_is_compared_with_the_acceptance_limits() -> None:
+    row = {"unit": "1", "stage": "rate", "sigma": 5e-5}
+    refused = {**check("gyro_scale_x within", 9.5e-4, [-1e-3, 1e-3], passed=False), "acceptance": [-9e-4, 9e-4]}
+    result = result_with(parameters={"gyro_scale_x": {"value": 9.5e-4, **row}}, checks=[refused])
+    assert advice.reason("failed", result) == "Gyro scale factor x is 950 ppm, allowed are ±900 ppm."
+    (figure,) = advice.figures(result)
+    assert (figure.passed, figure.limit) == (False, "±900")
+
+
 def test_figures_show_the_value_nearest_to_its_limit_per_group() -> None:
     row = {"unit": "1", "stage": "rate", "sigma": 1e-6}
     result = result_with(

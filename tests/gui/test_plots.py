@@ -11,10 +11,9 @@ from PySide6.QtWidgets import QApplication, QFileDialog
 from pytestqt.qtbot import QtBot
 
 from calstation.gui.engineer.page import EngineerPage
-from calstation.gui.engineer.shared_views import StackedPlots
 from calstation.gui.settings.table_section import TravelPlot
 from calstation.gui.shell.main_window import MainWindow
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable, ThemedPlot, ZoomBox, column
+from calstation.gui.widgets import Column, ParameterModel, ParameterTable, StackedPlots, ThemedPlot, ZoomBox, column
 from tests.gui.plot_mouse import double_click, drag, open_menu, pixel, turn_wheel
 
 

@@ -31,7 +31,7 @@ if __name__ == "__main__":
     pages = []
     for code in ("en", "zh_CN"):
         window.app.set_language(code)
-        for name in ("operator_page", "engineer_page", "offline_page", "history_page", "station_page"):
+        for name in ("operator_page", "engineer_page", "offline_page", "history_page", "quality_page", "station_page"):
             window.show_page(name)
             for _ in range(5):
                 QApplication.processEvents()

@@ -687,3 +687,17 @@ def test_changing_the_pin_requires_the_current_pin(page_driver: PageDriver) -> N
     assert role.check("13579")
     (library.site_folder() / "engineer.json").write_text("{", encoding="utf-8")
     assert "engineer.json cannot be read" in change("13579", "2468", "2468")
+
+
+def test_an_engineers_own_pin_needs_the_pin_of_the_site_first(page_driver: PageDriver) -> None:
+    page_driver.show_section(PERSONAL)
+    page_driver.type("pin_badge_edit", "B0003")
+    old = page_driver.find(QLineEdit, "old_pin_edit")
+    assert old.placeholderText() == "the PIN of this site"
+    for name, text in (("old_pin_edit", PIN), ("new_pin_edit", "3333"), ("new_pin_again_edit", "3333")):
+        page_driver.type(name, text)
+    page_driver.press("change_pin_button")
+    assert page_driver.page.personal.pin_message.text() == "The PIN has been changed."
+    assert role.check("3333", "B0003")
+    assert role.check(PIN)
+    assert old.placeholderText() == ""

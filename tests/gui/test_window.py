@@ -17,7 +17,7 @@ from calstation.records.log import open_log
 from calstation.runs.resume import resumable
 from tests.gui.conftest import SiteFolder
 
-PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "station_page"]
+PAGES = ["operator_page", "engineer_page", "offline_page", "history_page", "quality_page", "station_page"]
 
 
 def opened(site_folder: SiteFolder, qtbot: QtBot) -> MainWindow:

@@ -41,6 +41,7 @@ _INTERNAL = {
     "connection.bench_not_started",
     "connection.bench_refused",
     "label.typst",
+    "report.template",
 }
 
 #: Base classes of errors, and the family that completes the short id of other messages.

@@ -1,9 +1,11 @@
 """Conditions of a run filter are combined in the index, and its values are offered as choices."""
 
+import math
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from calstation.records.run_index import IndexedRun, RunChoices, RunFilter, RunIndex, RunRecord, verdict_of
@@ -85,3 +87,44 @@ def test_only_a_partial_run_that_passed_has_a_verdict_of_its_own() -> None:
     outcomes = ("passed", "failed", "stopped")
     assert [verdict_of(outcome, partial=True) for outcome in outcomes] == ["partial", "failed", "stopped"]
     assert [verdict_of(outcome, partial=False) for outcome in outcomes] == list(outcomes)
+
+
+def test_values_sigmas_and_failed_checks_come_back_exactly(index: RunIndex, tmp_path: Path) -> None:
+    kept = replace(
+        run("e", 5, outcome="failed"),
+        values={"gyro_bias_x": 0.1 + 0.2, "accel_bias_x": -1e-300},
+        sigmas={"accel_bias_x": 1 / 3},
+        failed_checks=("gyro_bias_x within", "two\nlines", ""),
+    )
+    index.put([kept])
+    (found,) = RunIndex(tmp_path).find(RunFilter(names=("e",)))
+    log = tmp_path / kept.record.log.name
+    assert found == replace(kept, record=replace(kept.record, log=log))
+
+
+def test_columns_have_the_runs_with_a_time_the_oldest_first(index: RunIndex) -> None:
+    both, one = {"gyro_bias_x": 1e-6, "accel_bias_x": 2e-3}, {"gyro_bias_x": 3e-6}
+    index.put(
+        [
+            replace(run("f", 6, partial=True), values=both, sigmas={"gyro_bias_x": 1e-8}),
+            replace(run("e", 5, outcome="failed"), values=one, sigmas=one, failed_checks=("a b", "c")),
+            run("g", 1, started_utc=""),
+            run("h", 1, started_utc="yesterday"),
+        ]
+    )
+    found = index.columns(RunFilter(since="2026-11-04T00:00:00"))
+    assert found.names == ("d", "e", "f")
+    assert found.serials == ("D", "E", "F")
+    assert found.started.tolist() == [(BEGIN + timedelta(days=day)).timestamp() for day in (3, 4, 5)]
+    assert found.verdicts == ("passed", "failed", "partial")
+    assert found.partial.tolist() == [False, False, True]
+    assert found.failed_checks == ((), ("a b", "c"), ())
+    assert found.values.keys() == found.sigmas.keys() == {"gyro_bias_x", "accel_bias_x"}
+    nan = math.nan
+    np.testing.assert_array_equal(found.values["gyro_bias_x"], [nan, 3e-6, 1e-6])
+    np.testing.assert_array_equal(found.sigmas["gyro_bias_x"], [nan, 3e-6, 1e-8])
+    np.testing.assert_array_equal(found.values["accel_bias_x"], [nan, nan, 2e-3])
+    np.testing.assert_array_equal(found.sigmas["accel_bias_x"], [nan, nan, nan])
+    assert len(index.columns(RunFilter()).names) == 6  # without g and h
+    nothing = index.columns(RunFilter(search="zzz"))
+    assert (nothing.names, nothing.started.tolist(), nothing.values) == ((), [], {})

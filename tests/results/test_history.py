@@ -238,3 +238,14 @@ def test_startup_closes_incomplete_runs_and_delivers_results(tmp_path: Path) -> 
     assert [run.outcome for run in History(runs).runs()] == ["incomplete"]
     assert fractions == sorted(fractions)
     assert recover_startup(lambda *_: None, tmp_path / "none", None).incomplete == ()
+
+
+def test_failed_checks_are_those_of_a_judged_run(tmp_path: Path) -> None:
+    row = {"value": 2.0, "limit": 1.0, "unit": "1", "passed": False}
+    checks = [{"name": "rate consistency", **row}, {"name": "agreement", **row, "passed": True}]
+    write(tmp_path, "a", "SN-1", "failed", 1, values={"gyro_bias_x": 1.5}, checks=checks)
+    write(tmp_path, "b", "SN-1", "stopped", 2, checks=checks)
+    found = refreshed(tmp_path).columns()
+    assert found.failed_checks == (("rate consistency",), ())
+    assert found.values["gyro_bias_x"].tolist()[0] == 1.5
+    assert found.sigmas["gyro_bias_x"].tolist()[0] == 1.0

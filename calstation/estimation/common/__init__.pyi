@@ -71,6 +71,7 @@ from .stage import quietest as quietest
 from .stage import runs as runs
 from .stage import slope_weights as slope_weights
 from .stage import stage_data as stage_data
+from .stage import window_mean as window_mean
 from .stillness import Link as Link
 from .stillness import Stillness as Stillness
 from .stillness import find_stillness as find_stillness

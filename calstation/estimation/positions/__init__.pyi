@@ -21,3 +21,8 @@ from .rows import gyro_derivative as gyro_derivative
 from .rows import integrate_rotation as integrate_rotation
 from .rows import positions as positions
 from .rows import square_root as square_root
+from .table_fit import TABLE_QUANTITIES as TABLE_QUANTITIES
+from .table_fit import TableQuantity as TableQuantity
+from .table_fit import TableRests as TableRests
+from .table_fit import table_axes as table_axes
+from .table_fit import table_rests as table_rests

@@ -9,9 +9,22 @@ import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QPointF
 from PySide6.QtGui import QResizeEvent
 
-from calstation.gui.engineer.shared_views import ROW, Band, CellTable, StackedPlots, StageCombo, dashed
+from calstation.gui.engineer.stage_combo import StageCombo
 from calstation.gui.text import on_language_change, say, term, with_minus
-from calstation.gui.widgets import Column, ElidedLabel, ThemedPlot, column, label, row, theme
+from calstation.gui.widgets import (
+    ROW,
+    Band,
+    CellTable,
+    Column,
+    ElidedLabel,
+    StackedPlots,
+    ThemedPlot,
+    column,
+    dashed,
+    label,
+    row,
+    theme,
+)
 from calstation.physics import DEGREE_PER_HOUR, MICRO_G, FloatArray, display_by_unit
 from calstation.results import EXCESSIVE, NOTABLE, Diagnostics, PositionResidual, StageDiagnostics
 

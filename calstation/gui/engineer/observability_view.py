@@ -11,7 +11,7 @@ from PySide6.QtCore import QEvent, QPoint, QRectF, Qt
 from PySide6.QtGui import QColor, QFontMetricsF, QHelpEvent, QPainter
 from PySide6.QtWidgets import QToolTip, QWidget
 
-from calstation.gui.engineer.shared_views import StageCombo
+from calstation.gui.engineer.stage_combo import StageCombo
 from calstation.gui.text import say, short_step, step_sentence, term
 from calstation.gui.widgets import EmptyState, ThemedPlot, column, label, row, scroll_area, theme
 from calstation.physics import OBSERVABLE, FloatArray

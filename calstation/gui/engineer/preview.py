@@ -10,23 +10,27 @@ from PySide6.QtWidgets import QWidget
 
 from calstation.config import RunRequest
 from calstation.errors import CalstationError
-from calstation.gui.engineer.shared_views import Band, CellTable, StackedPlots, dashed, time_unit
 from calstation.gui.shell import AppContext
 from calstation.gui.text import duration_text, error_text, on_language_change, say, show, step_sentence, term
 from calstation.gui.widgets import (
+    Band,
+    CellTable,
     Column,
     EmptyState,
     JobRow,
     JobWatch,
+    StackedPlots,
     StateBadge,
     button,
     column,
+    dashed,
     label,
     row,
     show_text,
     split,
     stack,
     theme,
+    time_unit,
 )
 from calstation.physics import INDEX, NAMES, display
 from calstation.results import Preview, Violation, compute_preview

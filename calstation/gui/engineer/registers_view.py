@@ -7,11 +7,21 @@ from pathlib import Path
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
-from calstation.config import RegisterOperation, RunRequest
+from calstation.config import (
+    Confirmation,
+    Person,
+    ProductConfig,
+    RegisterOperation,
+    RunRequest,
+    StationConfig,
+    confirm,
+    confirmation_required,
+    load_product,
+    load_station,
+)
 from calstation.errors import CalstationError
-from calstation.gui.engineer.shared_views import CellTable
 from calstation.gui.engineer.verdict import verdict_badge
-from calstation.gui.shell import AppContext
+from calstation.gui.shell import AppContext, PeoplePanel
 from calstation.gui.text import (
     bind,
     error_text,
@@ -22,6 +32,7 @@ from calstation.gui.text import (
     step_sentence,
 )
 from calstation.gui.widgets import (
+    CellTable,
     Choice,
     EmptyState,
     JobRow,
@@ -81,7 +92,7 @@ class RegistersView(QWidget):
         on_language_change(self, self._show_texts)
 
     def _lay_out(self) -> None:
-        self._job, self._notice = JobRow(self.watch), NoticeBar()
+        self._job, self._notice, self._people = JobRow(self.watch), NoticeBar(), PeoplePanel("registers")
         self._empty, self._badge, self._about = EmptyState(), StateBadge(), label(wrap=True)
         self._reason = label(kind="muted", name="write_reason_label")
         self._reason.setAlignment(Qt.AlignmentFlag.AlignRight)
@@ -105,6 +116,7 @@ class RegistersView(QWidget):
             row(*status, self._read_button, self._write_button, spacing=2 * theme.GRID),
             self._reason,
             self._notice,
+            self._people,
             (table, 1),
             (self._empty, 1),
             on=self,
@@ -128,6 +140,7 @@ class RegistersView(QWidget):
         self._show_reason()
         if write:
             self._notice.dismiss()
+            self._people.hide()
 
     def why_not_write(self) -> str:
         """Return why the registers cannot be written yet, "" if they can."""
@@ -156,18 +169,51 @@ class RegistersView(QWidget):
         self._refresh()
         self.changed.emit()
 
-    def _write(self, target: TargetRegisters, *, at_rest: bool) -> None:
+    def _confirm(self, target: TargetRegisters, *, at_rest: bool) -> None:
+        """Write, after two engineers have confirmed it if the product requires it."""
+        try:
+            product, station = self._files()
+        except CalstationError as error:
+            self._show_failure(error)
+            return
+        needed = confirmation_required("registers", product, station)
+        if not needed.second:
+            self._write(target, at_rest=at_rest)
+            return
+
+        def confirmed(reason: str, first: Person, second: Person | None) -> None:
+            try:
+                people = confirm("registers", *self._files(), first, second)
+            except CalstationError as error:
+                self._show_failure(error)
+                self._people.retry()
+                return
+            self._people.hide()
+            self._write(target, people, at_rest=at_rest)
+
+        def title() -> str:
+            return self.tr("Two engineers confirm the registers of unit {0}").format(target.serial)
+
+        self._people.ask(title, needed, confirmed, by=self._app.badge or "", reason=False)
+
+    def _files(self) -> tuple[ProductConfig, StationConfig]:
+        request = self._request()
+        return load_product(request.product)[1], load_station(request.station)[1]
+
+    def _write(self, target: TargetRegisters, people: Confirmation | None = None, *, at_rest: bool) -> None:
         assert self._run is not None
         if self._app.job_queue.at_device:
             self._show_error(lambda: say("engineer.device_busy"))
             return
         result = self._run.result
+        request = replace(self._request(), serial=result.serial)
         self._operation = RegisterOperation(
-            replace(self._request(), serial=result.serial),
+            request if people is None else replace(request, operator=people.by),
             "write",
             dict(target.values),
             Path(result.log.file).name,
             at_rest=at_rest,
+            confirmed_by=None if people is None else people.confirmed_by,
         )
         self._incomplete = ""
         self._error = None
@@ -294,7 +340,7 @@ class RegistersView(QWidget):
             return f"{say('engineer.about_write', **values)}\n{verification}"
 
         def choice(name: str, words: Words, *, at_rest: bool) -> Choice:
-            return Choice(name, words, lambda: self._write(target, at_rest=at_rest))
+            return Choice(name, words, lambda: self._confirm(target, at_rest=at_rest))
 
         choices = [Choice("cancel_write_button", lambda: self.tr("Cancel"), lambda: None, primary=True)]
         confirm = "confirm_write_button"

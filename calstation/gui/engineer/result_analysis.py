@@ -11,9 +11,8 @@ from calstation.errors import CalstationError
 from calstation.gui.engineer.cycle_view import CycleView
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ResidualsView
 from calstation.gui.engineer.observability_view import ObservabilityView
-from calstation.gui.engineer.shared_views import CellTable
 from calstation.gui.engineer.verdict import verdict_badge, verdict_text
-from calstation.gui.shell import AppContext
+from calstation.gui.shell import AppContext, ReleaseBar
 from calstation.gui.text import (
     bind,
     error_text,
@@ -26,6 +25,7 @@ from calstation.gui.text import (
 )
 from calstation.gui.widgets import (
     NOTABLE_SIGMAS,
+    CellTable,
     ChecksTable,
     Column,
     EmptyState,
@@ -59,9 +59,11 @@ from calstation.sequencer import Event, StageRanked, StateChanged, StepStarted
 _NONE = "–"
 #: Maximum height of the table of checks that do not concern a single parameter, px.
 _MAX_CHECKS_HEIGHT = 26 * theme.GRID
-_NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "sigma_limit")
+_NUMBERS = ("value", "sigma", "previous", "change", "in_sigma", "limit", "accepted", "sigma_limit")
 #: Columns that compare with the previous run, or with the result without an added state.
 _COMPARED_COLUMNS = (3, 4, 5)
+#: Column of the acceptance limits where the decision rule narrows the limits.
+_ACCEPTED_COLUMN = 7
 #: Badge shape (`widgets.badge.KINDS`) of each parameter verdict.
 _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad", "sigma": "bad", "both": "bad"}
 
@@ -69,8 +71,9 @@ _SHAPES = {"good": "good", "near": "caution", "lost": "caution", "value": "bad",
 class ResultView(QWidget):
     """The run's verdict, the parameter table, and the checks that do not concern a single parameter."""
 
-    def __init__(self, adding: JobWatch) -> None:
+    def __init__(self, adding: JobWatch, release: ReleaseBar) -> None:
         super().__init__()
+        self.release = release
         self.shown: FinishedRun | None = None
         self.missing = MissingState(adding, "add_state_button")
         self._badge = StateBadge(theme.SECTION)
@@ -89,6 +92,7 @@ class ResultView(QWidget):
                     state=lambda name: "caution" if "changed" in table.cells[name] else None,
                 ),
                 table.column(lambda: self.tr("Value limit"), "limit"),
+                table.column(lambda: self.tr("Accepted"), "accepted"),
                 table.column(lambda: self.tr("σ limit"), "sigma_limit"),
                 Column(lambda: self.tr("Stage"), lambda name: term("stage", table.cells[name]["stage"]), number=False),
                 Column(
@@ -96,6 +100,7 @@ class ResultView(QWidget):
                     lambda name: term("engineer", f"verdict_{table.cells[name]['verdict']}"),
                     number=False,
                     state=lambda name: _SHAPES.get(table.cells[name]["verdict"]),
+                    hint=self._conformity_hint,
                 ),
             )
         )
@@ -110,6 +115,7 @@ class ResultView(QWidget):
         )
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
+            release,
             (table, 2),
             self.missing,
             (self._checks, 1),
@@ -133,6 +139,7 @@ class ResultView(QWidget):
         self._table.show_cells(cells, _NUMBERS)
         for index in _COMPARED_COLUMNS:
             self._table.setColumnHidden(index, not finished.previous)
+        self._table.setColumnHidden(_ACCEPTED_COLUMN, all("accepted" not in row for row in cells.values()))
         self._table.spread()
         general = [check for check in result.checks if not of_parameter(check)]
         self._checks.show_checks(general)
@@ -144,6 +151,19 @@ class ResultView(QWidget):
     def _compared_heading(self) -> str:
         trial = self.shown is not None and self.shown.result.states_added
         return self.tr("Without state") if trial else self.tr("Previous")
+
+    def _conformity_hint(self, name: str) -> str:
+        """Return the probability that the decision about a parameter is wrong, and the risks of its product."""
+        decided = self.shown.result.conformity if self.shown is not None else None
+        found = decided.parameters.get(name) if decided is not None else None
+        if found is None:
+            return ""
+        kind = "accepted" if found.accepted else "refused"
+        texts = [say(f"engineer.conformity_{kind}", percent=100.0 * found.probability)]
+        if found.false_accept is not None and found.false_reject is not None:
+            risks = {"accept": 100.0 * found.false_accept, "reject": 100.0 * found.false_reject}
+            texts.append(say("engineer.conformity_product", **risks))
+        return "\n".join(texts)
 
     def _show_texts(self) -> None:
         self._table.parameters.refresh()
@@ -158,6 +178,8 @@ class ResultView(QWidget):
             about.append(self.tr("{0} of {1} checks passed").format(passed, count))
         if near := sum(check.near_miss for check in result.checks):
             about.append(self.tr("near-misses: {0}").format(near))
+        if result.conformity is not None:
+            about.append(say(f"engineer.rule_{result.conformity.rule}"))
         if result.registers is not None and result.verified:
             about += _register_texts(result.registers)
         if result.states_added:
@@ -209,9 +231,14 @@ def _cells(name: str, parameter: Parameter, previous: float | None, checks: dict
         cells["in_sigma"] = f"{(value - before) / sigma:+.2f}" if sigma > 0.0 else _NONE
         if abs(parameter.value - previous) > NOTABLE_SIGMAS * parameter.sigma:
             cells["changed"] = "yes"
-    if "within" in checks and isinstance(checks["within"].limit, tuple):
-        low, high = (_display(name, bound)[0] for bound in checks["within"].limit)
-        cells["limit"] = f"±{_limit(high)}" if low == -high else f"{_limit(low)} … {_limit(high)}"
+    if "within" in checks:
+        check = checks["within"]
+        for key, interval in (("limit", check.limit), ("accepted", check.acceptance)):
+            if isinstance(interval, tuple):
+                low, high = (_display(name, bound)[0] for bound in interval)
+                cells[key] = f"±{_limit(high)}" if low == -high else f"{_limit(low)} … {_limit(high)}"
+        if check.acceptance is not None and check.acceptance[0] > check.acceptance[1]:
+            cells["accepted"] = _NONE
     if "sigma_below" in checks and not isinstance(checks["sigma_below"].limit, tuple):
         cells["sigma_limit"] = _limit(_display(name, checks["sigma_below"].limit)[0], 3)
     return cells
@@ -261,6 +288,7 @@ class ResultAnalysis(QObject):
         self._computed = self.innovations, self.residuals
         #: The views in order: parameters, innovations, residuals, observability.
         self.views: tuple[QWidget, ...] = (self.result, *self._computed, self.observability)
+        app.released.connect(self._released)
         self._diagnosing.failed.connect(lambda error: self._not_diagnosed(lambda: error_text(error).sentences))
 
     def open(self, path: Path) -> None:
@@ -320,7 +348,7 @@ class ResultAnalysis(QObject):
         return "  ·  ".join(part for part in parts if part)
 
     def _result_view(self) -> ResultView:
-        view = ResultView(self.adding)
+        view = ResultView(self.adding, ReleaseBar(self._app, "engineer_release"))
         view.missing.wanted.connect(self._add_state)
         return view
 
@@ -334,6 +362,8 @@ class ResultAnalysis(QObject):
         self._run, self._diagnosed_log, self._following = run, None, False
         if run.result.parameters:
             self.result.view.show_run(run)
+            result_file = self._path if self._path is not None and self._path.suffix == ".json" else None
+            self.result.view.release.offer(run.result, result_file)
             self.result.show_view()
         else:
             self.result.show_empty(lambda: _why_no_result(run))
@@ -348,6 +378,11 @@ class ResultAnalysis(QObject):
             self.cycle.show_empty(lambda: say("engineer.no_cycle"))
         self.changed.emit()
         self.loaded.emit(run)
+
+    def _released(self, path: Path) -> None:
+        """Read the result shown again after its unit was released."""
+        if path == self._path:
+            self.open(path)
 
     def _not_loaded(self, error: CalstationError) -> None:
         self._path = None

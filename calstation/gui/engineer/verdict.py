@@ -6,8 +6,8 @@ from calstation.results import Result
 
 def verdict_text(result: Result, *, stages: bool = True) -> str:
     """Return the verdict of a run, such as ``PASS``; that of a partial run names its `stages` unless they are False."""
-    if not result.partial or not result.stages:
-        return term("badge", result.verdict)
+    if result.released or not result.partial or not result.stages:
+        return term("badge", result.badge)
     family = "passed" if result.verdict == "partial" else "partial"
     if not stages:
         return term("badge", "partial") if family == "passed" else say("engineer.partial", outcome=result.outcome)

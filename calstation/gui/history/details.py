@@ -12,7 +12,8 @@ from PySide6.QtWidgets import QComboBox, QFormLayout, QFrame, QSizePolicy, QWidg
 from calstation.gui.history.comparison import limits_of
 from calstation.gui.history.resolves_table import ResolvesTable
 from calstation.gui.history.run_table import stages_text
-from calstation.gui.operator import FiguresTable, LabelButton, advice
+from calstation.gui.operator import CertificateButton, FiguresTable, LabelButton, advice
+from calstation.gui.shell import ReleaseBar
 from calstation.gui.text import (
     KINDS,
     bind,
@@ -136,9 +137,9 @@ class Trend(QWidget):
 
 
 class RunDetails(QFrame):
-    """Shows the details of a run; the page connects the buttons and adds that for the label."""
+    """Shows the details of a run; the page connects the buttons and adds those for label and certificate."""
 
-    def __init__(self, label_button: LabelButton) -> None:
+    def __init__(self, label_button: LabelButton, certificate_button: CertificateButton, release: ReleaseBar) -> None:
         super().__init__()
         self.setProperty("kind", "panel")
         self._run: RunRecord | None = None
@@ -160,7 +161,10 @@ class RunDetails(QFrame):
         self.folder_button = button("history_folder_button", lambda: self.tr("Folder"))
         self.resume_button = button("history_resume_button", lambda: self.tr("Resume"))
         self.close_button = button("history_close_button")
-        self._label_button = label_button
+        self._documents, self._release = (label_button, certificate_button), release
+        self._people = certificate_button.panel
+        for asking in (release.asking, self._people.asking):
+            asking.connect(lambda open_: self.trend.setVisible(not open_ and self.has_parameters))
         self._lay_out()
         on_language_change(self, self._show)
 
@@ -174,7 +178,8 @@ class RunDetails(QFrame):
     ) -> None:
         """Show a run with its result, the solved runs of the same unit, oldest first, and the possible actions."""
         self._run, self._result, self._actions = run, result, actions
-        self._label_button.offer(result, run.result)
+        for document in (*self._documents, self._release):
+            document.offer(result, run.result)
         self.trend.show_runs(unit_runs, run.log.stem, {} if result is None else limits_of(result))
         self._show()
 
@@ -193,8 +198,11 @@ class RunDetails(QFrame):
             row((self._serial, 1), self.badge),
             (self.content_area, 5),
             (self.trend, 3),
+            self._release,
             row((self.resume_button, 1), (self.close_button, 1)),
-            row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button, self._label_button))),
+            row(*((each, 1) for each in (self.result_button, self.log_button, self.folder_button))),
+            row(*((each, 1) for each in self._documents)),
+            self._people,
             on=self,
             margins=(2 * theme.GRID,) * 4,
         )
@@ -204,7 +212,7 @@ class RunDetails(QFrame):
         if run is None:
             return
         self._serial.setText(run.serial)
-        self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.verdict))
+        self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.badge))
         self.reason_label.setText(self._reason(run))
         lines = []
         if result is not None and result.judged:
@@ -224,6 +232,11 @@ class RunDetails(QFrame):
             fault = None if result is None else result.fault
             text = free_text(run.error) if fault is None else error_text(fault)
             return "\n".join(part for part in (text.reason, text.remedy) if part)
+        if result is not None and result.override is not None:
+            override = result.override
+            people = ", ".join(filter(None, (override.by, override.confirmed_by)))
+            when = local_time(override.utc)
+            return self.tr("Released by {0}, {1}: {2}").format(people, when, override.why)
         if run.outcome in ("passed", "failed") and result is not None:
             if result.failed_checks:
                 return self.tr("Outside its limits:")

@@ -13,8 +13,8 @@ from calstation.gui.history.comparison import MAX_COMPARED, RunComparison
 from calstation.gui.history.details import Actions, RunDetails
 from calstation.gui.history.filters import Filters
 from calstation.gui.history.run_table import RunTable
-from calstation.gui.operator import LabelButton
-from calstation.gui.shell import AppContext, Page
+from calstation.gui.operator import CertificateButton, LabelButton
+from calstation.gui.shell import AppContext, Page, ReleaseBar
 from calstation.gui.text import bind, on_language_change, say
 from calstation.gui.widgets import (
     Choice,
@@ -56,7 +56,12 @@ class HistoryPage(Page):
         self.table = RunTable()
         bind(self.table.setAccessibleName, lambda: self.tr("Runs, the latest first"))
         self.notice = NoticeBar("history_notice")
-        self.details = RunDetails(LabelButton(app, "history_label_button", self.notice, self.table.setFocus))
+        focus = self.table.setFocus
+        self.details = RunDetails(
+            LabelButton(app, "history_label_button", self.notice, focus),
+            CertificateButton(app, "history_certificate_button", self.notice, focus),
+            ReleaseBar(app, "history_release"),
+        )
         self.exports = FileExport(app.job_queue, self, self.notice, self.table.setFocus)
         self._loader = JobWatch(self)
         self._filters = Filters(self._build_actions())
@@ -143,6 +148,7 @@ class HistoryPage(Page):
             ended.connect(self.refresh)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._list_visible)
+        app.released.connect(lambda _: self._list_visible())
         app.engine_link.running_changed.connect(lambda _: self._update())
         finder = QShortcut(QKeySequence.StandardKey.Find, self, self._filters.search_edit.setFocus)
         finder.setContext(Qt.ShortcutContext.WidgetWithChildrenShortcut)

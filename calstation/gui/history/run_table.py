@@ -104,7 +104,7 @@ class RunTable(QTableWidget):
 
     def _fill(self, number: int, run: RunRecord) -> None:
         texts = (
-            term("badge", run.verdict),
+            term("badge", run.badge),
             run.serial,
             local_time(run.started_utc),
             product_text(run.product or ""),

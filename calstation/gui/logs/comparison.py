@@ -116,7 +116,7 @@ class Comparison(QWidget):
 
     def _online_verdict(self) -> tuple[str, str]:
         if self._online is not None:
-            return KINDS.get(self._online.verdict, "none"), term("badge", self._online.verdict)
+            return KINDS.get(self._online.verdict, "none"), term("badge", self._online.badge)
         log = self._log_index
         if log is not None and log.outcome is None and log.meta.run is not None:
             return "caution", self.tr("No result: this run did not reach its end")

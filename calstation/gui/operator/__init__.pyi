@@ -1,4 +1,5 @@
 from . import advice as advice
 from .page import OperatorPage as OperatorPage
+from .production import CertificateButton as CertificateButton
 from .production import LabelButton as LabelButton
 from .verdict import FiguresTable as FiguresTable

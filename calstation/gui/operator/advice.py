@@ -134,10 +134,11 @@ def _share(check: Check | None) -> float:
     """Return the fraction of its limit that a checked value uses, 1 at the limit."""
     if check is None or math.isnan(check.value):
         return 0.0
-    if isinstance(check.limit, tuple):
-        low, high = check.limit
-        return float(abs(check.value - 0.5 * (low + high)) / (0.5 * (high - low)))
-    return check.value / check.limit if check.limit else 0.0
+    limit = check.compared_with
+    if isinstance(limit, tuple):
+        low, high = limit
+        return float(abs(check.value - 0.5 * (low + high)) / (0.5 * (high - low))) if low < high else math.inf
+    return check.value / limit if limit else 0.0
 
 
 def _figure(name: str, row: Parameter, within: Check | None, below: Check | None) -> Figure:

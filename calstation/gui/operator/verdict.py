@@ -1,6 +1,7 @@
 """The verdict of a run: a large banner, the reason, the next action, and the decisive values."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from PySide6.QtCore import QRectF, Qt, Signal
@@ -9,10 +10,11 @@ from PySide6.QtWidgets import QBoxLayout, QFrame, QLabel, QWidget
 
 from calstation.config import load_station
 from calstation.connection import LinkTestRequest
+from calstation.errors import InputError
 from calstation.gui.operator import advice
-from calstation.gui.operator.production import LabelButton
+from calstation.gui.operator.production import CertificateButton, LabelButton
 from calstation.gui.shell import AppContext, ResetBar
-from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, term
+from calstation.gui.text import KINDS, duration_text, event_sentence, fault_text, say, term
 from calstation.gui.widgets import (
     NoticeBar,
     StateIcon,
@@ -28,7 +30,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.physics import aligned
-from calstation.results import Result
+from calstation.results import Result, load_result
 from calstation.sequencer import Fault, Verdict
 
 #: Margin at the right end of the banner, px, and smallest gap between its texts, in units of their size.
@@ -165,6 +167,7 @@ class VerdictPanel(QFrame):
             "acknowledge_button", lambda: self.tr("Understood"), self.acknowledged, kind="primary"
         )
         self.label_button = LabelButton(app, "label_button", notice, then)
+        self.certificate_button = CertificateButton(app, "certificate_button", notice, then)
         self._station_button = button(
             "verdict_station_button",
             lambda: self.tr("Open the station page"),
@@ -173,7 +176,15 @@ class VerdictPanel(QFrame):
         beside = column(
             *(self._facts, self._notes),
             None,
-            row(self.acknowledge_button, self.label_button, self.details_button, self._station_button, None),
+            row(
+                self.acknowledge_button,
+                self.label_button,
+                self.certificate_button,
+                self.details_button,
+                self._station_button,
+                None,
+            ),
+            self.certificate_button.panel,
         )
         column(
             (self._banner, 2),
@@ -183,6 +194,7 @@ class VerdictPanel(QFrame):
             spacing=theme.GRID,
             margins=(2 * theme.GRID,) * 4,
         )
+        app.released.connect(self._released)
         theme.on_appearance_change(self, self._refresh)
 
     def show_end(self) -> None:
@@ -195,17 +207,22 @@ class VerdictPanel(QFrame):
         if run.verdict is not self._verdict:
             self._verdict = run.verdict
             self._result = None if run.verdict is None else Result.from_json(run.verdict.result)
-            self.label_button.offer(self._result, None if run.verdict is None else Path(run.verdict.result_file))
+            file = None if run.verdict is None else Path(run.verdict.result_file)
+            for each in (self.label_button, self.certificate_button):
+                each.offer(self._result, file)
         self._refresh()
 
     def next_action(self) -> str:
         """Return the next action for the operator, in the current language."""
         fault = self._run.fault
+        if self._result is not None and self._result.released:
+            return say("advice.released")
         return advice.next_action(self._run.shown, self._result) if fault is None else fault_text(fault).remedy
 
     def _refresh(self) -> None:
         text = None if self._run.fault is None else fault_text(self._run.fault)
-        self._banner.show_state(self._run.shown, self._run.serial)
+        released = self._run.shown == "failed" and self._result is not None and self._result.released
+        self._banner.show_state("released" if released else self._run.shown, self._run.serial)
         self.acknowledge_button.setVisible(text is not None)
         self.details_button.setVisible(self._verdict is not None)
         self._station_button.setVisible(text is not None and text.source == "configuration")
@@ -220,6 +237,13 @@ class VerdictPanel(QFrame):
         ):
             show_text(shown, content)
         self._figures.show_result(self._result if text is None else None)
+
+    def _released(self, path: Path) -> None:
+        """Show that the unit was released, if this is its run."""
+        if self._verdict is not None and path.absolute() == Path(self._verdict.result_file).absolute():
+            with suppress(InputError):
+                self._result = load_result(path)
+            self._refresh()
 
     def _table(self) -> LinkTestRequest | None:
         """Return the request for the table of the last run. Raises ConfigurationError if its file cannot be read."""

@@ -62,9 +62,14 @@ class PersonalSection(QWidget):
             edit.returnPressed.connect(self._change_pin)
         self._pin_button = button("change_pin_button", pressed=self._change_pin)
         self._old_row = Row(self._old, "old_pin")
+        self._pin_badge = QLineEdit()
+        self._pin_badge.setObjectName("pin_badge_edit")
+        self._pin_badge.textEdited.connect(lambda _: self.refresh())
+        bind(self._pin_badge.setPlaceholderText, lambda: self.tr("empty: the PIN of this site"))
         return panel(
             label(lambda: self.tr("The engineer's PIN"), "section"),
             label(lambda: say("setting.about_pin"), "muted", wrap=True),
+            Row(self._pin_badge, "pin_badge"),
             self._old_row,
             Row(self._new, "new_pin"),
             Row(self._again, "pin_again"),
@@ -74,7 +79,7 @@ class PersonalSection(QWidget):
 
     def lock(self, reason: str) -> None:
         """Disable the inputs that need the engineer role, with `reason` as their tooltip; "" enables them."""
-        for widget in (self._author, self._folder_button, *self._pins, self._pin_button):
+        for widget in (self._author, self._folder_button, self._pin_badge, *self._pins, self._pin_button):
             enable(widget, reason)
         self.refresh()
 
@@ -86,8 +91,15 @@ class PersonalSection(QWidget):
         self._runs.setText(str(self._app.runs_folder.absolute()))
         self._runs.setToolTip(self._runs.text())
         self._author.setText(str(self._app.settings.value("author", "")))
+        known = access.has_pin(self._badge)
         self._old_row.setVisible(access.has_pin())
-        self._pin_button.setText(self.tr("Change the PIN") if access.has_pin() else self.tr("Set the PIN"))
+        self._old.setPlaceholderText("" if known else self.tr("the PIN of this site"))
+        self._pin_button.setText(self.tr("Change the PIN") if known else self.tr("Set the PIN"))
+
+    @property
+    def _badge(self) -> str:
+        """The badge whose PIN is edited; "" for the site's PIN."""
+        return self._pin_badge.text().strip()
 
     def _choose_runs(self) -> None:
         present = str(self._app.runs_folder.absolute())
@@ -104,7 +116,7 @@ class PersonalSection(QWidget):
             self._refuse(self.tr("Too short: at least {0} characters.").format(access.SHORTEST), self._new)
             return
         try:
-            access.set_pin(self._old.text(), self._new.text())
+            access.set_pin(self._old.text(), self._new.text(), self._badge)
         except ConfigurationError as error:
             self._refuse(error_text(error).sentences, self._old)
             self._old.selectAll()

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QLabel, QMainWindow, QStackedWidget, QTabWidget, Q
 
 from calstation.config import load_station
 from calstation.errors import CalstationError
-from calstation.gui import engineer, history, logs, settings
+from calstation.gui import engineer, history, logs, quality, settings
 from calstation.gui.operator import OperatorPage
 from calstation.gui.shell.context import AppContext, Page
 from calstation.gui.shell.role import RolePanel
@@ -34,6 +34,7 @@ _PAGES: dict[str, tuple[Callable[[AppContext], Page], str]] = {
     "engineer_page": (lambda app: engineer.EngineerPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Engineer"))),
     "offline_page": (lambda app: logs.OfflinePage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Offline"))),
     "history_page": (lambda app: history.HistoryPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "History"))),
+    "quality_page": (lambda app: quality.QualityPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Quality"))),
     "station_page": (lambda app: settings.StationPage(app), str(QT_TRANSLATE_NOOP("MainWindow", "Station"))),
 }
 #: Pages that must exist before a run starts, another page is shown or some time has passed; the rest is created when

@@ -30,7 +30,10 @@ _DISPLAY_UNITS = {"m/s²": ("µg", MICRO_G), "rad": ("″", ARCSECOND), "sigma":
 
 @dataclass(frozen=True)
 class CheckText:
-    """Texts of a check for a table row; `state` is the badge shape of its verdict (`widgets.badge.KINDS`)."""
+    """Texts of a check for a table row.
+
+    `limit` is what the value is compared with, `state` the badge shape of its verdict (`widgets.badge.KINDS`).
+    """
 
     sentence: str
     value: str
@@ -49,7 +52,7 @@ def check_text(check: Check) -> CheckText:
     return CheckText(
         sentence=_sentence(check),
         value=_number(check.value, size),
-        limit=_limit(check.limit, size),
+        limit=_limit(check.compared_with, size),
         margin=_number(check.margin, size),
         unit=unit,
         verdict=term("check_verdict", verdict),

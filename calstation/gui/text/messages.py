@@ -26,6 +26,7 @@ KINDS = {
     "passed": "good",
     "partial": "partial",
     "failed": "bad",
+    "released": "bad",
     "incomplete": "waiting",
 }
 

@@ -613,6 +613,10 @@
         <translation>写入产品</translation>
     </message>
     <message>
+        <source>Two engineers confirm the registers of unit {0}</source>
+        <translation>由两位工程师确认产品 {0} 的寄存器写入</translation>
+    </message>
+    <message>
         <source>In the unit</source>
         <translation>产品内</translation>
     </message>
@@ -669,7 +673,7 @@
     <name>ResultView</name>
     <message>
         <source>Unit</source>
-        <extracomment>Maximum height of the table of checks that do not concern a single parameter, px. Columns that compare with the previous run, or with the result without an added state. Badge shape (`widgets.badge.KINDS`) of each parameter verdict.</extracomment>
+        <extracomment>Maximum height of the table of checks that do not concern a single parameter, px. Columns that compare with the previous run, or with the result without an added state. Column of the acceptance limits where the decision rule narrows the limits. Badge shape (`widgets.badge.KINDS`) of each parameter verdict.</extracomment>
         <translation>单位</translation>
     </message>
     <message>
@@ -695,6 +699,10 @@
     <message>
         <source>Value limit</source>
         <translation>数值限差</translation>
+    </message>
+    <message>
+        <source>Accepted</source>
+        <translation>接受区间</translation>
     </message>
     <message>
         <source>σ limit</source>

@@ -364,6 +364,10 @@
         <translation>接着做</translation>
     </message>
     <message>
+        <source>Released by {0}, {1}: {2}</source>
+        <translation>由 {0} 放行，{1}：{2}</translation>
+    </message>
+    <message>
         <source>It can be resumed after its last completed stage, or closed.</source>
         <translation>可以从最后完成的阶段之后接着做，或就此结束。</translation>
     </message>

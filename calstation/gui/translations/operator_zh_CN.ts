@@ -22,6 +22,37 @@
     </message>
 </context>
 <context>
+    <name>CertificateButton</name>
+    <message>
+        <source>No certificate was issued</source>
+        <translation>未能签发证书</translation>
+    </message>
+    <message>
+        <source>Certificate</source>
+        <translation>证书</translation>
+    </message>
+    <message>
+        <source>Certificate, {0:.0f} %</source>
+        <translation>证书，{0:.0f} %</translation>
+    </message>
+    <message>
+        <source>Issue a certificate?</source>
+        <translation>签发证书？</translation>
+    </message>
+    <message>
+        <source>The certificate was issued</source>
+        <translation>证书已签发</translation>
+    </message>
+    <message>
+        <source>Close</source>
+        <translation>关闭</translation>
+    </message>
+    <message>
+        <source>Open</source>
+        <translation>打开</translation>
+    </message>
+</context>
+<context>
     <name>Convergence</name>
     <message>
         <source>Sigma as a multiple of its target</source>

@@ -126,6 +126,14 @@
         <translation>每次扫描后</translation>
     </message>
     <message>
+        <source>empty: the PIN of this site</source>
+        <translation>留空：本台站的密码</translation>
+    </message>
+    <message>
+        <source>the PIN of this site</source>
+        <translation>本台站的密码</translation>
+    </message>
+    <message>
         <source>Change the PIN</source>
         <translation>修改密码</translation>
     </message>

@@ -123,6 +123,10 @@
         <translation>历史记录</translation>
     </message>
     <message>
+        <source>Quality</source>
+        <translation>质量</translation>
+    </message>
+    <message>
         <source>Station</source>
         <translation>工位</translation>
     </message>
@@ -169,7 +173,7 @@
     <name>ParameterTable</name>
     <message>
         <source>Copy</source>
-        <extracomment>Smallest width of an elided column, px. Differences above this number of sigmas are highlighted. Whether cells are right-aligned. Symbol before the text, one of `badge.KINDS` or None. Tooltip.</extracomment>
+        <extracomment>Smallest width of an elided column, px. Height of a row of a table of texts, px. Differences above this number of sigmas are highlighted. Whether cells are right-aligned. Symbol before the text, one of `badge.KINDS` or None. Tooltip.</extracomment>
         <translation>复制</translation>
     </message>
     <message>
@@ -179,6 +183,50 @@
     <message>
         <source>Save the table</source>
         <translation>保存表格</translation>
+    </message>
+</context>
+<context>
+    <name>PeoplePanel</name>
+    <message>
+        <source>Confirm</source>
+        <extracomment>Called with the reason, the person who acts, and the one who confirms, None if none is required.</extracomment>
+        <translation>确认</translation>
+    </message>
+    <message>
+        <source>Cancel</source>
+        <translation>取消</translation>
+    </message>
+    <message>
+        <source>Confirmation</source>
+        <translation>确认</translation>
+    </message>
+    <message>
+        <source>Fill in every field</source>
+        <translation>请填写所有栏目</translation>
+    </message>
+    <message>
+        <source>Reason</source>
+        <translation>理由</translation>
+    </message>
+    <message>
+        <source>Your badge</source>
+        <translation>您的工牌</translation>
+    </message>
+    <message>
+        <source>Your name</source>
+        <translation>您的姓名</translation>
+    </message>
+    <message>
+        <source>Your PIN</source>
+        <translation>您的 PIN 码</translation>
+    </message>
+    <message>
+        <source>Second engineer&apos;s badge</source>
+        <translation>第二位工程师的工牌</translation>
+    </message>
+    <message>
+        <source>Second engineer&apos;s PIN</source>
+        <translation>第二位工程师的 PIN 码</translation>
     </message>
 </context>
 <context>
@@ -194,6 +242,21 @@
     <message>
         <source>Save the plot</source>
         <translation>保存图形</translation>
+    </message>
+</context>
+<context>
+    <name>ReleaseBar</name>
+    <message>
+        <source>Release the unit…</source>
+        <translation>放行产品…</translation>
+    </message>
+    <message>
+        <source>Let the unit be used although it failed; the run stays FAIL</source>
+        <translation>允许使用不合格的产品；该次标定仍为不合格</translation>
+    </message>
+    <message>
+        <source>Release unit {0} although it failed?</source>
+        <translation>产品 {0} 不合格，仍要放行吗？</translation>
     </message>
 </context>
 <context>

@@ -46,6 +46,8 @@ from .missing_state import MissingState as MissingState
 from .notice import Choice as Choice
 from .notice import NoticeBar as NoticeBar
 from .parameter_table import NOTABLE_SIGMAS as NOTABLE_SIGMAS
+from .parameter_table import ROW as ROW
+from .parameter_table import CellTable as CellTable
 from .parameter_table import Column as Column
 from .parameter_table import ParameterModel as ParameterModel
 from .parameter_table import ParameterTable as ParameterTable
@@ -60,5 +62,9 @@ from .plot import PlotNote as PlotNote
 from .plot import ThemedPlot as ThemedPlot
 from .plot import fit_below_note as fit_below_note
 from .plot import spread as spread
+from .stacked_plots import Band as Band
+from .stacked_plots import StackedPlots as StackedPlots
+from .stacked_plots import dashed as dashed
+from .stacked_plots import time_unit as time_unit
 from .zoom_box import TimeBox as TimeBox
 from .zoom_box import ZoomBox as ZoomBox

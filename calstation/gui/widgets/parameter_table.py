@@ -14,12 +14,16 @@ from calstation.gui.text import parameter_text, with_minus, without_minus
 from calstation.gui.widgets import theme
 from calstation.gui.widgets.badge import state_colour, state_icon
 from calstation.gui.widgets.files import ask_file
+from calstation.gui.widgets.layout import Words
 from calstation.physics import INDEX, NAMES, aligned
 
 Index = QModelIndex | QPersistentModelIndex
 
 #: Smallest width of an elided column, px.
 _LEAST_WIDTH = 15 * theme.GRID
+
+#: Height of a row of a table of texts, px.
+ROW = 26
 
 #: Differences above this number of sigmas are highlighted.
 NOTABLE_SIGMAS = 3.0
@@ -209,3 +213,25 @@ class ParameterTable(QTableView):
             self.copy()
             return
         super().keyPressEvent(event)
+
+
+class CellTable(ParameterTable):
+    """Table of the texts in `cells`, by row name and column key; a missing text is shown as a dash."""
+
+    def __init__(self, name: str, *, grouped: bool = False) -> None:
+        self.cells: dict[str, dict[str, str]] = {}
+        super().__init__(ParameterModel((), grouped=grouped))
+        self.setObjectName(name)
+        self.verticalHeader().setDefaultSectionSize(ROW)
+
+    def column(
+        self, heading: Words, key: str, *, number: bool = True, hint: Callable[[str], str] | None = None
+    ) -> Column:
+        """Return a column that shows the texts with the given key."""
+        return Column(heading, lambda name: self.cells[name].get(key, "–"), number, hint=hint)
+
+    def show_cells(self, cells: Mapping[str, dict[str, str]], numbers: Sequence[str] = ()) -> None:
+        """Show these rows; the columns `numbers` are aligned at the decimal point."""
+        self.cells = dict(cells)
+        align_columns(self.cells, numbers)
+        self.parameters.set_names(list(self.cells))

@@ -10,9 +10,10 @@ from PySide6.QtWidgets import QStyledItemDelegate, QStyleOptionViewItem, QWidget
 from calstation.config import ScheduleOptions
 from calstation.design import Design, Variation
 from calstation.gui.engineer.designer.plots import FrontPlot, Path3D, PathPlot, SphereBox
-from calstation.gui.engineer.shared_views import ROW, CellTable
 from calstation.gui.text import duration_text, on_language_change, parameter_text, product_text, say, term
 from calstation.gui.widgets import (
+    ROW,
+    CellTable,
     Column,
     EmptyState,
     JobRow,

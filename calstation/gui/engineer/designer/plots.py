@@ -11,19 +11,21 @@ from PySide6.QtWidgets import QSlider, QWidget
 
 from calstation.design import Design
 from calstation.gui.engineer.preview import MotionPlot
-from calstation.gui.engineer.shared_views import Band, dashed, time_unit
 from calstation.gui.text import bind
 from calstation.gui.widgets import (
     VIEWER,
+    Band,
     LogAxis,
     PlotNote,
     ThemedPlot,
     circle,
     column,
+    dashed,
     label,
     row,
     screen,
     theme,
+    time_unit,
 )
 from calstation.physics import BoolArray, FloatArray, TableGeometry, axis_rotation
 from calstation.results import Preview

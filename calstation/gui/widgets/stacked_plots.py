@@ -1,68 +1,15 @@
-"""Widgets shared by several views: a parameter table of prepared texts, a stage selector, and stacked plots."""
+"""Plots that are stacked and share their horizontal axis."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 import pyqtgraph as pg
-from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QShowEvent
-from PySide6.QtWidgets import QComboBox, QWidget
+from PySide6.QtWidgets import QWidget
 
-from calstation.gui.text import on_language_change, term
-from calstation.gui.widgets import Column, ParameterModel, ParameterTable, ThemedPlot, Words, align_columns, theme
-
-#: Height of a row, px.
-ROW = 26
-
-
-class CellTable(ParameterTable):
-    """Table of the texts in `cells`, by row name and column key; a missing text is shown as a dash."""
-
-    def __init__(self, name: str, *, grouped: bool = False) -> None:
-        self.cells: dict[str, dict[str, str]] = {}
-        super().__init__(ParameterModel((), grouped=grouped))
-        self.setObjectName(name)
-        self.verticalHeader().setDefaultSectionSize(ROW)
-
-    def column(
-        self, heading: Words, key: str, *, number: bool = True, hint: Callable[[str], str] | None = None
-    ) -> Column:
-        """Return a column that shows the texts with the given key."""
-        return Column(heading, lambda name: self.cells[name].get(key, "–"), number, hint=hint)
-
-    def show_cells(self, cells: Mapping[str, dict[str, str]], numbers: Sequence[str] = ()) -> None:
-        """Show these rows; the columns `numbers` are aligned at the decimal point."""
-        self.cells = dict(cells)
-        align_columns(self.cells, numbers)
-        self.parameters.set_names(list(self.cells))
-
-
-class StageCombo(QComboBox):
-    """Combo box of stages that emits `currentIndexChanged` only for a choice by the user."""
-
-    def __init__(self, name: str) -> None:
-        super().__init__()
-        self.setObjectName(name)
-        self.setMinimumWidth(22 * theme.GRID)
-        on_language_change(self, self._show_names)
-
-    @property
-    def stage(self) -> str:
-        """The chosen stage, "" if there is none."""
-        return str(self.currentData() or "")
-
-    def offer(self, stages: Sequence[str], chosen: str = "") -> None:
-        """Offer stages and choose one, by default the first."""
-        with QSignalBlocker(self):
-            self.clear()
-            for stage in stages:
-                self.addItem(term("stage", stage), stage)
-            self.setCurrentIndex(max(self.findData(chosen), 0))
-
-    def _show_names(self) -> None:
-        for index in range(self.count()):
-            self.setItemText(index, term("stage", self.itemData(index)))
-
+from calstation.gui.widgets import theme
+from calstation.gui.widgets.plot import ThemedPlot
 
 Data = TypeVar("Data")
 

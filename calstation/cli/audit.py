@@ -1,0 +1,66 @@
+"""`audit` and the check of the audit trail: list, filter and verify what was done at this site."""
+
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+from calstation.cli.show import check_json, report, say
+from calstation.config import site_folder
+from calstation.errors import ConfigurationError, InputError
+from calstation.messages import local_time
+from calstation.records import AuditEvent, AuditTrail, audit_path, read_audit
+
+
+def audit_command(file: Path | None, event: str | None, by: str | None, since: str | None, json: str | None) -> int:
+    """List the events of an audit trail, by default the site's, filtered by event, person and first day in UTC.
+
+    Returns the exit code of an input error if the trail was changed.
+    """
+    check_json(json)
+    try:
+        first = "" if since is None else date.fromisoformat(since).isoformat()
+    except ValueError as exc:
+        raise ConfigurationError("cli.not_a_date", option="--since", value=since, program="calstation audit") from exc
+    path, trail = _read(file)
+    events = [
+        each
+        for each in trail.events
+        if event in (None, each.event) and by in (None, each.by, each.confirmed_by) and each.utc >= first
+    ]
+    report(_row(path, trail, events), json, [*map(_line, events), *_state(path, trail)])
+    return 0 if trail.first_bad is None else InputError.exit_code
+
+
+def check_audit_command(file: Path | None, json: str | None) -> int:
+    """Verify an audit trail, by default the site's; return the exit code of an input error if it was changed."""
+    check_json(json)
+    path, trail = _read(file)
+    report(_row(path, trail, []), json, _state(path, trail))
+    return 0 if trail.first_bad is None else InputError.exit_code
+
+
+def _read(file: Path | None) -> tuple[Path, AuditTrail]:
+    path = file or audit_path(site_folder())
+    return path, read_audit(path)
+
+
+def _row(path: Path, trail: AuditTrail, events: list[AuditEvent]) -> dict[str, Any]:
+    return {
+        **{"file": str(path), "kind": "audit", "lines": len(trail.events), "interrupted": list(trail.interrupted)},
+        **{"first_bad": trail.first_bad, "digest": trail.digest},
+        "events": [each.model_dump() for each in events],
+    }
+
+
+def _state(path: Path, trail: AuditTrail) -> list[str]:
+    lines = [say("audit.interrupted", file=path, line=number) for number in trail.interrupted]
+    if trail.first_bad is not None:
+        return [*lines, say("audit.damaged", file=path, line=trail.first_bad)]
+    return [*lines, say("audit.intact", file=path, lines=len(trail.events), digest=trail.digest)]
+
+
+def _line(each: AuditEvent) -> str:
+    people = f"{each.by or '-'}{f', confirmed by {each.confirmed_by}' if each.confirmed_by else ''}"
+    values = " ".join(f"{name}={value}" for name, value in each.values.items() if name != "sha256")
+    why = f'"{each.why}"' if each.why else ""
+    return " ".join(part for part in (local_time(each.utc, zone=True), each.event, f"({people})", why, values) if part)

@@ -1,0 +1,65 @@
+"""`override` and `pin`, and the confirmation of an action by one or two engineers: PINs are asked for, never given."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import typer
+
+from calstation.cli.show import check_json, ignore_progress, report, say
+from calstation.config import (
+    Person,
+    RegisterOperation,
+    access,
+    computer_user,
+    confirm,
+    confirmation_required,
+    load_product,
+    load_station,
+)
+from calstation.results import override_required, override_result
+
+
+def ask_person(badge: str, *, pin: bool = True) -> Person:
+    """Return a person with the PIN that is entered on the terminal, or without one."""
+    return Person(badge, _ask(say("cli.ask_pin", badge=badge)) if pin else "")
+
+
+def override_command(result: Path, reason: str, by: str | None, confirmed_by: str | None, json: str | None) -> int:
+    """Release the unit of a failed result."""
+    check_json(json)
+    override_required(ignore_progress, result)
+    first = ask_person(by or computer_user() or "")
+    second = None if confirmed_by is None else ask_person(confirmed_by)
+    released = override_result(ignore_progress, result, reason, first, second)
+    people = f"{released.by}{f', {released.confirmed_by}' if released.confirmed_by else ''}"
+    report(released.model_dump(), json, [say("cli.released", result=result, people=people)])
+    return 0
+
+
+def confirm_registers(operation: RegisterOperation, by: str | None, confirmed_by: str | None) -> RegisterOperation:
+    """Return a register operation with the people who are responsible for it. Raises ConfigurationError."""
+    station, product = load_station(operation.request.station)[1], load_product(operation.request.product)[1]
+    needed = confirmation_required("registers", product, station)
+    pin = needed.pin or confirmed_by is not None
+    first = ask_person(by or operation.request.operator or "", pin=pin)
+    second = None if confirmed_by is None else ask_person(confirmed_by)
+    people = confirm("registers", product, station, first, second)
+    return replace(operation, request=replace(operation.request, operator=people.by), confirmed_by=people.confirmed_by)
+
+
+def pin_command(badge: str) -> int:
+    """Set or change the site's PIN, or the personal PIN of an engineer's badge."""
+    own = access.has_pin(badge)
+    old = ""
+    if own:
+        old = _ask(say("cli.ask_old_pin"))
+    elif badge and access.has_pin():
+        old = _ask(say("cli.ask_site_pin"))
+    new = typer.prompt(say("cli.ask_new_pin"), hide_input=True, confirmation_prompt=say("cli.ask_again"), err=True)
+    access.set_pin(old, str(new), badge)
+    report({"badge": badge, "changed": own}, None, [say("cli.pin_set")])
+    return 0
+
+
+def _ask(question: str) -> str:
+    return str(typer.prompt(question, hide_input=True, err=True))

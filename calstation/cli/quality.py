@@ -1,0 +1,235 @@
+"""`quality` and `record history`: statistics of stored runs over time, gauge studies, and a synthetic history."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Literal, cast
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
+from calstation.config import load_product
+from calstation.errors import ConfigurationError, InputError
+from calstation.jobs import ProgressCallback
+from calstation.physics import NAMES, display, further_parameter, number
+from calstation.quality import (
+    LEAST_CATEGORIES,
+    LEAST_VALUES,
+    RULES,
+    GaugePlan,
+    GaugeStudy,
+    Interval,
+    ParameterQuality,
+    QualitySummary,
+    Share,
+    gauge_study,
+    limit_interval,
+    summarise_quality,
+)
+from calstation.results import History, refresh_history
+from calstation.simulation import synthesise_runs
+
+#: Width of the tables, characters.
+_WIDTH = 170
+#: Failed checks that are listed.
+_MOST_CHECKS = 10
+
+
+def quality_command(
+    product: Path | None,
+    serial: str | None,
+    parameter: str | None,
+    since: datetime | None,
+    out: Path,
+    json: str | None,
+) -> int:
+    """Show yield, control charts and capability of the runs of a folder; `since` is a local time without zone."""
+    _check_folder(out)
+    _check_parameter(parameter)
+    check_json(json)
+    begin = None if since is None else since.astimezone()
+    with _progress("reading the runs") as progress:
+        summary = summarise_quality(progress, out, product, serial, parameter, begin)
+    emit_json(summary.to_json(), json)
+    if json != "-":
+        _show_summary(Console(file=sys.stdout, width=_WIDTH), summary)
+    return 0
+
+
+def plan_command(
+    path: Path, units: str | None, appraisers: str | None, by: str, trials: int, seed: int, json: str | None
+) -> int:
+    """Write the plan of a study and show who measures which unit in which order."""
+    if by not in ("operator", "station"):
+        raise ConfigurationError("cli.unknown_choice", option="--by", value=by, choices=("operator", "station"))
+    check_json(json)
+    named = [[part.strip() for part in (text or "").split(",") if part.strip()] for text in (units, appraisers)]
+    kind = cast(Literal["operator", "station"], by)
+    plan = GaugePlan.random(kind, named[0], named[1], trials, seed, datetime.now(UTC).replace(microsecond=0))
+    plan.save(path)
+    emit_json(plan.model_dump(by_alias=True, mode="json"), json)
+    if json != "-":
+        table = _table(f"{path}: {len(plan.order)} runs", "run", "trial", plan.by, "unit")
+        for number, each in enumerate(plan.order, 1):
+            table.add_row(str(number), str(each.trial), each.appraiser, each.unit)
+        Console(file=sys.stdout, width=_WIDTH).print(table)
+    return 0
+
+
+def study_command(path: Path, product: Path | None, parameter: str | None, out: Path, json: str | None) -> int:
+    """Evaluate a study from the stored runs; return 1 if the measurement is unacceptable in a parameter.
+
+    `product` gives the tolerances, which are the widths of its limits.
+    Raises InputError while runs are missing, or if no parameter was solved in all of them.
+    """
+    _check_folder(out)
+    _check_parameter(parameter)
+    check_json(json)
+    plan = GaugePlan.load(path)
+    limits = None if product is None else load_product(product)[1]
+    refresh_history(ignore_progress, out)
+    values = plan.values(History(out).columns())
+    studies = {}
+    for name, measured in values.items():
+        if _known(name) and parameter in (None, name):
+            interval = None if limits is None else limit_interval(limits, name)
+            studies[name] = gauge_study(measured, None if interval is None else interval[1] - interval[0])
+    if not studies:
+        raise InputError("quality.not_measured")
+    rows = {
+        name: {**asdict(study), "categories": study.categories, "verdict": study.verdict}
+        for name, study in studies.items()
+    }
+    emit_json({"schema": "calstation.gauge_study/1", "plan": path.name, "parameters": rows}, json)
+    if json != "-":
+        _show_study(Console(file=sys.stdout, width=_WIDTH), plan, studies)
+    return 1 if any(study.verdict == "unacceptable" for study in studies.values()) else 0
+
+
+def history_command(folder: Path, runs: int, seed: int) -> int:
+    """Write a synthetic history of runs into a folder without other runs."""
+    if folder.is_dir() and any(folder.iterdir()):
+        raise ConfigurationError("cli.folder_not_empty", folder=folder)
+    with _progress("making runs") as progress:
+        plan = synthesise_runs(progress, folder, runs, seed)
+    show_line(Console(stderr=True), f"{folder}: {runs} runs; plan of a study in {plan}")
+    return 0
+
+
+@contextmanager
+def _progress(text: str) -> Iterator[ProgressCallback]:
+    """Show the progress of a job."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(text, total=1.0)
+
+        def show(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+            bar.update(task, completed=fraction)
+
+        yield show
+
+
+def _check_folder(folder: Path) -> None:
+    if not folder.is_dir():
+        raise ConfigurationError("quality.no_folder", folder=folder)
+
+
+def _check_parameter(name: str | None) -> None:
+    if name is not None and not _known(name):
+        raise ConfigurationError("cli.unknown_choice", option="--parameter", value=name, choices=NAMES)
+
+
+def _known(name: str) -> bool:
+    return name in NAMES or further_parameter(name) is not None
+
+
+def _show_summary(console: Console, summary: QualitySummary) -> None:
+    yields = summary.yields
+    if yields.overall is None:
+        show_line(console, say("quality.no_runs"))
+    else:
+        show_line(console, f"passed: {_share(yields.overall)} runs")
+    if yields.first_pass is not None:
+        show_line(console, f"passed in the first run: {_share(yields.first_pass)} units")
+    groups = _table("yield", "", "", "passed", "runs", "%", "95 % interval")
+    for kind in ("products", "stations", "operators"):
+        for name, share in getattr(yields, kind).items():
+            cells = (str(share.passed), str(share.count), f"{100 * share.value:.1f}", _bounds(share))
+            groups.add_row(kind.removesuffix("s"), name, *cells)
+    if groups.row_count:
+        console.print(groups)
+    checks = _table("failed checks", "check", "runs", "cumulative %")
+    for check in yields.failed_checks[:_MOST_CHECKS]:
+        checks.add_row(check.name, str(check.runs), f"{100 * check.cumulative:.0f}")
+    if checks.row_count:
+        console.print(checks)
+    for product in dict.fromkeys(each.product for each in summary.parameters):
+        _show_charts(console, product, [each for each in summary.parameters if each.product == product])
+    if summary.serial is not None:
+        if not summary.golden:
+            show_line(console, say("quality.few_golden", serial=summary.serial, least=LEAST_VALUES))
+        for product in dict.fromkeys(each.product for each in summary.golden):
+            rows = [each for each in summary.golden if each.product == product]
+            _show_charts(console, f"golden unit {summary.serial}, {product}", rows)
+
+
+def _show_charts(console: Console, title: str, rows: Sequence[ParameterQuality]) -> None:
+    """Show center and signals (Nelson's rules N1 to N8) of each parameter, and its capability if it has limits."""
+    capable = any(each.capability is not None for each in rows)
+    headings = ("parameter", "n", "center", "sigma", "unit", *(f"N{rule}" for rule in RULES), "EWMA", "CUSUM")
+    indices = ("Cpk", "95 % interval", "Ppk", "95 % interval", "outside", "normal") if capable else ()
+    table = _table(title, *headings, *indices)
+    for each in rows:
+        (center, unit), (sigma, _) = (
+            display(each.parameter, x) for x in (each.individuals.center, each.individuals.sigma)
+        )
+        cells = [str(len(each.names)), number(center, sigma), f"{sigma:.3g}", unit]
+        cells += [str(count) if count else "·" for count in each.alarms.values()]
+        if (found := each.capability) is not None:
+            cells += [*_index(found.cpk), *_index(found.ppk), str(found.outside), "yes" if found.normal else "no"]
+        table.add_row(each.parameter, *cells)
+    console.print(table)
+
+
+def _show_study(console: Console, plan: GaugePlan, studies: dict[str, GaugeStudy]) -> None:
+    title = f"{len(plan.units)} units, {len(plan.appraisers)} {plan.by}s, {plan.trials} trials"
+    headings = ("parameter", "unit", "EV", "AV", "INT", "GRR", "95 % interval", "PV", "TV", "% study", "% tol.", "ndc")
+    table = _table(title, *headings, "verdict")
+    for name, study in studies.items():
+        unit, size = display(name, 1.0)[1], 1.0 / display(name, 1.0)[0]
+        sigmas = [study.repeatability, study.reproducibility, study.interaction, study.gauge]
+        cells = ["pooled" if each is None else f"{each.sigma / size:.3g}" for each in sigmas]
+        bounds = f"{study.gauge.low / size:.3g} to {study.gauge.high / size:.3g}"
+        more = [f"{each.sigma / size:.3g}" for each in (study.part, study.total)]
+        tolerance = study.gauge.percent_tolerance
+        shares = [f"{study.gauge.percent_study:.1f}", "" if tolerance is None else f"{tolerance:.1f}"]
+        categories = str(study.categories) + ("" if study.categories >= LEAST_CATEGORIES else " (few)")
+        table.add_row(name, unit, *cells, bounds, *more, *shares, categories, study.verdict)
+    console.print(table)
+
+
+def _table(title: str, *headings: str) -> Table:
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    words = ("", "check", "parameter", "unit", "operator", "station", "verdict", "normal")
+    for heading in headings:
+        table.add_column(heading, justify="left" if heading in words else "right", no_wrap=True)
+    return table
+
+
+def _share(share: Share) -> str:
+    return f"{100 * share.value:.1f} % ({_bounds(share)}) of {share.count}"
+
+
+def _bounds(share: Share) -> str:
+    return f"{100 * share.low:.1f} to {100 * share.high:.1f} %"
+
+
+def _index(index: Interval) -> tuple[str, str]:
+    return f"{index.value:.2f}", f"{index.low:.2f} to {index.high:.2f}"

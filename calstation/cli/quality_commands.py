@@ -1,0 +1,84 @@
+"""The command `quality`, a group of commands."""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from calstation.cli.options import JsonOption, ProductOption, StationOption, by_name
+
+quality = typer.Typer(help="Statistics of stored runs: yield, control charts, capability, gauge studies.")
+
+FolderOption = Annotated[Path, typer.Option("--out", help="Folder of the runs.")]
+ParameterOption = Annotated[str | None, typer.Option(help="Only this parameter.", metavar="NAME")]
+
+
+@quality.callback(invoke_without_command=True)
+def _quality(
+    context: typer.Context,
+    product: Annotated[
+        Path | None, typer.Option(help="Product file or its name; default: all.", callback=by_name("products"))
+    ] = None,
+    serial: Annotated[str | None, typer.Option(help="Golden unit, which does not count otherwise.")] = None,
+    parameter: ParameterOption = None,
+    since: Annotated[datetime | None, typer.Option(help="First day.", formats=["%Y-%m-%d"], metavar="DATE")] = None,
+    out: FolderOption = Path("runs"),
+    json: JsonOption = None,
+) -> None:
+    if context.invoked_subcommand is None:
+        from calstation.cli.quality import quality_command
+
+        raise typer.Exit(quality_command(product, serial, parameter, since, out, json))
+
+
+@quality.command()
+def gauge(
+    path: Annotated[Path, typer.Argument(metavar="PLAN.json", help="Plan of the study.")],
+    plan: Annotated[bool, typer.Option("--plan", help="Make the plan, in random order, and show it.")] = False,
+    units: Annotated[str | None, typer.Option(help="Plan: serial numbers.", metavar="A,B,...")] = None,
+    appraisers: Annotated[str | None, typer.Option(help="Plan: operators or stations.", metavar="A,B,...")] = None,
+    by: Annotated[str, typer.Option(help="Plan: operator or station.")] = "operator",
+    trials: Annotated[int, typer.Option(min=2, help="Plan: runs of each unit by each appraiser.")] = 3,
+    seed: Annotated[int, typer.Option(min=0, help="Plan: of the random order.")] = 1,
+    product: Annotated[
+        Path | None, typer.Option(help="Product whose limits are the tolerance.", callback=by_name("products"))
+    ] = None,
+    parameter: ParameterOption = None,
+    out: FolderOption = Path("runs"),
+    json: JsonOption = None,
+) -> None:
+    """Plan a study of repeatability and reproducibility (GR&R), or evaluate it from the stored runs."""
+    from calstation.cli.quality import plan_command, study_command
+
+    if plan:
+        raise typer.Exit(plan_command(path, units, appraisers, by, trials, seed, json))
+    raise typer.Exit(study_command(path, product, parameter, out, json))
+
+
+@quality.command()
+def standards(
+    station: StationOption = None,
+    product: ProductOption = None,
+    out: FolderOption = Path("runs"),
+    json: JsonOption = None,
+) -> None:
+    """Show which check standards and certificates are due; exit code 1 if production is refused."""
+    from calstation.cli.standards import standards_command
+
+    raise typer.Exit(standards_command(station, product, out, json))
+
+
+@quality.command("golden-demo")
+def golden_demo(
+    runs: Annotated[int, typer.Option(min=1, help="Golden runs without a shift.")] = 370,
+    shift: Annotated[float, typer.Option(help="Shift afterwards, in standard deviations from run to run.")] = 1.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of units, table and noise.")] = 1,
+    quantity: Annotated[str, typer.Option(help="orthogonality, tilt_x or tilt_y.")] = "orthogonality",
+    production: Annotated[int, typer.Option(min=0, help="Runs of production before each golden run.")] = 4,
+    json: JsonOption = None,
+) -> None:
+    """Chart the table's geometry over golden runs on the virtual bench, before and after a shift of an axis."""
+    from calstation.cli.standards import golden_demo_command
+
+    raise typer.Exit(golden_demo_command(runs, shift, seed, quantity, production, json))

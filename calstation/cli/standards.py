@@ -1,0 +1,119 @@
+"""`quality standards` and `quality golden-demo`: state of check standards, and charts of the table on the bench."""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from math import degrees
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from calstation.cli.show import check_json, report, say
+from calstation.config import load_product, load_station
+from calstation.errors import ConfigurationError
+from calstation.estimation.positions import TABLE_QUANTITIES
+from calstation.messages import local_time
+from calstation.quality import Due, StandardState, TableChart, due_certificates, standard_states, table_charts
+from calstation.results import History
+from calstation.simulation import golden_demo
+
+
+def standards_command(station: Path | None, product: Path | None, out: Path, json: str | None) -> int:
+    """Show the check standards of a product, the certificates of a station, and the charts of its table.
+
+    Returns 1 if one of them refuses production, otherwise 0.
+    """
+    check_json(json)
+    (_, place), (_, unit), now = load_station(station), load_product(product), datetime.now(UTC)
+    history = History(out)
+    history.refresh()
+    states, overdue = standard_states(place, unit, history, now), due_certificates(place, now)
+    charts = table_charts(place, unit, history)
+    row = {
+        **{"station": place.name, "product": unit.name},
+        "standards": [_state_row(state) for state in states],
+        "certificates": [_due_row(due) for due in overdue],
+        "table": {name: _chart_row(chart) for name, chart in charts.items()},
+    }
+    lines = [_state_line(state) for state in states] or [say("cli.no_standards", product=unit.name)]
+    lines += [say("cli.certificate_overdue", name=due.name, since=_day(due.since)) for due in overdue]
+    lines += [_chart_line(name, chart) for name, chart in charts.items()]
+    report(row, json, lines)
+    return 1 if overdue or any(state.wrong is not None for state in states) else 0
+
+
+def golden_demo_command(runs: int, shift: float, seed: int, quantity: str, production: int, json: str | None) -> int:
+    """Chart golden runs on the bench before and after a shift; return 1 if the charts do not do what they should."""
+    check_json(json)
+    if quantity not in TABLE_QUANTITIES:
+        choices = list(TABLE_QUANTITIES)
+        raise ConfigurationError("cli.unknown_choice", option="--quantity", value=quantity, choices=choices)
+    columns = (TextColumn("runs"), BarColumn(30), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("")
+        found = golden_demo(
+            runs, shift, seed, quantity, production, lambda done, count: bar.update(task, completed=done, total=count)
+        )
+    after = found["alarmed_after"]
+    values = {
+        **{"runs": runs, "production": production, "quantity": quantity, "shift": shift, "alarms": found["alarms"]},
+        **{"sigma": 3600.0 * degrees(found["sigma"][quantity]), "length": found["run_length"]},
+        **{"few": 100.0 * found["few_alarms"], "in_time": 100.0 * found["alarmed_in_time"][quantity]},
+        "median": found["median_runs"][quantity],
+    }
+    alarmed = say("cli.golden_missed", **values) if after is None else say("cli.golden_alarmed", **values, after=after)
+    report(found, json, [say("cli.golden_steady", **values), alarmed, say("cli.golden_rates", **values)])
+    return 0 if found["passed"] else 1
+
+
+def _state_row(state: StandardState) -> dict[str, Any]:
+    return {
+        "serial": state.standard.serial,
+        "last_passed": _iso(state.last_passed),
+        "due": _iso(state.due),
+        "wrong": None if state.wrong is None else _due_row(state.wrong),
+    }
+
+
+def _due_row(due: Due) -> dict[str, Any]:
+    return {"name": due.name, "reason": due.reason, "since": _iso(due.since)}
+
+
+def _chart_row(chart: TableChart) -> Mapping[str, Any]:
+    return {
+        **{"runs": len(chart.values), "center": chart.center, "sigma": chart.sigma, "last": float(chart.values[-1])},
+        "alarms": [chart.started_utc[k] for k in chart.alarms],
+    }
+
+
+def _state_line(state: StandardState) -> str:
+    values = {"serial": state.standard.serial, "due": _minute(state.due), "last": _minute(state.last_passed)}
+    reason = "ok" if state.wrong is None else state.wrong.reason
+    if state.wrong is not None:
+        values["since"] = _minute(state.wrong.since)
+    return {
+        "ok": lambda: say("cli.standard_ok", **values),
+        "never": lambda: say("cli.standard_never", **values),
+        "overdue": lambda: say("cli.standard_overdue", **values),
+        "out": lambda: say("cli.standard_out", **values),
+    }[reason]()
+
+
+def _chart_line(name: str, chart: TableChart) -> str:
+    arcsec = {key: 3600.0 * degrees(getattr(chart, key)) for key in ("center", "sigma")}
+    values = {"quantity": name, "runs": len(chart.values), "last": 3600.0 * degrees(float(chart.values[-1])), **arcsec}
+    alarmed = [local_time(chart.started_utc[k]) for k in chart.alarms]
+    return say("cli.table_chart", **values, alarms=len(alarmed), when=alarmed[-1] if alarmed else "")
+
+
+def _iso(time: datetime | None) -> str | None:
+    return None if time is None else time.isoformat(timespec="seconds")
+
+
+def _minute(time: datetime | None) -> str:
+    return "" if time is None else f"{time.astimezone():%Y-%m-%d %H:%M}"
+
+
+def _day(time: datetime | None) -> str:
+    return "" if time is None else f"{time.astimezone():%Y-%m-%d}"

@@ -1,0 +1,95 @@
+"""Actions of an engineer that a second engineer confirms: each proves his identity by badge and personal PIN."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from calstation.config import access
+from calstation.config.station import ProductConfig, StationConfig
+from calstation.errors import ConfigurationError
+
+#: Release of a failed unit, a register write outside a run, or the issue of a certificate.
+Action = Literal["override", "registers", "certificate"]
+
+
+@dataclass(frozen=True)
+class Person:
+    """A person who acts or confirms; without engineers at the station, a name and the site's PIN."""
+
+    badge: str
+    pin: str = field(default="", repr=False)
+
+
+@dataclass(frozen=True)
+class Confirmation:
+    """Badges of the person who acts and of the one who confirmed it, as the audit trail names them."""
+
+    by: str
+    confirmed_by: str | None = None
+
+
+@dataclass(frozen=True)
+class ConfirmationRequired:
+    """What an action requires: the PIN of the person who acts, the badge of an engineer, and a second person."""
+
+    pin: bool
+    badge: bool
+    second: bool
+
+
+def confirmation_required(action: Action, product: ProductConfig, station: StationConfig) -> ConfirmationRequired:
+    """Return what an action with a unit of a product requires at a station.
+
+    A release always needs a PIN; other actions only where the product requires a second person.
+    """
+    second = product.confirmation is not None and action in product.confirmation.required_for
+    return ConfirmationRequired(second or action == "override", bool(_engineers(station)), second)
+
+
+def confirm(
+    action: Action, product: ProductConfig, station: StationConfig, first: Person, second: Person | None = None
+) -> Confirmation:
+    """Check the identity of the person who acts, and of the second person if the product requires one.
+
+    The caller appends the action to the audit trail, with the names that are returned, before it acts.
+
+    Parameters
+    ----------
+    action : the action
+    product, station : they say whether a second person is required, and who the engineers are
+    first : person who acts
+    second : person who confirms; checked also where none is required
+
+    Raises
+    ------
+    ConfigurationError : if a person is not an engineer of the station, a PIN is wrong or missing, the second person is
+        missing or is the first one, or the station names no engineers although the product requires two.
+    """
+    needed = confirmation_required(action, product, station)
+    if not first.badge.strip():
+        raise ConfigurationError("confirmation.no_person")
+    if not needed.pin and second is None:
+        return Confirmation(first.badge)
+    if needed.second and not needed.badge:
+        raise ConfigurationError("confirmation.no_engineers", station=station.name, product=product.name)
+    if needed.second and second is None:
+        raise ConfigurationError("confirmation.second_missing", product=product.name)
+    if second is not None and second.badge == first.badge:
+        raise ConfigurationError("confirmation.same_person", badge=first.badge)
+    for person in filter(None, (first, second)):
+        _identify(person, _engineers(station))
+    return Confirmation(first.badge, None if second is None else second.badge)
+
+
+def _engineers(station: StationConfig) -> list[str]:
+    return [] if station.sign_in is None else station.sign_in.engineers
+
+
+def _identify(person: Person, engineers: list[str]) -> None:
+    """Raise ConfigurationError unless the person is an engineer with this PIN, or knows the site's PIN without them."""
+    if engineers and person.badge not in engineers:
+        raise ConfigurationError("confirmation.not_engineer", badge=person.badge)
+    badge = person.badge if engineers else ""
+    if not access.has_pin(badge):
+        raise ConfigurationError("confirmation.no_pin" if badge else "confirmation.no_site_pin", badge=person.badge)
+    if not access.check(person.pin, badge):
+        raise ConfigurationError("confirmation.wrong_pin", badge=person.badge, seconds=access.wait(badge))

@@ -1,0 +1,27 @@
+"""Sections of a station file about certificates: the laboratory, its instruments, and where reports are written."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from calstation.records import InstrumentSection as InstrumentSection
+from calstation.records import LaboratorySection as LaboratorySection
+from calstation.schema import StrictModel
+
+
+class SigningSection(StrictModel):
+    """`[report.signing]` of a station: the site's certificate for signatures."""
+
+    #: PKCS #12 file, relative to the station file; its password is in the environment or in the keyring.
+    certificate: str = Field(min_length=1)
+
+
+class ReportSection(StrictModel):
+    """`[report]` of a station: language and templates of its reports, and the folder of automatic ones."""
+
+    #: Existing folder, relative to the station file, that receives a report of every verdict; None for no such reports.
+    folder: str | None = Field(default=None, min_length=1)
+    language: Literal["en", "zh"] = "en"
+    #: Folder with the site's own templates, relative to the station file; by default ``reports`` of the site's folder.
+    template: str | None = Field(default=None, min_length=1)
+    signing: SigningSection | None = None  #: None for reports without signatures.

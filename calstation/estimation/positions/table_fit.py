@@ -1,0 +1,175 @@
+"""Geometry of a two-axis table from gravity at the rests of a run: angle between the axes, and tilt of the base.
+
+The direction of up in b at a rest with encoder angles q is u = R(m)ᵀ R(inner, qᵢ)ᵀ R(h, ε)ᵀ R(outer, qₒ)ᵀ t. The
+mounting m is a rotation vector, h the unit vector along outer × inner, ε the excess of the angle between the axes over
+the nominal one, and t is up in the axes of the base, rotated by its tilt about x and y at home. Gravity shows neither
+the azimuth nor the zero of the inner encoder, which is part of m; the tilt about the outer axis includes the zero of
+the outer encoder.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import block_diag, solve_triangular
+
+from calstation.estimation.common import (
+    Belief,
+    SolveContext,
+    StageData,
+    mean_angles,
+    rest_mean_variance,
+    runs,
+    slope_weights,
+    window_mean,
+)
+from calstation.physics import (
+    FloatArray,
+    axis_rotation,
+    compensate,
+    compensation,
+    group_indices,
+    rotation_matrix,
+    rotation_rate,
+)
+
+#: Names of the quantities in a result, in the order of the fitted values; the rest of those is the mounting.
+TABLE_QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
+
+#: Width of the window in which the unit is still, and shortest rest, s.
+_WINDOW = 0.25
+_SHORTEST = 0.3
+#: Time removed from both ends of a rest, s: half a window, in which the table may still turn.
+_MARGIN = 0.1
+#: Largest rate of a window at rest beyond noise and the rotation of the earth, rad/s.
+_CREEP = np.deg2rad(0.03)
+#: Tilt of an axis by the wobble of its bearings, rad: 1″, as of a good rate table.
+_WOBBLE = np.deg2rad(1.0 / 3600.0)
+#: Values that the fit estimates: three of the table, three of the mounting.
+_VALUES = 6
+#: Standard deviation of each value before the fit, rad, and largest one at which the data determine it.
+_PRIOR, _DETERMINED = 0.1, 0.01
+_ACCELEROMETERS = [
+    i for group in ("accel_bias", "accel_scale", "accel_misalign", "accel_quadratic") for i in group_indices(group)
+]
+
+
+@dataclass(frozen=True)
+class TableRests:
+    """Rests of a stage, k in number, with readings of both encoders."""
+
+    force: FloatArray  #: Raw specific force, averaged with `slope_weights`, m/s², shape (k, 3).
+    angles: FloatArray  #: Mean angles of the outer and the inner encoder, rad, shape (k, 2).
+    variance: FloatArray  #: Variance of each component of the mean force, (m/s²)², shape (k,).
+
+
+@dataclass(frozen=True)
+class TableQuantity:
+    """A fitted quantity of the table and its standard deviation, rad."""
+
+    value: float
+    sigma: float
+
+
+def table_rests(data: StageData, context: SolveContext, found: Belief) -> TableRests:
+    """Find the rests of a stage, also short ones, because the gyro biases are now known."""
+    bias, imu = list(group_indices("gyro_bias")), context.imu
+    width = max(round(_WINDOW / data.dt), 2)
+    noise = imu.gyro_arw / np.sqrt(width * data.dt) + imu.quantisation[0] * imu.rate_factor / width
+    earth = float(np.linalg.norm(rotation_rate(context.site.latitude)))
+    slowest = _CREEP + earth + 5.0 * noise + 3.0 * float(found.sigma[bias].max())
+    margin, stride = round(_MARGIN / data.dt), max(round(context.table.velocity_interval / data.dt), 1)
+    force, angles, variance = [], [], []
+    for start, stop in data.segments:
+        if stop - start < width:
+            continue
+        mean = window_mean(data.gyro[start:stop] - found.mean[bias], width)
+        for first, last in runs(np.abs(mean).max(axis=1) < slowest):
+            a, b = start + first + margin, start + last + width - 1 - margin
+            duration = (b - a) * data.dt
+            encoder = mean_angles(data, a, b) if duration >= _SHORTEST else None
+            if encoder is not None:
+                force.append(slope_weights(b - a, stride) @ data.accel[a:b])
+                angles.append(encoder)
+                variance.append(rest_mean_variance(context, duration))
+    return TableRests(np.reshape(force, (-1, 3)), np.reshape(angles, (-1, 2)), np.array(variance))
+
+
+def table_axes(rests: Sequence[TableRests], context: SolveContext, found: Belief) -> dict[str, TableQuantity]:
+    """Fit the table's geometry to the rests of all stages with the solved parameters `found`.
+
+    The weights are those of the encoders, of the noise of the rests, of the bearings' wobble, and of the uncertainty of
+    the accelerometer parameters, which is common to all rests. The sigmas grow with the scatter of the residuals where
+    it is larger (Birge ratio), and contain the wobble once more, because rests at equal angles share it. Returns those
+    of `TABLE_QUANTITIES` that the rests determine.
+    """
+    from scipy.optimize import least_squares  # takes half a second to import
+
+    force, angles, variance = (
+        np.concatenate([getattr(r, name) for r in rests]) if rests else np.empty(0)
+        for name in ("force", "angles", "variance")
+    )
+    count = len(force)
+    if 2 * count <= _VALUES:
+        return {}
+    up = _directions(found.mean, force)
+    frames = np.array([_perpendicular(direction) for direction in up])  # shape (k, 2, 3)
+    start = np.zeros(_VALUES)
+
+    def flat(directions: FloatArray) -> FloatArray:
+        return np.asarray(np.einsum("kij,kj->ki", frames, directions).ravel())
+
+    def derivative(of: FloatArray, angle_step: float, joint: int) -> FloatArray:
+        step = np.zeros(2)
+        step[joint] = angle_step
+        return flat((_up(context, of, angles + step) - _up(context, of, angles - step)) / (2.0 * angle_step))
+
+    encoder = context.table.encoder_sigma
+    turned = np.stack([derivative(start, 1e-5, joint).reshape(count, 2) for joint in (0, 1)], axis=2)
+    rest = variance / np.linalg.norm(force, axis=1) ** 2 + _WOBBLE**2
+    blocks = encoder**2 * turned @ turned.transpose(0, 2, 1) + rest[:, None, None] * np.eye(2)
+    known = [i for i in _ACCELEROMETERS if found.sigma[i] > 0.0]
+    columns = []
+    for i in known:
+        step = np.zeros(len(found.mean))
+        step[i] = found.sigma[i]
+        both = _directions(found.mean + step, force) - _directions(found.mean - step, force)
+        columns.append(flat(both) / (2.0 * found.sigma[i]))
+    common = np.array(columns).T
+    covariance = block_diag(*blocks) + common @ found.covariance[np.ix_(known, known)] @ common.T
+    root = np.linalg.cholesky(covariance)
+
+    def residuals(values: FloatArray) -> FloatArray:
+        measured = solve_triangular(root, flat(up - _up(context, values, angles)), lower=True)
+        return np.concatenate([measured, values / _PRIOR])
+
+    fit = least_squares(residuals, start)
+    scatter = max(1.0, float(np.linalg.norm(fit.fun[: 2 * count]) / np.sqrt(2 * count - _VALUES)))
+    jacobian = np.asarray(fit.jac)
+    sigma = np.hypot(scatter * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))), _WOBBLE)
+    return {
+        name: TableQuantity(float(fit.x[i]), float(sigma[i]))
+        for i, name in enumerate(TABLE_QUANTITIES)
+        if sigma[i] < _DETERMINED
+    }
+
+
+def _up(context: SolveContext, values: FloatArray, angles: FloatArray) -> FloatArray:
+    """Return the direction of up in b for the fitted values at encoder angles, shape (k, 2), as shape (k, 3)."""
+    outer, inner = np.array(context.table.outer_axis), np.array(context.table.inner_axis)
+    hinge = np.cross(outer, inner)
+    between = axis_rotation(hinge / np.linalg.norm(hinge), values[0]).T
+    up = np.array([-values[2], values[1], 1.0]) / np.sqrt(1.0 + values[1] ** 2 + values[2] ** 2)
+    mount = rotation_matrix(values[3:]).T
+    return np.array([mount @ axis_rotation(inner, i).T @ between @ axis_rotation(outer, o).T @ up for o, i in angles])
+
+
+def _directions(parameters: FloatArray, force: FloatArray) -> FloatArray:
+    """Return the unit vectors of raw forces, shape (k, 3), compensated with 30 parameters."""
+    _, compensated = compensate(compensation(parameters), np.zeros_like(force), force)
+    return np.asarray(compensated / np.linalg.norm(compensated, axis=1, keepdims=True))
+
+
+def _perpendicular(direction: FloatArray) -> FloatArray:
+    """Return two unit vectors perpendicular to a direction and to each other, shape (2, 3)."""
+    return np.linalg.svd(direction[None])[2][1:]

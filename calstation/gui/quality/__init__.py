@@ -1,0 +1,8 @@
+"""The Quality page: control charts, capability, yield, check standards and repeatability over many runs.
+
+Statistics belong to `calstation.quality`, single runs to the History page.
+"""
+
+import lazy_loader as lazy
+
+__getattr__, __dir__, __all__ = lazy.attach_stub(__name__, __file__)

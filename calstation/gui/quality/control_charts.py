@@ -1,0 +1,115 @@
+"""Control charts of one quantity over runs: individuals, moving range, and EWMA or CUSUM."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtGui import QColor
+
+from calstation.gui.widgets import StackedPlots, ThemedPlot, column, dashed, label, theme
+from calstation.physics import FloatArray, IntArray
+from calstation.quality import CusumChart, EwmaChart, ParameterQuality
+
+#: The chart at the bottom.
+Slow = Literal["ewma", "cusum"]
+
+#: Largest number of runs whose points are drawn one by one.
+_MOST_POINTS = 400
+#: Width of the left axes, px.
+_AXIS = 10 * theme.GRID
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Charts, and the name and the unit in which they are drawn."""
+
+    charts: ParameterQuality
+    quantity: str
+    unit: str
+    size: float  #: Number of these units in one of the charts.
+
+
+class ControlCharts(StackedPlots[Shown]):
+    """Individuals, moving range, and below them EWMA or CUSUM against the number of the run."""
+
+    def __init__(self) -> None:
+        self._slow: Slow = "ewma"
+        self._chosen: int | None = None
+        self._titles = tuple(label(kind="muted") for _ in range(3))
+        super().__init__(3, _AXIS)
+        parts = zip(self._titles, self.plots, (5, 3, 4), strict=True)
+        column(*(item for title, plot, share in parts for item in (title, (plot, share))), on=self, spacing=0)
+
+    def show_slow(self, slow: Slow) -> None:
+        """Show another chart at the bottom."""
+        self._slow = slow
+        self.refresh()
+
+    def choose(self, run: int | None) -> None:
+        """Mark a run by its index in all charts; None for no mark."""
+        self._chosen = run
+        self.refresh()
+
+    def draw(self, data: Shown) -> None:
+        """Draw the charts."""
+        c, size = theme.colours(), data.size
+        chart, ewma, cusum = data.charts.individuals, data.charts.ewma, data.charts.cusum
+        top, middle, bottom = self.plots
+        top.setLabel("left", f"{data.quantity}, {data.unit}")
+        middle.setLabel("left", self.tr("range"))
+        bottom.setLabel("bottom", self.tr("run"))
+        self._lines(top, size * chart.center, [size * chart.low, size * chart.high])
+        self._values(top, size * chart.values, chart.signals.index)
+        self._lines(middle, size * chart.range_center, [size * chart.range_high])
+        self._values(middle, size * chart.ranges, chart.range_signals - 1, first=1)
+        if self._slow == "ewma":
+            self._draw_ewma(bottom, ewma, size)
+            slow = self.tr("EWMA, λ = {0:g}, L = {1:g}").format(ewma.weight, ewma.width)
+        else:
+            self._draw_cusum(bottom, cusum)
+            slow = self.tr("CUSUM, k = {0:g} σ, h = {1:g} σ").format(cusum.allowance, cusum.decision)
+        if self._chosen is not None:
+            for plot in self.plots:
+                mark = pg.InfiniteLine(self._chosen + 1, 90, pen=pg.mkPen(c.accent, width=1))
+                self.add(plot, mark, scaled=False)
+        texts = self.tr("Individuals, limits 3 σ, Nelson's rules"), self.tr("Moving range of two runs"), slow
+        for title, text in zip(self._titles, texts, strict=True):
+            title.setText(text)
+
+    def _draw_ewma(self, plot: ThemedPlot, chart: EwmaChart, size: float) -> None:
+        plot.setLabel("left", "EWMA")
+        c = theme.colours()
+        run = np.arange(1, len(chart.average) + 1)
+        self._lines(plot, size * chart.center, [])
+        for limit in (chart.low, chart.high):
+            self.add(plot, pg.PlotDataItem(run, size * limit, pen=dashed(c.bad)))
+        self._values(plot, size * chart.average, chart.signals)
+
+    def _draw_cusum(self, plot: ThemedPlot, chart: CusumChart) -> None:
+        plot.setLabel("left", self.tr("CUSUM, σ"))
+        self._lines(plot, 0.0, [-chart.decision, chart.decision])
+        self._values(plot, chart.upper, chart.signals_high)
+        self._values(plot, -chart.lower, chart.signals_low)
+
+    def _lines(self, plot: ThemedPlot, center: float, limits: list[float]) -> None:
+        c = theme.colours()
+        self.add(plot, pg.InfiniteLine(center, 0, pen=pg.mkPen(c.line, width=1)), scaled=False)
+        for limit in limits:
+            self.add(plot, pg.InfiniteLine(limit, 0, pen=dashed(c.bad)), scaled=False)
+            self.add(plot, pg.PlotDataItem([1.0], [limit], pen=None))  # limits belong to the vertical range
+
+    def _values(self, plot: ThemedPlot, values: FloatArray, signals: IntArray, first: int = 0) -> None:
+        """Draw values from run number `first` + 1 on, and mark those of the `signals`."""
+        c = theme.colours()
+        run = np.arange(first + 1, first + 1 + len(values))
+        line = pg.PlotDataItem(run, values, pen=pg.mkPen(c.muted, width=1))
+        if len(values) <= _MOST_POINTS:
+            line.setSymbol("o")
+            line.setSymbolSize(5)
+            line.setSymbolBrush(QColor(c.accent))
+            line.setSymbolPen(None)
+        self.add(plot, line)
+        mark = pg.ScatterPlotItem(run[signals], values[signals], symbol="s", size=9, pen=pg.mkPen(c.bad, width=2))
+        mark.setBrush(None)
+        self.add(plot, mark)

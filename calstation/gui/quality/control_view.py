@@ -1,0 +1,168 @@
+"""Control charts: a list of quantities, the charts of the selected one, and the runs that signal."""
+
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+import numpy as np
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QAbstractItemView, QComboBox, QWidget
+
+from calstation.gui.quality.control_charts import ControlCharts, Shown
+from calstation.gui.text import bind, on_language_change, parameter_text, say
+from calstation.gui.widgets import CellTable, Column, column, label, row, split, theme
+from calstation.messages import local_time
+from calstation.physics import display
+from calstation.quality import ParameterQuality
+
+#: Largest number of signalling runs that are listed, the latest first.
+_MOST_LISTED = 200
+#: Number of the latest runs whose signals make a quantity notable.
+_LATEST = 10
+
+
+class ControlView(QWidget):
+    """Shows the charts of quantities; emits `run_wanted(name)` for a run that the user opens."""
+
+    run_wanted = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._charts: dict[str, ParameterQuality] = {}
+        self._states: dict[str, str | None] = {}
+        self._standardised = False
+        self.plots = ControlCharts()
+        self._slow = QComboBox()
+        self._slow.setObjectName("quality_slow_combo")
+        self._slow.addItem("EWMA", "ewma")
+        self._slow.addItem("CUSUM", "cusum")
+        self._slow.currentIndexChanged.connect(lambda _: self.plots.show_slow(self._slow.currentData()))
+        self.quantities, self.signals = CellTable("quality_quantities_table"), CellTable("quality_signals_table")
+        self.note = label(kind="muted", name="quality_signals_label", wrap=True)
+        self._build_tables()
+        self._side, right = QWidget(), QWidget()
+        column((self.quantities, 3), self.note, (self.signals, 2), on=self._side)
+        caption = label(lambda: self.tr("Chart of slow changes"), buddy=self._slow)
+        column((self.plots, 1), row(None, caption, self._slow), on=right)
+        column((split((self._side, 3), (right, 7), handle=2 * theme.GRID), 1), on=self, margins=(0, theme.GRID, 0, 0))
+        on_language_change(self, self._show_texts)
+
+    def show_charts(self, charts: Sequence[ParameterQuality], *, standardised: bool) -> None:
+        """Show charts of the quantities of one product; `standardised` values are in sigmas."""
+        chosen = self._quantity
+        self._charts, self._standardised = {each.parameter: each for each in charts}, standardised
+        self._states = {name: _state(each) for name, each in self._charts.items()}
+        self._fill()
+        names = list(self._charts)
+        if names:
+            self.quantities.selectRow(names.index(chosen) if chosen in names else 0)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to show."""
+        return not self._charts
+
+    @property
+    def _quantity(self) -> str:
+        names = list(self._charts)
+        line = self.quantities.currentIndex().row()
+        return names[line] if 0 <= line < len(names) else ""
+
+    def _build_tables(self) -> None:
+        quantities, signals = self.quantities, self.signals
+        bind(quantities.setAccessibleName, lambda: self.tr("Quantities and their signals"))
+        bind(signals.setAccessibleName, lambda: self.tr("Runs that signal, the latest first"))
+        for table in (quantities, signals):
+            table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+        quantities.parameters.set_columns(
+            (
+                quantities.column(lambda: self.tr("Runs"), "runs"),
+                Column(
+                    lambda: self.tr("Signals"),
+                    lambda name: quantities.cells[name]["signals"],
+                    state=lambda name: self._states[name],
+                ),
+            )
+        )
+        signals.verticalHeader().hide()
+        signals.parameters.set_columns(
+            (
+                signals.column(lambda: self.tr("Run"), "run"),
+                signals.column(lambda: self.tr("Started"), "started", number=False),
+                signals.column(lambda: self.tr("Signal"), "rules", number=False, hint=self._hint),
+            )
+        )
+        quantities.selectionModel().currentRowChanged.connect(lambda *_: self._draw())
+        signals.selectionModel().currentRowChanged.connect(lambda current, _: self._mark(current.row()))
+        signals.doubleClicked.connect(lambda index: self._open(index.row()))
+
+    def _hint(self, key: str) -> str:
+        return self.signals.cells[key]["hint"]
+
+    def _fill(self) -> None:
+        self.quantities.show_cells(
+            {
+                name: {"runs": str(len(each.names)), "signals": str(sum(each.alarms.values()))}
+                for name, each in self._charts.items()
+            }
+        )
+
+    def _draw(self) -> None:
+        name = self._quantity
+        if not name:
+            return
+        charts, text = self._charts[name], parameter_text(name)
+        size, unit = (1.0, "σ") if self._standardised else display(name, 1.0)
+        self.plots.choose(None)
+        self.plots.show_data(Shown(charts, text, unit, size))
+        rules = _signals(charts)
+        latest = sorted(rules, reverse=True)[:_MOST_LISTED]
+        self.signals.show_cells({str(index): self._signal_cells(charts, index, rules[index]) for index in latest})
+        code = "chart.signals" if rules else "chart.no_signals"
+        self.note.setText(say(code, count=len(rules), total=len(charts.names)))
+
+    def _signal_cells(self, charts: ParameterQuality, index: int, codes: list[str]) -> dict[str, str]:
+        started = datetime.fromtimestamp(charts.started[index], UTC).isoformat()
+        return {
+            "run": str(index + 1),
+            "started": local_time(started),
+            "rules": ", ".join(say(f"chart.{code}_short") for code in codes),
+            "hint": "\n".join([charts.names[index], *(say(f"chart.{code}") for code in codes)]),
+        }
+
+    def _index(self, line: int) -> int | None:
+        keys = list(self.signals.cells)
+        return int(keys[line]) if 0 <= line < len(keys) else None
+
+    def _mark(self, line: int) -> None:
+        self.plots.choose(self._index(line))
+
+    def _open(self, line: int) -> None:
+        index = self._index(line)
+        if index is not None:
+            self.run_wanted.emit(self._charts[self._quantity].names[index])
+
+    def _show_texts(self) -> None:
+        self.quantities.parameters.refresh()
+        self.signals.parameters.refresh()
+        self._draw()
+
+
+def _signals(charts: ParameterQuality) -> dict[int, list[str]]:
+    """Return the signals that each run completes, by the index of the run."""
+    found: dict[int, list[str]] = {}
+    nelson = charts.individuals.signals
+    for index, rule in zip(nelson.index.tolist(), nelson.rule.tolist(), strict=True):
+        found.setdefault(index, []).append(f"nelson_{rule}")
+    cusum = np.union1d(charts.cusum.signals_high, charts.cusum.signals_low)
+    for code, signals in (("range", charts.individuals.range_signals), ("ewma", charts.ewma.signals), ("cusum", cusum)):
+        for index in signals.tolist():
+            found.setdefault(index, []).append(code)
+    return found
+
+
+def _state(charts: ParameterQuality) -> str | None:
+    """Return the symbol of a quantity: whether one of its latest runs, or any run, signals."""
+    runs = _signals(charts)
+    if not runs:
+        return "good"
+    return "bad" if max(runs) >= len(charts.names) - _LATEST else "caution"

@@ -1,0 +1,234 @@
+"""The Quality page: what many runs say about units, stations and the process."""
+
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from PySide6.QtCore import QSignalBlocker, Qt
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QComboBox, QWidget
+
+from calstation.config import DEFAULT_PRODUCT, library, load_product
+from calstation.errors import CalstationError
+from calstation.gui.quality.capability_view import CapabilityView
+from calstation.gui.quality.control_view import ControlView
+from calstation.gui.quality.standards_view import StandardsView
+from calstation.gui.quality.study_view import StudyView
+from calstation.gui.quality.yield_view import YieldView
+from calstation.gui.shell import AppContext, Page
+from calstation.gui.text import bind, offered_products, on_language_change, say
+from calstation.gui.widgets import (
+    EmptyState,
+    JobRow,
+    JobStack,
+    JobWatch,
+    NoticeBar,
+    ViewTabs,
+    column,
+    label,
+    row,
+    stack,
+    theme,
+)
+from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
+from calstation.sequencer import Event, Verdict
+
+#: Numbers of past days that can be chosen; None for all.
+_DAYS = (None, 1, 7, 30, 90, 365)
+
+
+class QualityPage(Page):
+    """Shows statistics of the runs in the runs folder."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__(app)
+        self.setObjectName("quality_page")
+        self._summary: QualitySummary | None = None
+        self._watch, self._station_watch = JobWatch(self, self._show), JobWatch(self, self._show_station)
+        self.notice = NoticeBar("quality_notice")
+        self.product, self.unit, self.period, self.shown_as = (
+            self._combo(name) for name in ("product", "unit", "period", "scale")
+        )
+        for days in _DAYS:
+            self.period.addItem("", days)
+        for scale in (False, True):
+            self.shown_as.addItem("", scale)
+        self.count_label = label(kind="muted", name="quality_count_label")
+        self.count_label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
+        self.control, self.capability, self.yields = ControlView(), CapabilityView(), YieldView()
+        self.study = StudyView(app)
+        self.standards = StandardsView()
+        self._views: tuple[QWidget, ...] = (self.control, self.capability, self.yields, self.standards, self.study)
+        self.tabs = ViewTabs("quality_views")
+        for _ in self._views:
+            self.tabs.addTab("")
+        self._empty = EmptyState()
+        self._stack = stack(self._empty, *self._views)
+        self._lay_out()
+        self.tabs.currentChanged.connect(lambda _: self._show_view())
+        self.product.currentIndexChanged.connect(lambda _: self._offer_units())
+        for combo in (self.unit, self.period, self.shown_as):
+            combo.currentIndexChanged.connect(lambda _: self.refresh())
+        for view in (self.control, self.standards):
+            view.run_wanted.connect(self._open_run)
+        for watch in (self._watch, self._station_watch):
+            self.notice.report_failures(watch, lambda: self.tr("The runs could not be read"), self.tabs.setFocus)
+        app.engine_link.event.connect(self._follow)
+        app.runs_folder_changed.connect(self._refresh_visible)
+        for changed in (app.station_changed, app.product_changed):
+            changed.connect(lambda: self._offer_products(app.product_path))
+        on_language_change(self, self._show_texts)
+
+    @property
+    def busy(self) -> bool:
+        """Whether the runs are being read."""
+        return any(watch.busy for watch in (self._watch, self._station_watch, self.study.watch))
+
+    def refresh(self) -> None:
+        """Read the chosen runs, and show them."""
+        folder, product = self.app.runs_folder, self.product.currentData()
+        self.study.show_product(product)
+        if not folder.is_dir() or product is None:
+            self._show(None)
+            return
+        queue, station = self.app.job_queue, self.app.station_path
+        self._station_watch.watch(queue.submit(station_quality, folder, station, product))
+        days = self.period.currentData()
+        since = None if days is None else datetime.now(UTC) - timedelta(days=days)
+        self._watch.watch(
+            queue.submit(
+                summarise_quality,
+                folder,
+                product,
+                self.unit.currentData() or None,
+                since=since,
+                relative=self.shown_as.currentData(),
+            )
+        )
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """Offer the products, which may have changed, and read the runs."""
+        super().showEvent(event)
+        self._offer_products(self.product.currentData())
+
+    def _combo(self, name: str) -> QComboBox:
+        combo = QComboBox()
+        combo.setObjectName(f"quality_{name}_combo")
+        combo.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        return combo
+
+    def _lay_out(self) -> None:
+        fields = []
+        for combo, words in (
+            (self.product, lambda: self.tr("Product")),
+            (self.unit, lambda: self.tr("Units")),
+            (self.period, lambda: self.tr("Time")),
+            (self.shown_as, lambda: self.tr("Shown as")),
+        ):
+            fields.append(column(label(words, buddy=combo), combo, spacing=theme.GRID // 2))
+            bind(combo.setAccessibleName, words)
+        progress = JobStack(self.count_label, JobRow(self._watch, "quality_cancel_button"))
+        wide = 2 * theme.GRID
+        column(
+            self.notice,
+            row(*fields, None, spacing=wide),
+            row(self.tabs, None, (progress, 1)),
+            (self._stack, 1),
+            on=self,
+            margins=(wide, theme.GRID, wide, wide),
+        )
+
+    # ---- choices
+
+    def _offer_products(self, wanted: Path | None) -> None:
+        """Offer the products of the library and choose one."""
+        wanted = wanted or library.find("products", DEFAULT_PRODUCT)
+        with QSignalBlocker(self.product):
+            self.product.clear()
+            for text, path in offered_products():
+                self.product.addItem(text, path)
+            paths = [self.product.itemData(index) for index in range(self.product.count())]
+            self.product.setCurrentIndex(paths.index(wanted) if wanted in paths else 0)
+        self._offer_units()
+
+    def _offer_units(self) -> None:
+        """Offer all units together, and every check standard of the product alone."""
+        chosen = self.unit.currentData()
+        with QSignalBlocker(self.unit):
+            self.unit.clear()
+            self.unit.addItem(self.tr("All units, the last run of each"), "")
+            for serial in _check_standards(self.product.currentData()):
+                self.unit.addItem(self.tr("Check standard {0}").format(serial), serial)
+            self.unit.setCurrentIndex(max(0, self.unit.findData(chosen)))
+        self._refresh_visible()
+
+    def _refresh_visible(self) -> None:
+        if self.isVisible():
+            self.refresh()
+
+    def _follow(self, event: Event) -> None:
+        if isinstance(event, Verdict):
+            self._refresh_visible()
+
+    # ---- what is shown
+
+    def _show(self, summary: QualitySummary | None) -> None:
+        self._summary = summary
+        if summary is not None:
+            charts = summary.parameters if summary.serial is None else summary.golden
+            self.control.show_charts(charts, standardised=self.shown_as.currentData())
+            self.capability.show_charts(summary.parameters)
+            self.yields.show_yields(summary.yields)
+        self._show_view()
+
+    def _show_station(self, found: StationQuality) -> None:
+        self.standards.show_station(found)
+        self._show_view()
+
+    def _show_view(self) -> None:
+        summary, view = self._summary, self._views[self.tabs.currentIndex()]
+        some = summary is not None and summary.yields.overall is not None
+        shown, code = some or view is self.study, "few_runs" if some else "no_runs"
+        if view is self.control:
+            shown = not self.control.empty
+        elif view is self.capability and summary is not None:
+            shown = not self.capability.empty
+            code = "no_limits" if summary.parameters else code
+        elif view is self.standards:
+            shown, code = not self.standards.empty, "no_standards"
+        self._empty.say(say(f"chart.{code}"), say(f"chart.{code}_about", least=LEAST_VALUES))
+        self._stack.setCurrentWidget(view if shown else self._empty)
+        overall = None if summary is None else summary.yields.overall
+        self.count_label.setText("" if overall is None else say("chart.judged_runs", count=overall.count))
+
+    def _open_run(self, name: str) -> None:
+        file = self.app.runs_folder / f"{name}.json"
+        if file.is_file():
+            self.app.open_run.emit(file)
+
+    def _show_texts(self) -> None:
+        titles = (
+            self.tr("Control charts"),
+            self.tr("Capability"),
+            self.tr("Yield"),
+            self.tr("Check standards"),
+            self.tr("Repeatability"),
+        )
+        for index, text in enumerate(titles):
+            self.tabs.setTabText(index, text)
+        for index, days in enumerate(_DAYS):
+            text = self.tr("Last {0} days").format(days)
+            if days is None or days == 1:
+                text = self.tr("Any time") if days is None else self.tr("Last 24 hours")
+            self.period.setItemText(index, text)
+        self.shown_as.setItemText(0, self.tr("Value"))
+        self.shown_as.setItemText(1, self.tr("(Value − reference) / σ"))
+        self._offer_products(self.product.currentData() or self.app.product_path)
+        self._show_view()
+
+
+def _check_standards(product: Path | None) -> list[str]:
+    """Return the serial numbers of a product's check standards; none of a product that cannot be read."""
+    try:
+        return [] if product is None else [each.serial for each in load_product(product)[1].check_standards]
+    except CalstationError:
+        return []

@@ -1,0 +1,263 @@
+"""Check standards and instruments of the station, the errors of the last check, and the geometry of the table."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QAbstractItemView, QWidget
+
+from calstation.gui.text import bind, on_language_change, parameter_text, say
+from calstation.gui.widgets import (
+    CellTable,
+    Column,
+    StackedPlots,
+    ThemedPlot,
+    Words,
+    column,
+    dashed,
+    label,
+    split,
+    theme,
+)
+from calstation.messages import local_time
+from calstation.physics import ARCSECOND
+from calstation.quality import WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
+
+#: Quantities of the table's geometry in the order of the plots.
+_QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
+
+
+class StandardsView(QWidget):
+    """Shows what the check standards say about a station; emits `run_wanted(name)` for a run that the user opens."""
+
+    run_wanted = Signal(str)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._found: StationQuality | None = None
+        self.standards, self.runs, self.instruments = (
+            CellTable(name) for name in ("standards_table", "standard_runs_table", "instruments_table")
+        )
+        self.errors, self.table = ErrorBars(), TableCharts()
+        self._build_tables()
+        titles = [label(kind="muted") for _ in range(5)]
+        for title, words in zip(
+            titles,
+            (
+                lambda: self.tr("Check standards of the product"),
+                lambda: self.tr("Runs of the selected one, the latest first"),
+                lambda: self.tr("Instruments of the station"),
+                lambda: self.tr("Normalised errors Eₙ of the selected run, and their limit"),
+                lambda: self.tr("Geometry of the table, from every run of the product: EWMA and its limits"),
+            ),
+            strict=True,
+        ):
+            bind(title, words)
+        left, middle, right = QWidget(), QWidget(), QWidget()
+        column(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3), on=left)
+        column(titles[3], (self.errors, 1), on=middle)
+        column(titles[4], (self.table, 1), on=right)
+        column(
+            (split((left, 6), (middle, 5), (right, 6), handle=2 * theme.GRID), 1),
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        on_language_change(self, self._fill)
+
+    def show_station(self, found: StationQuality) -> None:
+        """Show the state of a station."""
+        self._found = found
+        self.table.show_data(found.table)
+        self._fill()
+        if found.standards:
+            self.standards.selectRow(0)
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to show."""
+        found = self._found
+        return found is None or not (found.standards or found.instruments or found.table)
+
+    @property
+    def _standard(self) -> StandardHistory | None:
+        line = self.standards.currentIndex().row()
+        return None if self._found is None or line < 0 else self._found.standards[line]
+
+    def _build_tables(self) -> None:
+        for table, words in (
+            (self.standards, lambda: self.tr("Check standards")),
+            (self.runs, lambda: self.tr("Runs of the check standard")),
+            (self.instruments, lambda: self.tr("Instruments")),
+        ):
+            table.verticalHeader().hide()
+            table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
+            bind(table.setAccessibleName, words)
+        text = self.standards.column
+        self.standards.parameters.set_columns(
+            (
+                _state_column(self.standards, lambda: self.tr("State")),
+                text(lambda: self.tr("Serial number"), "serial", number=False),
+                text(lambda: self.tr("Passed"), "passed", number=False),
+                text(lambda: self.tr("Due"), "due", number=False),
+            )
+        )
+        text = self.runs.column
+        self.runs.parameters.set_columns(
+            (
+                _state_column(self.runs, lambda: self.tr("Verdict")),
+                text(lambda: self.tr("Started"), "started", number=False),
+                text(lambda: self.tr("largest |Eₙ|"), "error"),
+                text(lambda: "T²", "t_squared"),
+            )
+        )
+        text = self.instruments.column
+        self.instruments.parameters.set_columns(
+            (
+                _state_column(self.instruments, lambda: self.tr("State")),
+                text(lambda: self.tr("Name"), "name", number=False),
+                text(lambda: self.tr("Certificate"), "certificate", number=False),
+                text(lambda: self.tr("Due"), "due", number=False),
+            )
+        )
+        self.standards.selectionModel().currentRowChanged.connect(lambda *_: self._show_runs())
+        self.runs.selectionModel().currentRowChanged.connect(lambda current, _: self._show_errors(current.row()))
+        self.runs.doubleClicked.connect(lambda index: self._open(index.row()))
+
+    def _fill(self) -> None:
+        found = self._found
+        if found is None:
+            return
+        cells = {}
+        for each in found.standards:
+            state, wrong = each.state, each.state.wrong
+            cells[state.standard.serial] = {
+                "kind": "good" if wrong is None else "bad",
+                "state": say(f"chart.standard_{'good' if wrong is None else wrong.reason}"),
+                "serial": state.standard.serial,
+                "passed": "–" if state.last_passed is None else local_time(state.last_passed.isoformat())[:10],
+                "due": "–" if state.due is None else local_time(state.due.isoformat())[:10],
+            }
+        self.standards.show_cells(cells)
+        overdue = {due.name for due in found.overdue}
+        self.instruments.show_cells(
+            {
+                str(k): {
+                    "kind": "bad" if each.name in overdue else "good" if each.due is not None else "none",
+                    "state": say(f"chart.instrument_{_instrument_state(each.name in overdue, each.due is not None)}"),
+                    "name": each.name,
+                    "certificate": each.certificate or "–",
+                    "due": "–" if each.due is None else each.due.isoformat(),
+                }
+                for k, each in enumerate(found.instruments)
+            }
+        )
+        self._show_runs()
+
+    def _show_runs(self) -> None:
+        standard = self._standard
+        cells = {}
+        for k in reversed(range(len(standard.names) if standard is not None else 0)):
+            assert standard is not None
+            verdict = standard.verdicts[k]
+            largest = max(verdict.e_n, key=lambda name: abs(verdict.e_n[name]), default="")
+            cells[str(k)] = {
+                "kind": "good" if verdict.passed else "bad",
+                "state": say(f"chart.standard_{'agrees' if verdict.passed else 'differs'}"),
+                "started": local_time(standard.started_utc[k])[2:],
+                "error": f"{abs(verdict.e_n.get(largest, 0.0)):.2f} ({verdict.e_n_limit:.2f})",
+                "t_squared": f"{verdict.t_squared:.1f} ({verdict.t_squared_limit:.1f})",
+            }
+        self.runs.show_cells(cells)
+        if cells:
+            self.runs.selectRow(0)
+        else:
+            self.errors.show_errors({}, 1.0)
+
+    def _run(self, line: int) -> int | None:
+        keys = list(self.runs.cells)
+        return int(keys[line]) if 0 <= line < len(keys) else None
+
+    def _show_errors(self, line: int) -> None:
+        standard, k = self._standard, self._run(line)
+        if standard is not None and k is not None:
+            self.errors.show_errors(standard.verdicts[k].e_n, standard.verdicts[k].e_n_limit)
+
+    def _open(self, line: int) -> None:
+        standard, k = self._standard, self._run(line)
+        if standard is not None and k is not None:
+            self.run_wanted.emit(standard.names[k])
+
+
+class ErrorBars(ThemedPlot):
+    """Normalised errors by parameter as horizontal bars, and their limits."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._errors: Mapping[str, float] = {}
+        self._limit = 1.0
+        self.getAxis("left").setWidth(22 * theme.GRID)
+        self.getViewBox().invertY(True)
+        theme.on_appearance_change(self, self._draw)
+
+    def show_errors(self, errors: Mapping[str, float], limit: float) -> None:
+        """Show the normalised errors of a run."""
+        self._errors, self._limit = errors, limit
+        self._draw()
+
+    def _draw(self) -> None:
+        self.setLabel("bottom", "Eₙ")
+        self.getPlotItem().clear()
+        c = theme.colours()
+        values, rows = np.array(list(self._errors.values())), np.arange(len(self._errors))
+        brushes = [theme.faint(c.bad if abs(value) > self._limit else c.accent, 130) for value in values]
+        self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=values, brushes=brushes, pen=c.line))
+        self.getAxis("left").setTicks([[(k, parameter_text(name)) for k, name in enumerate(self._errors)]])
+        for limit in (-self._limit, self._limit):
+            self.addItem(pg.InfiniteLine(limit, 90, pen=dashed(c.bad)))
+        reach = 1.1 * max(self._limit, float(np.abs(values).max(initial=0.0)))
+        self.setXRange(-reach, reach, padding=0)
+        self.setYRange(-0.5, max(len(rows), 4) - 0.5)
+
+
+class TableCharts(StackedPlots[Mapping[str, TableChart]]):
+    """EWMA charts of the table's geometry."""
+
+    def __init__(self) -> None:
+        super().__init__(len(_QUANTITIES), 9 * theme.GRID)
+        column(*((plot, 1) for plot in self.plots), on=self, spacing=theme.GRID // 2)
+
+    def draw(self, data: Mapping[str, TableChart]) -> None:
+        """Draw the charts."""
+        c = theme.colours()
+        self.plots[-1].setLabel("bottom", self.tr("run"))
+        for plot, name in zip(self.plots, _QUANTITIES, strict=True):
+            plot.setLabel("left", say(f"chart.{name}"))
+            if name not in data:
+                continue
+            found = data[name]
+            chart = ewma_chart(found.values, weight=WEIGHT, width=WIDTH, center=found.center, sigma=found.sigma)
+            run, alarms = np.arange(1, len(found.values) + 1), np.array(found.alarms, dtype=np.int64)
+            values = pg.ScatterPlotItem(run, found.values / ARCSECOND, size=4, pen=None, brush=c.line)
+            self.add(plot, values)
+            for limit in (chart.low, chart.high):
+                self.add(plot, pg.PlotDataItem(run, limit / ARCSECOND, pen=dashed(c.bad)))
+            self.add(plot, pg.PlotDataItem(run, chart.average / ARCSECOND, pen=pg.mkPen(c.accent, width=1)))
+            mark = pg.ScatterPlotItem(
+                run[alarms], chart.average[alarms] / ARCSECOND, symbol="s", size=10, pen=pg.mkPen(c.bad, width=2)
+            )
+            mark.setBrush(None)
+            self.add(plot, mark)
+
+
+def _state_column(table: CellTable, heading: Words) -> Column:
+    return Column(
+        heading,
+        lambda key: table.cells[key]["state"],
+        number=False,
+        state=lambda key: table.cells[key]["kind"],
+    )
+
+
+def _instrument_state(overdue: bool, dated: bool) -> str:
+    return "overdue" if overdue else "good" if dated else "undated"

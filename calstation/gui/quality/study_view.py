@@ -1,0 +1,300 @@
+"""Repeatability study: its plan, the runs that are still missing, and the analysis of variance at the end."""
+
+from collections import Counter
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Literal
+
+from PySide6.QtCore import QSignalBlocker
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLineEdit, QSpinBox, QWidget
+
+from calstation.errors import CalstationError
+from calstation.gui.shell import AppContext
+from calstation.gui.text import bind, error_text, on_language_change, parameter_text, say
+from calstation.gui.widgets import (
+    CellTable,
+    Column,
+    EmptyState,
+    JobWatch,
+    StateBadge,
+    ask_file,
+    button,
+    column,
+    label,
+    panel,
+    row,
+    show_text,
+    split,
+    stack,
+    theme,
+)
+from calstation.physics import display, number
+from calstation.quality import GaugePlan, StudyState, Variation, evaluate_study
+
+#: State of each verdict.
+_STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
+#: Components in the order of the table.
+_COMPONENTS = ("repeatability", "reproducibility", "interaction", "gauge", "part", "total")
+_SEED = 1
+
+
+class StudyView(QWidget):
+    """Makes and opens plans of studies, and shows what the runs say about them."""
+
+    def __init__(self, app: AppContext) -> None:
+        super().__init__()
+        self._app = app
+        self._product: Path | None = None
+        self._path: Path | None = None
+        self._state: StudyState | None = None
+        self._error: CalstationError | None = None
+        self.watch = JobWatch(self, self._show, self._show_error)
+        self._quantity = QComboBox()
+        self._quantity.setObjectName("study_quantity_combo")
+        self._quantity.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
+        self._quantity.currentIndexChanged.connect(lambda _: self._show_study())
+        self._plan_label = label(kind="muted", name="study_plan_label")
+        self._problem = label(kind="error", name="study_problem_label", wrap=True)
+        self.form = PlanForm(self._planned)
+        self.form.hide()
+        self.order, self.components, self.anova = (
+            CellTable(name) for name in ("study_order_table", "study_components_table", "study_anova_table")
+        )
+        self.badge, self.about_label = StateBadge(theme.SECTION), label(name="study_about_label", wrap=True)
+        self._left_label = label(kind="section", name="study_left_label", wrap=True)
+        self._build_tables()
+        self._empty, self._waiting, self._answer = EmptyState(), QWidget(), QWidget()
+        column(self._left_label, (self.order, 1), on=self._waiting)
+        caption = label(lambda: self.tr("Quantity"), buddy=self._quantity)
+        column(
+            row(caption, self._quantity, 2 * theme.GRID, self.badge, 2 * theme.GRID, (self.about_label, 1)),
+            (split((self.components, 5), (self.anova, 4), handle=2 * theme.GRID), 1),
+            on=self._answer,
+        )
+        self._stack = stack(self._empty, self._waiting, self._answer)
+        open_button = button("study_open_button", lambda: self.tr("Open plan…"), self._open)
+        new_button = button("study_new_button", lambda: self.tr("New plan…"), self.form.show)
+        column(
+            row(open_button, new_button, (self._plan_label, 1)),
+            self.form,
+            self._problem,
+            (self._stack, 1),
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        on_language_change(self, self._show_texts)
+
+    def show_product(self, product: Path | None) -> None:
+        """Use the limits of a product as tolerances, and read the runs again."""
+        self._product = product
+        if self._path is not None and self._app.runs_folder.is_dir():
+            work = evaluate_study, self._app.runs_folder, self._path, product
+            self.watch.watch(self._app.job_queue.submit(*work))
+
+    def _build_tables(self) -> None:
+        text = self.order.column
+        self.order.verticalHeader().hide()
+        self.order.parameters.set_columns(
+            (
+                text(lambda: self.tr("Run"), "run"),
+                text(lambda: self.tr("Trial"), "trial"),
+                text(lambda: self.tr("Measured by"), "appraiser", number=False),
+                text(lambda: self.tr("Unit"), "unit", number=False),
+                Column(
+                    lambda: self.tr("State"),
+                    lambda key: self.order.cells[key]["state"],
+                    number=False,
+                    state=lambda key: self.order.cells[key]["kind"],
+                ),
+            )
+        )
+        bind(self.order.setAccessibleName, lambda: self.tr("Runs of the plan"))
+        text = self.components.column
+        self.components.verticalHeader().hide()
+        self.components.parameters.set_columns(
+            (
+                text(lambda: self.tr("Variation"), "name", number=False),
+                text(lambda: "σ", "sigma"),
+                text(lambda: self.tr("95 % interval"), "interval"),
+                text(lambda: self.tr("% of study"), "study"),
+                text(lambda: self.tr("% of tolerance"), "tolerance"),
+            )
+        )
+        bind(self.components.setAccessibleName, lambda: self.tr("Components of the variation"))
+        text = self.anova.column
+        self.anova.verticalHeader().hide()
+        self.anova.parameters.set_columns(
+            (
+                text(lambda: self.tr("Source"), "name", number=False),
+                text(lambda: self.tr("Degrees of freedom"), "dof"),
+                text(lambda: "F", "f"),
+                text(lambda: "p", "p"),
+            )
+        )
+        bind(self.anova.setAccessibleName, lambda: self.tr("Analysis of variance"))
+
+    # ---- plan
+
+    def _open(self) -> None:
+        name, _ = QFileDialog.getOpenFileName(self, self.tr("Open the plan of a study"), "", "JSON (*.json)")
+        if name:
+            self.open_plan(Path(name))
+
+    def open_plan(self, path: Path) -> None:
+        """Show a plan and what the runs say about it."""
+        self._path = path
+        self.show_product(self._product)
+
+    def _planned(self, plan: GaugePlan) -> None:
+        save = partial(self._save, plan)
+        ask_file(self, self.tr("Save the plan"), Path("gauge.json"), ["JSON (*.json)"], save)
+
+    def _save(self, plan: GaugePlan, path: Path) -> None:
+        plan.save(path)
+        self.form.hide()
+        self.open_plan(path)
+
+    # ---- what is shown
+
+    def _show(self, state: StudyState) -> None:
+        self._state, self._error = state, None
+        wanted = self._quantity.currentData()
+        with QSignalBlocker(self._quantity):
+            self._quantity.clear()
+            for name in state.studies:
+                self._quantity.addItem(parameter_text(name), name)
+            self._quantity.setCurrentIndex(max(0, self._quantity.findData(wanted)))
+        self._refresh()
+
+    def _show_error(self, error: CalstationError) -> None:
+        self._error, self._state = error, None
+        self._refresh()
+
+    def _refresh(self) -> None:
+        state = self._state
+        show_text(self._problem, "" if self._error is None else error_text(self._error).sentences)
+        self._plan_label.setText("" if self._path is None else self._path.name)
+        if state is None:
+            self._empty.say(say("gauge.no_plan"), say("gauge.about"))
+            self._stack.setCurrentWidget(self._empty)
+        elif state.left:
+            self._show_order(state)
+            self._stack.setCurrentWidget(self._waiting)
+        else:
+            self._show_study()
+            self._stack.setCurrentWidget(self._answer)
+
+    def _show_order(self, state: StudyState) -> None:
+        following, count = state.left[0], {"left": len(state.left), "runs": len(state.plan.order)}
+        self._left_label.setText(say("gauge.left", **count, unit=following.unit, by=following.appraiser))
+        missing = Counter(state.left)
+        cells = {}
+        for k, each in enumerate(state.plan.order):
+            kind, code = "good", "done"
+            if missing[each]:
+                kind, code = ("running", "next") if each == following else ("none", "waiting")
+            cells[str(k)] = {
+                "run": str(k + 1),
+                "trial": str(each.trial),
+                "appraiser": each.appraiser,
+                "unit": each.unit,
+                "state": say(f"gauge.{code}"),
+                "kind": kind,
+            }
+        self.order.show_cells(cells)
+
+    def _show_study(self) -> None:
+        state, name = self._state, self._quantity.currentData()
+        if state is None or name is None:
+            return
+        study, (size, unit) = state.studies[name], display(name, 1.0)
+        self.badge.show_state(_STATES[study.verdict], say(f"gauge.{study.verdict}"))
+        counts = {"parts": study.parts, "appraisers": study.appraisers, "trials": study.trials}
+        self.about_label.setText(say("gauge.answer", **counts, categories=study.categories, unit=unit))
+        found = {key: getattr(study, key) for key in _COMPONENTS if getattr(study, key) is not None}
+        digits = size * study.gauge.sigma
+        cells = {key: {"name": say(f"gauge.{key}"), **_cells(each, size, digits)} for key, each in found.items()}
+        self.components.show_cells(cells, ("sigma",))
+        self.anova.show_cells(
+            {
+                line.source: {
+                    "name": say(f"gauge.{line.source}"),
+                    "dof": str(line.dof),
+                    **({} if line.f is None or line.p is None else {"f": f"{line.f:.3g}", "p": f"{line.p:.3g}"}),
+                }
+                for line in study.anova
+            }
+        )
+
+    def _show_texts(self) -> None:
+        for index in range(self._quantity.count()):
+            self._quantity.setItemText(index, parameter_text(self._quantity.itemData(index)))
+        self._refresh()
+
+
+class PlanForm(QWidget):
+    """Inputs of a new plan; `then` is called with the plan."""
+
+    def __init__(self, then: Callable[[GaugePlan], object]) -> None:
+        super().__init__()
+        self._then = then
+        self.units_edit, self.appraisers_edit = QLineEdit(), QLineEdit()
+        self.units_edit.setObjectName("study_units_edit")
+        self.appraisers_edit.setObjectName("study_appraisers_edit")
+        self._by, self._trials = QComboBox(), QSpinBox()
+        self._by.setObjectName("study_by_combo")
+        self._by.addItem("", "operator")
+        self._by.addItem("", "station")
+        self._trials.setRange(2, 20)
+        self._trials.setValue(3)
+        self._problem = label(kind="error", wrap=True)
+        bind(self.units_edit.setPlaceholderText, lambda: self.tr("serial numbers, separated by commas"))
+        bind(self.appraisers_edit.setPlaceholderText, lambda: self.tr("names, separated by commas"))
+        fields = (
+            (lambda: self.tr("Units"), self.units_edit, 3),
+            (lambda: self.tr("Measured by"), self._by, 0),
+            (lambda: self.tr("Names"), self.appraisers_edit, 2),
+            (lambda: self.tr("Trials"), self._trials, 0),
+        )
+        parts = [
+            (column(label(words, buddy=field), field, spacing=theme.GRID // 2), share) for words, field, share in fields
+        ]
+        save = button("study_save_button", lambda: self.tr("Save plan…"), self._make, kind="primary")
+        close = button("study_close_button", lambda: self.tr("Close"), self.hide)
+        column(panel(row(*parts, save, close), self._problem), on=self)
+        on_language_change(self, self._show_texts)
+
+    def _make(self) -> None:
+        units, names = (_split(edit.text()) for edit in (self.units_edit, self.appraisers_edit))
+        by: Literal["operator", "station"] = self._by.currentData()
+        now = datetime.now(UTC).replace(microsecond=0)
+        try:
+            plan = GaugePlan.random(by, units, names, self._trials.value(), _SEED, now)
+        except CalstationError as error:
+            show_text(self._problem, error_text(error).sentences)
+            return
+        show_text(self._problem, "")
+        self._then(plan)
+
+    def _show_texts(self) -> None:
+        self._by.setItemText(0, self.tr("Operators"))
+        self._by.setItemText(1, self.tr("Stations"))
+        show_text(self._problem, "")
+
+
+def _split(text: str) -> list[str]:
+    return [part.strip() for part in text.replace("，", ",").split(",") if part.strip()]
+
+
+def _cells(found: Variation, size: float, digits: float) -> dict[str, str]:
+    sigma, low, high = (number(size * value, digits) for value in (found.sigma, found.low, found.high))
+    cells = {
+        "sigma": sigma,
+        "interval": f"{low} … {high}",
+        "study": f"{found.percent_study:.1f}",
+    }
+    if found.percent_tolerance is not None:
+        cells["tolerance"] = f"{found.percent_tolerance:.1f}"
+    return cells

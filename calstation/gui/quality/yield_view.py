@@ -1,0 +1,183 @@
+"""Yield of the runs: shares that passed by day, the failed checks by frequency, and shares by station and operator."""
+
+from collections.abc import Mapping
+from datetime import date, timedelta
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtWidgets import QWidget
+
+from calstation.gui.text import bind, check_name, on_language_change, product_text
+from calstation.gui.widgets import CellTable, ThemedPlot, column, label, row, split, theme
+from calstation.quality import FailedCheck, Share, Yields
+from calstation.records import Check
+
+#: Largest number of failed checks drawn.
+_MOST_CHECKS = 8
+#: Largest number of days that are drawn one by one.
+_MOST_DAYS = 60
+#: Smallest fraction shown on the axis of the yield.
+_LEAST_SHARE = 0.5
+
+
+class YieldView(QWidget):
+    """Shows the yield of the selected runs."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._yields: Yields | None = None
+        self.overall_label = label(kind="section", name="yield_overall_label")
+        self.first_label = label(name="yield_first_label")
+        self.days, self.pareto = DailyYield(), Pareto()
+        self.table = table = CellTable("yield_table")
+        bind(table.setAccessibleName, lambda: self.tr("Yield by product, station and operator"))
+        table.verticalHeader().hide()
+        table.parameters.set_columns(
+            (
+                table.column(lambda: self.tr("By"), "by", number=False),
+                table.column(lambda: self.tr("Name"), "name", number=False),
+                table.column(lambda: self.tr("Passed"), "passed"),
+                table.column(lambda: self.tr("Runs"), "count"),
+                table.column(lambda: self.tr("Yield"), "share"),
+                table.column(lambda: self.tr("95 % interval"), "interval"),
+            )
+        )
+        plots = QWidget()
+        titles = [label(kind="muted") for _ in range(2)]
+        bind(
+            titles[0],
+            lambda: self.tr("Yield by day, or by week if there are many, with its 95 % interval"),
+        )
+        bind(titles[1], lambda: self.tr("Failed checks by frequency, and their cumulative share of the failed runs"))
+        column(titles[0], (self.days, 1), titles[1], (self.pareto, 1), on=plots, spacing=theme.GRID // 2)
+        column(
+            row(self.overall_label, 2 * theme.GRID, self.first_label, None),
+            (split((plots, 5), (table, 4), handle=2 * theme.GRID), 1),
+            on=self,
+            margins=(0, theme.GRID, 0, 0),
+        )
+        on_language_change(self, self._fill)
+
+    def show_yields(self, yields: Yields) -> None:
+        """Show the yield of runs."""
+        self._yields = yields
+        self.days.show_days(yields.days)
+        self.pareto.show_checks(yields.failed_checks)
+        self._fill()
+
+    def _fill(self) -> None:
+        found = self._yields
+        if found is None or found.overall is None or found.first_pass is None:
+            return
+        self.overall_label.setText(self.tr("Yield {0}").format(_text(found.overall)))
+        self.first_label.setText(self.tr("First pass {0}").format(_text(found.first_pass)))
+        groups = (
+            (self.tr("Product"), {product_text(name): share for name, share in found.products.items()}),
+            (self.tr("Station"), found.stations),
+            (self.tr("Operator"), found.operators),
+        )
+        cells = {
+            f"{by} {name}": {
+                "by": by,
+                "name": name,
+                "passed": str(share.passed),
+                "count": str(share.count),
+                "share": f"{100 * share.value:.1f} %",
+                "interval": f"{100 * share.low:.1f} … {100 * share.high:.1f} %",
+            }
+            for by, shares in groups
+            for name, share in shares.items()
+        }
+        self.table.show_cells(cells)
+
+
+class DailyYield(ThemedPlot):
+    """The share of each day that passed, with its confidence interval."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._days: Mapping[str, Share] = {}
+        self.setAxisItems({"bottom": pg.DateAxisItem("bottom")})
+        self.getAxis("bottom").setStyle(tickFont=theme.font())
+        self.getAxis("left").setWidth(8 * theme.GRID)
+        self.showGrid(y=True, alpha=0.2)
+        self.apply_theme()
+        theme.on_appearance_change(self, self._draw)
+
+    def show_days(self, days: Mapping[str, Share]) -> None:
+        """Show the shares by date, or by week if there are many."""
+        self._days = days if len(days) <= _MOST_DAYS else _by_week(days)
+        self._draw()
+
+    def _draw(self) -> None:
+        self.setLabel("left", self.tr("yield, %"))
+        self.getPlotItem().clear()
+        if not self._days:
+            return
+        c = theme.colours()
+        noon = [date.fromisoformat(day).toordinal() - date(1970, 1, 1).toordinal() + 0.5 for day in self._days]
+        x = 86_400.0 * np.array(noon)
+        value, low, high = (
+            100.0 * np.array([getattr(s, k) for s in self._days.values()]) for k in ("value", "low", "high")
+        )
+        bars = pg.ErrorBarItem(x=x, y=value, top=high - value, bottom=value - low, beam=0.0, pen=pg.mkPen(c.line))
+        line = pg.PlotDataItem(x, value, pen=pg.mkPen(c.accent, width=1))
+        line.setSymbol("o")
+        line.setSymbolSize(6)
+        line.setSymbolBrush(c.accent)
+        line.setSymbolPen(None)
+        self.addItem(bars)
+        self.addItem(line)
+        self.setYRange(min(100.0 * _LEAST_SHARE, float(low.min())), 100.0)
+
+
+class Pareto(ThemedPlot):
+    """Failed checks by frequency, and their cumulative share of all failed runs."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._checks: tuple[FailedCheck, ...] = ()
+        self.getAxis("left").setWidth(30 * theme.GRID)
+        self.getViewBox().invertY(True)
+        theme.on_appearance_change(self, self._draw)
+
+    def show_checks(self, checks: tuple[FailedCheck, ...]) -> None:
+        """Show failed checks, the most frequent first."""
+        self._checks = checks[:_MOST_CHECKS]
+        self._draw()
+
+    def _draw(self) -> None:
+        self.setLabel("bottom", self.tr("runs"))
+        self.getPlotItem().clear()
+        c = theme.colours()
+        rows = np.arange(len(self._checks))
+        runs = [check.runs for check in self._checks]
+        self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=runs, brush=theme.faint(c.bad, 110), pen=c.line))
+        self.getAxis("left").setTicks([[(k, _check_text(check.name)) for k, check in enumerate(self._checks)]])
+        for k, check in enumerate(self._checks):
+            text = pg.TextItem(f"{check.runs}   {100 * check.cumulative:.0f} %", color=c.text, anchor=(0, 0.5))
+            text.setFont(theme.font())
+            text.setPos(check.runs, k)
+            self.addItem(text)
+        self.setYRange(-0.5, max(len(rows), 4) - 0.5)
+        self.setXRange(0, 1.3 * max(runs, default=1), padding=0)
+
+
+def _by_week(days: Mapping[str, Share]) -> dict[str, Share]:
+    """Return the shares of weeks, by the date of their Monday."""
+    weeks: dict[str, list[Share]] = {}
+    for day, share in days.items():
+        found = date.fromisoformat(day)
+        weeks.setdefault((found - timedelta(days=found.weekday())).isoformat(), []).append(share)
+    return {
+        monday: Share.of(sum(s.passed for s in shares), sum(s.count for s in shares))
+        for monday, shares in weeks.items()
+    }
+
+
+def _text(share: Share) -> str:
+    return f"{100 * share.value:.1f} % ({share.passed}/{share.count})"
+
+
+def _check_text(name: str) -> str:
+    return check_name(Check.from_json({"name": name, "value": None, "limit": None, "unit": "", "passed": False}))

@@ -1,0 +1,75 @@
+"""Button and panel that release a unit that failed; the run stays FAIL and says who released the unit, and why."""
+
+from pathlib import Path
+
+from PySide6.QtWidgets import QWidget
+
+from calstation.config import ConfirmationRequired, Person, computer_user
+from calstation.errors import CalstationError
+from calstation.gui.shell.context import AppContext
+from calstation.gui.shell.people_panel import PeoplePanel
+from calstation.gui.text import error_text
+from calstation.gui.widgets import JobWatch, button, column, label, show_text
+from calstation.results import Result, override_required, override_result
+
+
+class ReleaseBar(QWidget):
+    """Visible for a run that failed and whose unit was not released; `AppContext.released` reports a release."""
+
+    def __init__(self, app: AppContext, name: str) -> None:
+        super().__init__()
+        self._app = app
+        self._path: Path | None = None
+        self._serial = ""
+        self._opening = JobWatch(self, self._open, self._refuse)
+        self._releasing = JobWatch(self, self._done, self._refuse)
+        self._panel = PeoplePanel(name)
+        self.asking = self._panel.asking
+        self._error = label(kind="error", name=f"{name}_error_label", wrap=True)
+        self._button = button(
+            f"{name}_button",
+            lambda: self.tr("Release the unit…"),
+            self._ask,
+            tip=lambda: self.tr("Let the unit be used although it failed; the run stays FAIL"),
+        )
+        self.asking.connect(lambda asking: self._button.setVisible(not asking))
+        column(self._button, self._panel, self._error, on=self)
+        self.hide()
+
+    def offer(self, result: Result | None, path: Path | None) -> None:
+        """Offer the release of the unit of a result in a file, if it failed."""
+        if path != self._path:
+            self._opening.cancel()
+            self._panel.hide()
+            show_text(self._error, "")
+        self._path = path
+        self._serial = "" if result is None else result.serial
+        open_ = result is not None and path is not None and result.outcome == "failed" and not result.released
+        self.setVisible(open_)
+
+    def _ask(self) -> None:
+        show_text(self._error, "")
+        self._opening.watch(self._app.job_queue.submit(override_required, self._path))
+
+    def _open(self, required: ConfirmationRequired) -> None:
+        by = (self._app.badge if required.badge else self._app.operator or computer_user()) or ""
+        serial = self._serial
+        self._panel.ask(
+            lambda: self.tr("Release unit {0} although it failed?").format(serial), required, self._release, by=by
+        )
+
+    def _release(self, reason: str, first: Person, second: Person | None) -> None:
+        show_text(self._error, "")
+        if not self._releasing.busy:
+            job = self._app.job_queue.submit(override_result, self._path, reason, first, second, cancellable=False)
+            self._releasing.watch(job)
+
+    def _done(self, _: object) -> None:
+        self._panel.hide()
+        self.hide()
+        self._app.released.emit(self._path)
+
+    def _refuse(self, error: CalstationError) -> None:
+        show_text(self._error, error_text(error).sentences)
+        if not self._panel.isHidden():
+            self._panel.retry()

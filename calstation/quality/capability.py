@@ -1,0 +1,128 @@
+"""Process capability within the short term (Cp, Cpk) and overall (Pp, Ppk), with confidence intervals.
+
+Sources: S. Kotz and N. L. Johnson, *Process Capability Indices*, 1993; A. F. Bissell, *How reliable is your capability
+index?*, Applied Statistics 39(3), 1990, 331-340; NIST/SEMATECH *e-Handbook of Statistical Methods*, section 6.1.6.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from calstation.errors import InputError
+from calstation.physics import FloatArray
+from calstation.quality.charts import D2
+
+#: Fewest values for an index.
+_LEAST = 3
+#: Variance of the mean of n - 1 moving ranges of normal values, times (n - 1), relative to its square: the variance of
+#: a range and its covariance with the next one, which shares a value, for n much larger than 1.
+_RANGE_VARIANCE = (math.pi / 2 - 1) + 2 * (math.sqrt(3) / 2 + math.pi / 12 - 1)
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A value with its confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Capability:
+    """Capability of a parameter relative to its limits."""
+
+    count: int
+    mean: float
+    sigma_within: float  #: Standard deviation in the short term, from the mean moving range.
+    sigma_overall: float  #: Standard deviation of all values.
+    low: float | None  #: Lower limit; None without one.
+    high: float | None  #: Upper limit; None without one.
+    confidence: float
+    cp: Interval | None  #: Width of the limits over 6 sigma within; None for a limit on one side.
+    cpk: Interval  #: Distance of the nearer limit over 3 sigma within.
+    pp: Interval | None  #: As `cp`, overall.
+    ppk: Interval  #: As `cpk`, overall.
+    outside: int  #: Values outside the limits.
+    #: p-value of the Anderson-Darling test of the normal distribution that the indices assume, from 0.01 (or less) to
+    #: 0.15 (or more).
+    normality_p: float
+
+    @property
+    def normal(self) -> bool:
+        """Whether the test does not reject a normal distribution at 5 %."""
+        return self.normality_p >= 0.05
+
+
+def capability(values: FloatArray, low: float | None, high: float | None, *, confidence: float = 0.95) -> Capability:
+    """Return the capability of values in the order of their time, in the unit of the limits.
+
+    The intervals of Cp and Pp are those of a standard deviation (chi-square), the intervals of Cpk and Ppk Bissell's.
+    The overall standard deviation has n - 1 degrees of freedom, that of the moving ranges about 0.605 (n - 1).
+
+    Parameters
+    ----------
+    values
+        Shape (n,).
+    low, high
+        Limits; None without one, but not both.
+    confidence
+        Probability of the intervals.
+
+    Raises
+    ------
+    InputError
+        There are fewer than three values, or they are all equal.
+    """
+    count = len(values)
+    if count < _LEAST:
+        raise InputError("quality.too_few", count=count, least=_LEAST)
+    mean, overall = float(np.mean(values)), float(np.std(values, ddof=1))
+    if not overall > 0.0:
+        raise InputError("quality.no_spread", count=count)
+    within = float(np.mean(np.abs(np.diff(values)))) / D2
+    dof = moving_range_dof(count)
+    below, above = (-math.inf if low is None else low), (math.inf if high is None else high)
+    side = min(mean - below, above - mean)
+    width = None if low is None or high is None else high - low
+    return Capability(
+        count=count,
+        mean=mean,
+        sigma_within=within,
+        sigma_overall=overall,
+        low=low,
+        high=high,
+        confidence=confidence,
+        cp=None if width is None else cp_interval(width / (6.0 * within), dof, confidence),
+        cpk=cpk_interval(side / (3.0 * within), count, dof, confidence),
+        pp=None if width is None else cp_interval(width / (6.0 * overall), count - 1, confidence),
+        ppk=cpk_interval(side / (3.0 * overall), count, count - 1, confidence),
+        outside=int(np.count_nonzero((values < below) | (values > above))),
+        normality_p=float(stats.anderson(values, "norm", method="interpolate").pvalue),  # type: ignore[call-overload]
+    )
+
+
+def cp_interval(index: float, dof: float, confidence: float) -> Interval:
+    """Return Cp or Pp with the confidence interval for a standard deviation with `dof` degrees of freedom."""
+    tail = (1.0 - confidence) / 2.0
+    low, high = (float(index * math.sqrt(stats.chi2.ppf(p, dof) / dof)) for p in (tail, 1.0 - tail))
+    return Interval(index, low, high)
+
+
+def cpk_interval(index: float, count: int, dof: float, confidence: float) -> Interval:
+    """Return Cpk or Ppk with Bissell's normal approximation to its confidence interval."""
+    z = float(stats.norm.ppf(0.5 + confidence / 2.0))
+    half = z * math.sqrt(1.0 / (9.0 * count) + index**2 / (2.0 * dof))
+    return Interval(index, index - half, index + half)
+
+
+def moving_range_dof(count: int) -> float:
+    """Return the degrees of freedom of the standard deviation from the mean moving range of `count` normal values.
+
+    They are those of the chi distribution with the same relative variance, 1 / (2 dof).
+    """
+    n = count - 1
+    shared = 2.0 * (math.sqrt(3) / 2 + math.pi / 12 - 1) / n  # the last range has no next one
+    return n / (2.0 * (_RANGE_VARIANCE - shared))

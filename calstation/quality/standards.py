@@ -1,0 +1,205 @@
+"""Check standards: their runs against the reference values, when the next run is due, and when production is refused.
+
+Two tests share the probability `FALSE_ALARM` equally, so that together they fail an unchanged station and unit at most
+as often. The normalised error of each parameter, Eₙ = (x − x_ref) / √(U² + U_ref²) with U = 2σ (ISO 13528:2022, 9.7),
+shows which one changed. Its limit is that of the largest of n by Bonferroni, √χ²₁(1 − p/n) / 2: with a limit of 1,
+one of 27 correct values would fail in 71 % of all runs. Hotelling's T² = dᵀ (P + P_ref)⁻¹ d, with the covariance P of
+the run, is χ² with n degrees of freedom for known covariances (D. C. Montgomery, *Introduction to Statistical Quality
+Control*, 7th ed., 2013, 11.3). It shows small changes of many parameters and uses their correlations. U_ref and P_ref
+contain what the unit may have changed since the reference, from the stability in the IMU profile.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta
+from typing import Literal
+
+import numpy as np
+
+from calstation.config import CheckStandardSection, ProductConfig, ResolvedConfiguration, StationConfig, library
+from calstation.devices.profiles import ImuProfile, load_imu_profile
+from calstation.errors import ConfigurationError, InputError
+from calstation.estimation.common import Belief, chi_square_quantile
+from calstation.physics import INDEX, group_indices, parameter_vector
+from calstation.records import RunFilter, RunRecord, covariance_from
+from calstation.results import History, Result, StandardVerdict
+
+#: Probability that a run fails although neither station nor unit changed beyond their stated uncertainties.
+FALSE_ALARM = 0.0027
+
+#: Coverage factor of the expanded uncertainties in the normalised error.
+_COVERAGE = 2.0
+_YEAR = timedelta(days=365.25)
+_MOUNTING = frozenset(group_indices("outer_lever"))
+
+#: Why production is refused: no run passed, the last one that passed is too old, the last run failed, or the date of an
+#: instrument's next calibration has passed.
+Reason = Literal["never", "overdue", "out", "certificate"]
+
+
+@dataclass(frozen=True)
+class Due:
+    """A check standard or an instrument that is not in order."""
+
+    name: str  #: Serial number of the check standard, or name of the instrument.
+    reason: Reason
+    #: When it was due, or when its last run failed; None if it never passed.
+    since: datetime | None
+
+    def error(self, setup: ResolvedConfiguration) -> ConfigurationError:
+        """Return the error that refuses a run."""
+        values = {"product": setup.product.name, "station": setup.station.name}
+        since = "" if self.since is None else f"{self.since.astimezone():%Y-%m-%d %H:%M}"
+        if self.reason == "never":
+            return ConfigurationError("quality.standard_never", serial=self.name, **values)
+        if self.reason == "out":
+            return ConfigurationError("quality.standard_out", serial=self.name, since=since, **values)
+        if self.reason == "overdue":
+            return ConfigurationError("quality.standard_overdue", serial=self.name, since=since, **values)
+        return ConfigurationError("quality.certificate_overdue", name=self.name, since=since[:10], **values)
+
+
+@dataclass(frozen=True)
+class StandardState:
+    """State of a check standard at a station: its last run that passed, when the next is due, and what is wrong."""
+
+    standard: CheckStandardSection
+    last_passed: datetime | None
+    due: datetime | None  #: None if no run passed.
+    wrong: Due | None  #: None while it is in order.
+
+
+def judge_standard(
+    standard: CheckStandardSection, imu: ImuProfile, started: datetime, found: Belief, estimated: Sequence[str]
+) -> StandardVerdict:
+    """Compare a run of a check standard with its reference.
+
+    `found` is the estimate of the run that began at `started`. Of its parameters, those `estimated` are compared as far
+    as the reference contains them; a run without any of these fails.
+    """
+    names = [name for name in standard.reference if name in estimated and INDEX[name] not in _MOUNTING]
+    at = [INDEX[name] for name in names]
+    reference = [standard.reference[name] for name in names]
+    years = 0.0 if standard.date is None else max((started.date() - standard.date) / _YEAR, 0.0)
+    variance = np.array([r.sigma**2 for r in reference]) + imu.change_sigmas(years)[at] ** 2
+    difference = found.mean[at] - np.array([r.value for r in reference])
+    covariance = found.covariance[np.ix_(at, at)] + np.diag(variance)
+    errors = difference / (_COVERAGE * np.sqrt(np.diag(covariance)))
+    count, each = len(names), 0.5 * FALSE_ALARM
+    limit = float(np.sqrt(chi_square_quantile(1.0 - each / max(count, 1), 1))) / _COVERAGE
+    t_squared = float(difference @ np.linalg.solve(covariance, difference)) if count else 0.0
+    t_squared_limit = float(chi_square_quantile(1.0 - each, max(count, 1)))
+    return StandardVerdict(
+        passed=bool(count and (np.abs(errors) <= limit).all() and t_squared <= t_squared_limit),
+        e_n=dict(zip(names, errors.tolist(), strict=True)),
+        e_n_limit=limit,
+        t_squared=t_squared,
+        t_squared_limit=t_squared_limit,
+        degrees=count,
+        false_alarm=FALSE_ALARM,
+    )
+
+
+def judge_result(standard: CheckStandardSection, imu: ImuProfile, result: Result) -> StandardVerdict:
+    """Compare the stored result of a check standard with its reference as it is now."""
+    rows = {name: row for name, row in result.parameters.items() if name in INDEX}
+    sigma = parameter_vector({name: row.sigma for name, row in rows.items()})
+    mean = parameter_vector({name: row.value for name, row in rows.items()})
+    started = _time(result.started_utc or "")
+    return judge_standard(standard, imu, started, Belief(mean, covariance_from(sigma, result.correlation)), list(rows))
+
+
+def standard_states(
+    station: StationConfig, product: ProductConfig, history: History, now: datetime
+) -> list[StandardState]:
+    """Return the state of every check standard of a product at a station, whose runs are in `history`.
+
+    Only whole runs count. The last one must agree with the reference as it is now; the last one that passed must not be
+    older than the standard's interval.
+    """
+    if not product.check_standards:
+        return []
+    imu = load_imu_profile(library.find("imus", product.imu))
+    return [_state(standard, imu, station, product, history, now) for standard in product.check_standards]
+
+
+def due_standards(station: StationConfig, product: ProductConfig, history: History, now: datetime) -> list[Due]:
+    """Return the check standards of a product that refuse production at a station."""
+    states = standard_states(station, product, history, now)
+    return [state.wrong for state in states if state.wrong is not None]
+
+
+def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
+    """Return the station's table and surveys whose next calibration was due before the day of `now`."""
+    today = now.astimezone().date()
+    return [
+        Due(instrument.name, "certificate", _midnight(instrument.due))
+        for instrument in station.instruments
+        if instrument.kind in ("table", "site") and instrument.due is not None and instrument.due < today
+    ]
+
+
+def require_standards(setup: ResolvedConfiguration, history: History, now: datetime) -> list[Due]:
+    """Refuse a run of production while a check standard or a certificate is not in order.
+
+    A run of a check standard is always allowed. Returns what an override in the request allows, [] if there is nothing.
+
+    Raises
+    ------
+    ConfigurationError : if something is not in order and the request has no override, or one without a reason.
+    """
+    reason = setup.request.override_standard
+    if reason is not None and not reason.strip():
+        raise ConfigurationError("quality.no_reason")
+    if setup.check_standard is not None:
+        return []
+    found = [*due_standards(setup.station, setup.product, history, now), *due_certificates(setup.station, now)]
+    if found and reason is None:
+        raise found[0].error(setup)
+    return found
+
+
+def _state(
+    standard: CheckStandardSection,
+    imu: ImuProfile,
+    station: StationConfig,
+    product: ProductConfig,
+    history: History,
+    now: datetime,
+) -> StandardState:
+    wanted = RunFilter(search=standard.serial, station=station.name, product=product.name)
+    runs = [run for run in history.runs(wanted, limit=None) if _counts(run, standard)]
+    last = next(iter(runs), None)
+    passed = next((run for run in runs if run.outcome == "passed" and _agrees(run, standard, imu, history)), None)
+    if passed is None and last is None:
+        return StandardState(standard, None, None, Due(standard.serial, "never", None))
+    last_passed = None if passed is None else _time(passed.started_utc)
+    due = None if last_passed is None else last_passed + timedelta(days=standard.interval_days)
+    wrong = None
+    if last is not None and last != passed and not _agrees(last, standard, imu, history):
+        wrong = Due(standard.serial, "out", _time(last.started_utc))
+    elif due is None:
+        wrong = Due(standard.serial, "never", None)
+    elif due < now:
+        wrong = Due(standard.serial, "overdue", due)
+    return StandardState(standard, last_passed, due, wrong)
+
+
+def _counts(run: RunRecord, standard: CheckStandardSection) -> bool:
+    return run.serial == standard.serial and not run.partial and run.outcome in ("passed", "failed")
+
+
+def _agrees(run: RunRecord, standard: CheckStandardSection, imu: ImuProfile, history: History) -> bool:
+    """Whether the result of a run agrees with the reference; one that cannot be read does not."""
+    try:
+        return judge_result(standard, imu, history.result(run)).passed
+    except InputError:
+        return False
+
+
+def _time(text: str) -> datetime:
+    return datetime.fromisoformat(text).astimezone(UTC)
+
+
+def _midnight(day: date) -> datetime:
+    return datetime.combine(day, datetime.min.time()).astimezone()

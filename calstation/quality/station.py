@@ -1,0 +1,71 @@
+"""What is known of a station: its check standards with their runs, its instruments, and the charts of its table."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from calstation.config import InstrumentSection, library, load_product, load_station
+from calstation.devices.profiles import load_imu_profile
+from calstation.errors import InputError
+from calstation.jobs import ProgressCallback
+from calstation.quality.standards import Due, StandardState, due_certificates, judge_result, standard_states
+from calstation.quality.table_chart import TableChart, table_charts
+from calstation.records import RunFilter
+from calstation.results import History, StandardVerdict
+
+#: Largest number of runs of a check standard that are judged again, the latest.
+_MOST_RUNS = 200
+
+
+@dataclass(frozen=True)
+class StandardHistory:
+    """A check standard with its runs at the station, the oldest first, judged by the reference as it is now."""
+
+    state: StandardState
+    names: tuple[str, ...]  #: Runs: file names of the logs without suffix.
+    started_utc: tuple[str, ...]
+    verdicts: tuple[StandardVerdict, ...]
+
+
+@dataclass(frozen=True)
+class StationQuality:
+    """State of a station for a product."""
+
+    standards: tuple[StandardHistory, ...]
+    instruments: tuple[InstrumentSection, ...]
+    overdue: tuple[Due, ...]  #: Instruments whose next calibration was due.
+    table: Mapping[str, TableChart]
+
+
+def station_quality(
+    report: ProgressCallback, folder: Path, station: Path | None, product: Path | None
+) -> StationQuality:
+    """Job: read the state of a station for a product from the runs of a folder.
+
+    Raises ConfigurationError if the station or product file cannot be used.
+    """
+    (_, place), (_, unit) = load_station(station), load_product(product)
+    now, history = datetime.now(UTC), History(folder)
+    history.refresh(lambda fraction: report(0.5 * fraction))
+    found = []
+    imu = load_imu_profile(library.find("imus", unit.imu)) if unit.check_standards else None
+    for state in standard_states(place, unit, history, now):
+        assert imu is not None
+        wanted = RunFilter(search=state.standard.serial, station=place.name, product=unit.name)
+        runs = [
+            run
+            for run in history.runs(wanted, _MOST_RUNS)
+            if run.serial == state.standard.serial and not run.partial and run.outcome in ("passed", "failed")
+        ]
+        rows = []
+        for run in reversed(runs):
+            try:
+                rows.append((run, judge_result(state.standard, imu, history.result(run))))
+            except InputError:  # a result that cannot be read is not a run that can be shown
+                continue
+        names, started = tuple(run.log.stem for run, _ in rows), tuple(run.started_utc for run, _ in rows)
+        found.append(StandardHistory(state, names, started, tuple(verdict for _, verdict in rows)))
+    report(0.8)
+    charts = table_charts(place, unit, history)
+    return StationQuality(tuple(found), tuple(place.instruments), tuple(due_certificates(place, now)), charts)

@@ -1,0 +1,121 @@
+"""Yield of stored runs: by day, product, station and operator, first-pass yield, and the checks that failed."""
+
+import math
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+
+import numpy as np
+from scipy.stats import binomtest
+
+from calstation.records import RunColumns
+
+#: Probability of the intervals.
+_CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Share:
+    """A number of runs or units that passed, with Wilson's confidence interval of 95 % for its share.
+
+    E. B. Wilson, *Probable Inference, the Law of Succession, and Statistical Inference*, Journal of the American
+    Statistical Association 22, 1927, 209-212.
+    """
+
+    passed: int
+    count: int
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, passed: int, count: int) -> "Share":
+        """Return the share of `count` runs, at least one."""
+        interval = binomtest(passed, count).proportion_ci(_CONFIDENCE, method="wilson")
+        return cls(passed, count, float(interval.low), float(interval.high))
+
+    @property
+    def value(self) -> float:
+        """Fraction that passed."""
+        return self.passed / self.count
+
+
+@dataclass(frozen=True)
+class FailedCheck:
+    """A check that failed in some runs."""
+
+    name: str
+    runs: int
+    #: Fraction of the failed runs in which this check, or one that failed more often, failed.
+    cumulative: float
+
+
+@dataclass(frozen=True)
+class Yields:
+    """Yield of the runs that ended with PASS or FAIL; partial runs do not count."""
+
+    overall: Share | None  #: None without runs.
+    first_pass: Share | None  #: Units of which the first run passed; None without units.
+    days: Mapping[str, Share]  #: By date on this computer, ISO 8601, in order.
+    products: Mapping[str, Share]  #: By name, sorted; runs without a product do not count.
+    stations: Mapping[str, Share]
+    operators: Mapping[str, Share]
+    failed_checks: tuple[FailedCheck, ...]  #: The most frequent first (Pareto).
+
+
+def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection[str] = ()) -> Yields:
+    """Return the yield of the runs that started at `since` or later, s since 1970 in UTC.
+
+    The earlier runs show which units had their first run before. Runs of the units `without`, such as golden units, do
+    not count. A failed run that failed several checks counts for each of them.
+    """
+    judged = [k for k in judged_runs(runs) if runs.serials[k] not in without]
+    first: dict[tuple[str | None, str], int] = {}
+    for k in judged:
+        first.setdefault((runs.products[k], runs.serials[k]), k)
+    selected = [k for k in judged if runs.started[k] >= since]
+    passed = [verdict == "passed" for verdict in runs.verdicts]
+    units = [k for k in first.values() if runs.started[k] >= since]
+    days = {k: date.fromtimestamp(runs.started[k]).isoformat() for k in selected}
+    return Yields(
+        overall=_share(passed, selected),
+        first_pass=_share(passed, units),
+        days=_by(passed, days.items()),
+        products=_by(passed, ((k, runs.products[k]) for k in selected)),
+        stations=_by(passed, ((k, runs.stations[k]) for k in selected)),
+        operators=_by(passed, ((k, runs.operators[k]) for k in selected)),
+        failed_checks=_pareto([runs.failed_checks[k] for k in selected if not passed[k]]),
+    )
+
+
+def judged_runs(runs: RunColumns) -> list[int]:
+    """Return the indices of the full runs that ended with PASS or FAIL."""
+    full = np.flatnonzero(~runs.partial).tolist()
+    return [k for k in full if runs.verdicts[k] in ("passed", "failed")]
+
+
+def _share(passed: Sequence[bool], rows: Sequence[int]) -> Share | None:
+    return Share.of(sum(passed[k] for k in rows), len(rows)) if rows else None
+
+
+def _by(passed: Sequence[bool], groups: Iterable[tuple[int, str | None]]) -> dict[str, Share]:
+    """Return the share of each group's runs, given the group of each run."""
+    counts: Counter[str] = Counter()
+    good: Counter[str] = Counter()
+    for k, name in groups:
+        if name is not None:
+            counts[name] += 1
+            good[name] += passed[k]
+    return {name: Share.of(good[name], counts[name]) for name in sorted(counts)}
+
+
+def _pareto(failed: Sequence[tuple[str, ...]]) -> tuple[FailedCheck, ...]:
+    counts = Counter(name for names in failed for name in set(names))
+    order = sorted(counts, key=lambda name: (-counts[name], name))
+    rank = {name: k for k, name in enumerate(order)}
+    leading = Counter(min(rank[name] for name in names) for names in failed if names)
+    covered, found = 0, []
+    for k, name in enumerate(order):
+        covered += leading[k]
+        found.append(FailedCheck(name, counts[name], covered / len(failed)))
+    return tuple(found)

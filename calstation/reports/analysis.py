@@ -1,0 +1,102 @@
+"""What the samples of a log show beside its result: budget, convergence of the sigmas, and residuals at rest."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from calstation.estimation.common import RestResiduals, SampleBlock
+from calstation.jobs import ProgressCallback
+from calstation.messages import Text, entry, event_text, known, values_from_json
+from calstation.physics import FloatArray
+from calstation.records import Log
+from calstation.reports.budget import Budget, solve_again, uncertainty_budget
+from calstation.results import Result, StageChain, one_blas_thread, stage_diagnostics
+
+#: Fractions of the job's progress: after the first solution, and after the residuals.
+_SOLVED, _RESIDUALS = 0.2, 0.25
+
+
+@dataclass(frozen=True)
+class Analysis:
+    """Evidence from the samples of a log."""
+
+    time: FloatArray  #: Time of each point since the first sample, s, shape (m,).
+    sigma: FloatArray  #: Standard deviations of the 30 parameters at these points, SI, shape (m, 30).
+    spans: Mapping[str, tuple[float, float]]  #: Begin and end of the samples of every stage, s.
+    rests: Mapping[str, RestResiduals]  #: Residuals at the rests of every stage.
+    before: FloatArray  #: Standard deviations of the 30 parameters before the first stage, SI, shape (30,).
+    after: FloatArray  #: The same after the last stage.
+    budget: Budget
+    spoilt: int  #: Number of samples that were marked invalid.
+    warnings: tuple[Text, ...]  #: Warnings during the run, from the events of the log.
+    identified: Mapping[str, str]  #: Names and serial numbers that table and IMU reported; empty if unknown.
+
+
+class _Watch:
+    """Collects the sigmas of a chain while it is fed."""
+
+    def __init__(self, log: Log, result: Result) -> None:
+        self.chain = StageChain(log.meta)
+        self._rate, self._first = log.meta.imu.sample_rate_hz, result.log.first_seq
+        self._length = max(result.log.last_seq - self._first, 1)
+        self.time: list[float] = []
+        self.sigma: list[FloatArray] = []
+        self.spans: dict[str, tuple[float, float]] = {}
+        self.spoilt = 0
+
+    def see(self, block: SampleBlock) -> None:
+        self.spoilt += int(np.count_nonzero(~block.valid))
+
+    def look(self, done: float, stage: str) -> None:
+        now = done * self._length / self._rate
+        self.spans[stage] = (self.spans.get(stage, (now, now))[0], now)
+        if not self.time or now > self.time[-1]:
+            self.time.append(now)
+            self.sigma.append(self.chain.sigma())
+
+    def end(self) -> None:
+        self.time.append(self._length / self._rate)
+        self.sigma.append(self.chain.solutions[-1].belief.sigma)
+
+
+def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
+    """Solve the log of a result again, several times, and return what its samples show. Raises InputError."""
+    watch = _Watch(log, result)
+
+    def look(done: float, stage: str) -> None:
+        report(_SOLVED * done, note=stage)
+        watch.look(done, stage)
+
+    chain = solve_again(log, result, log.meta, look, watch.chain, watch.see)
+    watch.end()
+    with one_blas_thread():
+        diagnosed = stage_diagnostics(log, chain, result.log.first_seq, result.log.last_seq)
+    report(_RESIDUALS)
+    budget = uncertainty_budget(
+        log, result, chain, lambda done, stage: report(_RESIDUALS + (1.0 - _RESIDUALS) * done, note=stage)
+    )
+    return Analysis(
+        np.array(watch.time),
+        np.array(watch.sigma),
+        watch.spans,
+        {d.stage: d.rests for d in diagnosed},
+        chain.prior.sigma,
+        chain.solutions[-1].belief.sigma,
+        budget,
+        watch.spoilt,
+        tuple(_warnings(log)),
+        next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),
+    )
+
+
+def _warnings(log: Log) -> Iterator[Text]:
+    """Yield the warnings of the run, each once."""
+    seen: set[str] = set()
+    for event in log.events:
+        if event.get("event") != "Message":
+            continue
+        text = event_text(event["id"], values_from_json(event["values"]))
+        if known(text.code) and entry(text.code).severity == "warning" and str(text) not in seen:
+            seen.add(str(text))
+            yield text

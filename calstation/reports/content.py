@@ -1,0 +1,191 @@
+"""Content of a calibration certificate, built from a result and the configuration in its log alone."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta
+from pathlib import PureWindowsPath
+from typing import Literal
+
+import numpy as np
+
+from calstation.errors import InputError
+from calstation.physics import INDEX, PARAMETERS, FloatArray, compose, further_parameter
+from calstation.records import InstrumentSection, LaboratorySection, Limit, LogMeta
+from calstation.reports.budget import Budget
+from calstation.results import Result
+
+#: Coverage factor of expanded uncertainties: a coverage of about 95 % for a normal distribution.
+COVERAGE_FACTOR = 2.0
+
+Decision = Literal["passed", "failed", "not_judged"]
+#: Statement of conformity; ``partial`` is that of a run of some stages of the product that are within their limits.
+Verdict = Literal["passed", "failed", "partial", "not_judged"]
+
+#: Endings of the names of logs, which the number of a certificate omits.
+_SUFFIXES = (".h5", ".csv", ".csv.gz")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A calibrated quantity, SI."""
+
+    name: str  #: Contract name.
+    value: float
+    sigma: float  #: Standard uncertainty.
+    unit: str
+    stage: str  #: The last stage that estimated it.
+    unobservable: bool  #: Whether the run's own data did not determine it.
+    limit: tuple[float, float] | None  #: Lowest and highest permitted value.
+    sigma_limit: float | None  #: Largest permitted standard uncertainty.
+    #: Remaining error of the unit with its registers before and after the run; None if unknown.
+    as_found: float | None
+    as_left: float | None
+    decision: Decision
+    #: Probability that the decision about the value is wrong: false accept or false reject; None without limits.
+    risk: float | None = None
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """A calibration certificate."""
+
+    number: str  #: Unique identification, without the revision.
+    revision: int  #: 0 for the first issue.
+    supersedes: str | None  #: For a revision: identification and date of issue of the certificate that it replaces.
+    reason: str | None  #: For a revision: why it was made.
+    issued: date
+    result: Result
+    meta: LogMeta
+    laboratory: LaboratorySection | None
+    instruments: tuple[InstrumentSection, ...]
+    quantities: tuple[Quantity, ...]
+    correlation: FloatArray  #: Correlation coefficients in the order of `quantities`, shape (n, n).
+    budget: Budget | None  #: None if it was not computed.
+    verdict: Verdict
+    rule: str  #: Decision rule, see `calstation.results.conformity`.
+
+    @property
+    def identification(self) -> str:
+        """Number and, from the first revision on, revision."""
+        return f"{self.number}-R{self.revision}" if self.revision else self.number
+
+
+def build_certificate(
+    result: Result,
+    meta: LogMeta,
+    *,
+    issued: date | None = None,
+    revision: int = 0,
+    supersedes: str | None = None,
+    reason: str | None = None,
+    budget: Budget | None = None,
+) -> Certificate:
+    """Build the certificate of a result; `meta` is the configuration in its log.
+
+    By default it is issued on the day (UTC) on which the run ended. Raises InputError if that day is unknown, or if the
+    result has no parameters.
+    """
+    if not result.parameters:
+        raise InputError("report.no_parameters", log=result.log.file)
+    quantities = tuple(_quantities(result, meta))
+    return Certificate(
+        number=certificate_number(result),
+        revision=revision,
+        supersedes=supersedes,
+        reason=reason,
+        issued=issued or performed(result)[1],
+        result=result,
+        meta=meta,
+        laboratory=meta.laboratory,
+        instruments=tuple(meta.instruments),
+        quantities=quantities,
+        correlation=_correlation([q.name for q in quantities], result.correlation),
+        budget=budget,
+        verdict=_verdict(result),
+        rule="simple" if result.conformity is None else result.conformity.rule,
+    )
+
+
+def certificate_number(result: Result) -> str:
+    """Return the number of a certificate, which is the name of its log without ending."""
+    name = PureWindowsPath(result.log.file).name
+    return next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
+
+
+def performed(result: Result) -> tuple[date, date]:
+    """Return the first and the last day (UTC) of the calibration. Raises InputError if they are unknown."""
+    if result.started_utc is None:
+        raise InputError("report.no_date", log=result.log.file)
+    # The cycle includes the parts of a run that are not recorded, such as warm-up and transfer.
+    seconds = sum(part.seconds for part in result.cycle) or result.duration_s
+    begin = datetime.fromisoformat(result.started_utc).astimezone(UTC)
+    return begin.date(), (begin + timedelta(seconds=seconds)).date()
+
+
+def _verdict(result: Result) -> Verdict:
+    if not result.judged or result.passed is None:
+        return "not_judged"
+    if not result.passed:
+        return "failed"
+    return "partial" if result.partial else "passed"
+
+
+def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
+    limits = meta.product.limits if meta.product is not None else {}
+    before, after = _remaining(result, meta)
+    decisions: dict[str, Decision] = {}
+    for check in result.checks:
+        if check.kind in ("within", "sigma_below") and decisions.get(check.subject) != "failed":
+            decisions[check.subject] = "passed" if check.passed else "failed"
+    judged = {} if result.conformity is None else result.conformity.parameters
+    rows = []
+    for name, found in result.parameters.items():
+        limit = limits.get(name, limits.get(group_of(name), Limit()))
+        rows.append(
+            Quantity(
+                name=name,
+                value=found.value,
+                sigma=found.sigma,
+                unit=found.unit,
+                stage=found.stage,
+                unobservable=name in result.unobservable,
+                limit=limit.interval,
+                sigma_limit=limit.sigma_limit(found.stage),
+                as_found=before.get(name),
+                as_left=after.get(name),
+                decision=decisions.get(name, "not_judged") if result.judged else "not_judged",
+                risk=judged[name].probability if name in judged else None,
+            )
+        )
+    return rows
+
+
+def group_of(name: str) -> str:
+    """Return the group of a parameter, or the name itself if it is unknown."""
+    parameter = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
+    return name if parameter is None else parameter.group
+
+
+def _remaining(result: Result, meta: LogMeta) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    """Return the errors that remain with the registers before and after the run: the estimate minus the register.
+
+    A stream that follows the registers shows what remains; with them it gives the error of the uncorrected output.
+    """
+    values = {name: found.value for name, found in result.parameters.items()}
+    total = compose(meta.registers, values) if meta.registers else values
+    old: Mapping[str, float] = meta.registers if result.registers is None else result.registers.old
+    new = old if result.registers is None or result.registers.new is None else result.registers.new
+    before, after = (
+        {name: total[name] - held[name] for name in values if name in held and name in total} for held in (old, new)
+    )
+    return before, after
+
+
+def _correlation(names: list[str], known: Mapping[str, Mapping[str, float]]) -> FloatArray:
+    matrix = np.eye(len(names))
+    at = {name: k for k, name in enumerate(names)}
+    for name, row in known.items():
+        for other, coefficient in row.items():
+            if name in at and other in at:
+                matrix[at[name], at[other]] = matrix[at[other], at[name]] = coefficient
+    return matrix

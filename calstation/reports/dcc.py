@@ -1,0 +1,342 @@
+"""Digital calibration certificate: the XML of PTB's schema 3.3.0.
+
+Sources: dcc.xsd 3.3.0 (https://ptb.de/dcc), and the names of `refType` in PTB's good practice examples. Texts are in
+English and Chinese, whatever the language of the report.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from datetime import date
+from functools import partial
+from itertools import compress, groupby
+
+import numpy as np
+from lxml import etree
+from lxml.builder import ElementMaker
+
+from calstation import __version__
+from calstation.messages import Language, Text, known, parameter_name, render, term
+from calstation.physics import INDEX, pair_name
+from calstation.records import InstrumentSection, context_from_meta
+from calstation.reports.content import Certificate, Quantity, group_of, performed
+from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
+
+SCHEMA_VERSION = "3.3.0"
+_NAMESPACES = {
+    "dcc": "https://ptb.de/dcc",
+    "si": "https://ptb.de/si",
+    "xsi": "http://www.w3.org/2001/XMLSchema-instance",
+}
+_DCC = ElementMaker(namespace=_NAMESPACES["dcc"], nsmap=_NAMESPACES)
+
+_LANGUAGES: Mapping[str, Language] = {"en": "en", "zh": "zh_CN"}
+#: Standard to whose clauses statements refer.
+_NORM = "ISO/IEC 17025:2017"
+#: ISO 3166-1 code, assigned to users, of a country that the station does not state.
+_NO_COUNTRY = "ZZ"
+
+
+def write_dcc(certificate: Certificate, deviations: Iterable[Text] = ()) -> bytes:
+    """Return the digital calibration certificate with `deviations` from the method; the same input, the same bytes."""
+    root = _DCC(
+        "digitalCalibrationCertificate",
+        _administrative_data(certificate, deviations),
+        _DCC("measurementResults", _measurement_result(certificate)),
+        schemaVersion=SCHEMA_VERSION,
+    )
+    location = f"{_NAMESPACES['dcc']} https://ptb.de/dcc/v{SCHEMA_VERSION}/dcc.xsd"
+    root.set(f"{{{_NAMESPACES['xsi']}}}schemaLocation", location)
+    etree.indent(root, " ")
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8") + b"\n"
+
+
+def _administrative_data(certificate: Certificate, deviations: Iterable[Text]) -> etree._Element:
+    laboratory = certificate.laboratory
+    return _DCC(
+        "administrativeData",
+        _DCC("dccSoftware", _software(__version__)),
+        _core_data(certificate),
+        _DCC("items", *_items(certificate)),
+        _calibration_laboratory(certificate),
+        _DCC("respPersons", *_responsible(certificate)),
+        _contact(
+            "customer",
+            laboratory.customer if laboratory else None,
+            laboratory.customer_address if laboratory else None,
+        ),
+        _DCC("statements", *_statements(certificate), *map(_deviation, deviations)),
+    )
+
+
+def _core_data(certificate: Certificate) -> etree._Element:
+    laboratory, log = certificate.laboratory, certificate.result.log
+    begin, end = _performed(certificate)
+    core = _DCC("coreData", _DCC("countryCodeISO3166_1", (laboratory and laboratory.country) or _NO_COUNTRY))
+    core.extend(_DCC("usedLangCodeISO639_1", code) for code in _LANGUAGES)
+    core.append(_DCC("mandatoryLangCodeISO639_1", "en"))
+    core.append(_DCC("uniqueIdentifier", _token(certificate.identification)))
+    if log.sha256:
+        core.append(_DCC("identifications", _identification("calibrationLaboratory", log.sha256, "log")))
+    core.append(_DCC("beginPerformanceDate", begin.isoformat()))
+    core.append(_DCC("endPerformanceDate", end.isoformat()))
+    core.append(_DCC("performanceLocation", "other" if laboratory and laboratory.place else "laboratory"))
+    core.append(_DCC("issueDate", certificate.issued.isoformat()))
+    if certificate.supersedes is not None:
+        change = _DCC("typeOfChange", "substituted")
+        previous = replace(certificate, revision=certificate.revision - 1).identification
+        replaced = _DCC("replacedUniqueIdentifier", _token(previous))
+        core.append(_DCC("reportAmendedSubstituted", change, replaced))
+    return core
+
+
+def _performed(certificate: Certificate) -> tuple[date, date]:
+    """Return first and last day of the calibration, UTC."""
+    if certificate.result.started_utc is None:
+        return certificate.issued, certificate.issued
+    return performed(certificate.result)
+
+
+def _items(certificate: Certificate) -> Iterable[etree._Element]:
+    product = certificate.meta.product
+    model = [_DCC("model", _token(product.name))] if product is not None else []
+    serial = _identification("manufacturer", certificate.result.serial, "serial")
+    yield _DCC("item", _name("unit"), *model, _DCC("identifications", serial))
+    for number, imu in certificate.meta.secondaries.items():
+        serial = _identification("manufacturer", imu.serial, "serial")
+        yield _DCC("item", _name("secondary", number=number), _DCC("identifications", serial))
+
+
+def _calibration_laboratory(certificate: Certificate) -> etree._Element:
+    laboratory = certificate.laboratory
+    if laboratory is None:
+        return _DCC("calibrationLaboratory", _contact("contact", certificate.result.station, None))
+    code = [_DCC("calibrationLaboratoryCode", _token(laboratory.accreditation))] if laboratory.accreditation else []
+    contact = _contact("contact", laboratory.name, laboratory.address, laboratory.country)
+    return _DCC("calibrationLaboratory", *code, contact)
+
+
+def _responsible(certificate: Certificate) -> Iterable[etree._Element]:
+    signatories = certificate.laboratory.signatories if certificate.laboratory else []
+    for number, signatory in enumerate(signatories):
+        name, _, role = (part.strip() for part in signatory.partition(","))
+        further = [_DCC("role", role)] if role else []
+        further += [_DCC("mainSigner", "true")] if number == 0 else []
+        yield _DCC("respPerson", _DCC("person", _DCC("name", _plain(name))), *further)
+    operator = certificate.result.operator
+    if not signatories and operator:
+        yield _DCC("respPerson", _DCC("person", _DCC("name", _plain(operator))), _DCC("role", term("dcc", "operator")))
+    elif not signatories:
+        yield _DCC("respPerson", _DCC("person", _name("not_stated")))
+
+
+def _statements(certificate: Certificate) -> Iterable[etree._Element]:
+    yield _DCC(
+        "statement",
+        _name("items_only"),
+        _DCC("norm", _NORM),
+        _DCC("reference", "7.8.2.1 l)"),
+        _rich("declaration", "items_only_text"),
+    )
+    texts = (("dcc", certificate.verdict), ("certificate", f"rule_{certificate.rule}"))
+    conformity = {"passed": [_DCC("conformity", "pass")], "failed": [_DCC("conformity", "fail")]}
+    yield _DCC(
+        "statement",
+        _name("conformity"),
+        _DCC("norm", _NORM),
+        _DCC("reference", "7.8.6"),
+        _texts("declaration", lambda language: " ".join(term(*text, language) for text in texts)),
+        *conformity.get(certificate.verdict, []),
+        refType="basic_conformity",
+    )
+    if certificate.supersedes is not None:
+        replaced = ". ".join(filter(None, (certificate.supersedes, certificate.reason)))
+        yield _DCC("statement", _name("superseded"), _DCC("declaration", _plain(replaced)))
+    if certificate.laboratory is not None and certificate.laboratory.place is not None:
+        further = _DCC("further", _plain(certificate.laboratory.place))
+        yield _DCC("statement", _name("place"), _DCC("location", further))
+
+
+def _deviation(text: Text) -> etree._Element:
+    declared = _texts("declaration", lambda language: render(text.code, text.values, language, window=True).sentences)
+    return _DCC("statement", _name("deviation"), _DCC("norm", _NORM), _DCC("reference", "7.8.2.1 n)"), declared)
+
+
+def _measurement_result(certificate: Certificate) -> etree._Element:
+    software = certificate.result.software
+    result = _DCC("measurementResult", _name("results"), _DCC("usedMethods", *_methods(certificate)))
+    result.append(_DCC("usedSoftware", _software(software.version if software is not None else __version__)))
+    if certificate.instruments:
+        result.append(_DCC("measuringEquipments", *map(_equipment, certificate.instruments)))
+    result.append(_DCC("influenceConditions", *_conditions(certificate)))
+    result.append(_DCC("results", *_results(certificate)))
+    return result
+
+
+def _methods(certificate: Certificate) -> Iterable[etree._Element]:
+    yield _DCC(
+        "usedMethod",
+        _name("uncertainty"),
+        _rich("description", "uncertainty_text"),
+        _DCC("norm", "JCGM 100:2008"),
+        _DCC("norm", "JCGM 102:2011"),
+        refType="basic_uncertainty",
+    )
+    for stage in certificate.result.solved_stages:
+        name = _texts("name", partial(term, "stage", stage))
+        words = ("certificate", f"stage_{stage}")
+        described = [_texts("description", partial(term, *words))] if known(".".join(words)) else []
+        yield _DCC("usedMethod", name, *described)
+
+
+def _equipment(instrument: InstrumentSection) -> etree._Element:
+    equipment = _DCC("measuringEquipment", _DCC("name", _plain(instrument.name)), refType="basic_normalUsed")
+    dates = {"calibrated": instrument.calibrated, "due": instrument.due}
+    days = {key: day.isoformat() for key, day in dates.items() if day is not None}
+    if days:
+
+        def described(language: Language) -> str:
+            return "; ".join(term("dcc", key, language, date=day) for key, day in days.items())
+
+        equipment.append(_texts("description", described))
+    known_as = [("manufacturer", instrument.serial, "serial"), ("other", instrument.certificate, "certificate")]
+    identifications = [_identification(issuer, value, key) for issuer, value, key in known_as if value is not None]
+    if identifications:
+        equipment.append(_DCC("identifications", *identifications))
+    return equipment
+
+
+def _conditions(certificate: Certificate) -> Iterable[etree._Element]:
+    temperature = certificate.result.temperature_c
+    if temperature is not None:
+        rows: tuple[tuple[str, float, dict[str, str]], ...] = (
+            ("minimum", temperature.min, {"refType": "basic_temperatureMin"}),
+            ("mean", temperature.mean, {}),
+            ("maximum", temperature.max, {"refType": "basic_temperatureMax"}),
+        )
+        quantities = [_DCC("quantity", _name(key), real(value, r"\degreecelsius"), **kind) for key, value, kind in rows]
+        name, data = _name("temperature"), _DCC("data", *quantities)
+        yield _DCC("influenceCondition", name, data, refType="basic_temperature")
+    section, site = certificate.meta.site, context_from_meta(certificate.meta).site
+    places = (
+        ("latitude", section.latitude_deg, r"\degree"),
+        ("longitude", section.longitude_deg, r"\degree"),
+        ("height", section.height_m, r"\metre"),
+    )
+    located = [_DCC("quantity", _name(key), real(value, unit)) for key, value, unit in places]
+    yield _DCC("influenceCondition", _name("location"), _DCC("data", *located))
+    gravity = real(site.local_gravity, dsi_unit("m/s²"), site.relative_gravity_sigma * site.local_gravity)
+    yield _DCC("influenceCondition", _name("gravity"), _DCC("data", _DCC("quantity", _name("gravity"), gravity)))
+
+
+def _results(certificate: Certificate) -> Iterable[etree._Element]:
+    """Yield the values; the covariance of those of the error model, where the result has it; and what remains."""
+    quantities = certificate.quantities
+    groups = [_group(group, rows, _judgement(rows)) for group, rows in _by_group(quantities)]
+    yield _DCC("result", _name("parameters"), _DCC("data", *groups))
+    correlated = np.array([row.name in INDEX for row in quantities])
+    if certificate.result.correlation and correlated.any():
+        rows = list(compress(quantities, correlated))
+        sigmas = np.array([row.sigma for row in rows])
+        covariance = certificate.correlation[np.ix_(correlated, correlated)] * np.outer(sigmas, sigmas)
+        joint = _DCC("quantity", joint_list(*_columns(rows), [row.value for row in rows], covariance))
+        yield _DCC("result", _name("joint"), _rich("description", "joint_text"), _DCC("data", joint))
+    for key, status in (("as_found", "beforeAdjustment"), ("as_left", "afterAdjustment")):
+        known_rows = [q for q in quantities if getattr(q, key) is not None]
+        if known_rows:
+            lists = [_group(group, rows, _adjustment(key, status), key) for group, rows in _by_group(known_rows)]
+            yield _DCC("result", _name(key), _rich("description", f"{key}_text"), _DCC("data", *lists))
+
+
+def _by_group(quantities: Iterable[Quantity]) -> list[tuple[str, list[Quantity]]]:
+    return [(group, list(rows)) for group, rows in groupby(quantities, lambda row: _group_of(row.name))]
+
+
+def _group_of(name: str) -> str:
+    """Return the group of a quantity, with the number of the IMU from the third on."""
+    number = "".join(filter(str.isdigit, name))
+    group = group_of(name)
+    return pair_name(group, int(number)) if number else group
+
+
+def _group(group: str, rows: list[Quantity], further: list[etree._Element], key: str = "value") -> etree._Element:
+    """Return the values of a group, or what remains of them as found or as left, with their expanded uncertainties."""
+    name = _texts("name", partial(parameter_name, group))
+    values = real_list(*_columns(rows), [getattr(row, key) for row in rows], [row.sigma for row in rows])
+    kind = "basic_measuredValue" if key == "value" else "basic_measurementError"
+    quantity = _DCC("quantity", values, *further, refType=kind)
+    return _DCC("list", name, quantity)
+
+
+def _columns(rows: Iterable[Quantity]) -> tuple[list[str], list[str]]:
+    """Return names and units."""
+    return [row.name for row in rows], [row.unit for row in rows]
+
+
+def _judgement(rows: list[Quantity]) -> list[etree._Element]:
+    """Return limits and decisions of a group; none if the limits do not judge all of its quantities."""
+    if any(row.decision == "not_judged" for row in rows):
+        return []
+    limits = {
+        ("limit_lower", "basic_toleranceLimitLower"): [row.limit[0] for row in rows if row.limit is not None],
+        ("limit_upper", "basic_toleranceLimitUpper"): [row.limit[1] for row in rows if row.limit is not None],
+        ("limit_uncertainty", ""): [row.sigma_limit for row in rows if row.sigma_limit is not None],
+    }
+    quantities = []
+    for (key, kind), values in limits.items():
+        if len(values) == len(rows):
+            attributes = {"refType": kind} if kind else {}
+            quantities.append(_DCC("quantity", _name(key), real_list(*_columns(rows), values), **attributes))
+    decided = _DCC("conformityXMLList", " ".join("pass" if row.decision == "passed" else "fail" for row in rows))
+    data = [_DCC("data", _DCC("list", *quantities))] if quantities else []
+    return [
+        _DCC("measurementMetaData", _DCC("metaData", _name("conformity"), decided, *data, refType="basic_conformity"))
+    ]
+
+
+def _adjustment(key: str, status: str) -> list[etree._Element]:
+    data = _DCC("data", _rich("text", f"{key}_text"))
+    condition = _DCC(
+        "influenceCondition", _name("adjustment"), _DCC("status", status), data, refType="basic_adjustment"
+    )
+    return [_DCC("influenceConditions", condition)]
+
+
+def _token(text: str) -> str:
+    """Return a text without blanks at its ends, as the schema requires of identifiers."""
+    return text.strip() or "-"
+
+
+def _plain(text: str) -> etree._Element:
+    """Return a text of the site, whose language is unknown."""
+    return _DCC("content", text)
+
+
+def _texts(tag: str, write: Callable[[Language], str]) -> etree._Element:
+    """Return an element with a text in each language."""
+    return _DCC(tag, *(_DCC("content", write(language), lang=code) for code, language in _LANGUAGES.items()))
+
+
+def _rich(tag: str, *keys: str) -> etree._Element:
+    """Return an element with sentences of the catalogue, one after the other."""
+    return _texts(tag, lambda lang: ("" if lang == "zh_CN" else " ").join(term("dcc", key, lang) for key in keys))
+
+
+def _name(key: str, **values: object) -> etree._Element:
+    return _texts("name", lambda language: term("dcc", key, language, **values))
+
+
+def _software(version: str) -> etree._Element:
+    return _DCC(
+        "software", _DCC("name", _plain("calstation")), _DCC("release", f"v{version}"), _DCC("type", "application")
+    )
+
+
+def _identification(issuer: str, value: str, key: str) -> etree._Element:
+    return _DCC("identification", _DCC("issuer", issuer), _DCC("value", _token(value)), _name(key))
+
+
+def _contact(tag: str, name: str | None, address: str | None, country: str | None = None) -> etree._Element:
+    location = _DCC("location", _DCC("further", _plain(address)) if address else _rich("further", "not_stated"))
+    if country is not None:
+        location.append(_DCC("countryCode", country))
+    return _DCC(tag, _DCC("name", _plain(name)) if name else _name("not_stated"), location)

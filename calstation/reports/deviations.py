@@ -1,0 +1,120 @@
+"""Deviations of a run from its method, and what else a reader of its certificate must know."""
+
+import tomllib
+from collections.abc import Iterator, Sequence
+from datetime import date, datetime
+
+from calstation.errors import CalstationError
+from calstation.messages import Text
+from calstation.reports.analysis import Analysis
+from calstation.reports.content import Certificate
+from calstation.results import Result, cause_text
+from procedures import DEFAULT_STAGES, method
+
+#: Names listed in a deviation; more are only counted by the table that has them all.
+_MOST = 8
+
+
+def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
+    """Yield the deviations, the most important first."""
+    result = certificate.result
+    if is_simulated(certificate):
+        yield Text("certificate.d_simulated")
+    yield from _of_end(result)
+    yield from _of_values(certificate)
+    yield from _of_data(result, analysis)
+    yield from _of_traceability(certificate)
+    yield from analysis.warnings
+
+
+def is_simulated(certificate: Certificate) -> bool:
+    """Whether the run was made on the virtual bench."""
+    run = certificate.meta.run
+    return run is not None and run.seed is not None
+
+
+def _of_end(result: Result) -> Iterator[Text]:
+    fault: CalstationError | None = result.fault
+    if fault is not None or result.error is not None:
+        yield Text.of("certificate.d_fault", reason=result.error if fault is None else fault.as_text)
+    elif result.stop_reason is not None:
+        yield Text.of("certificate.d_stopped", reason=result.stop_reason)
+    if result.outcome == "resolved":
+        software = result.software.version if result.software is not None else "–"
+        yield Text.of("certificate.d_resolved", software=software)
+    elif result.registers is None or result.registers.new is None:
+        yield Text("certificate.d_registers_kept")
+    elif not result.registers.verified:
+        yield Text("certificate.d_unverified")
+    if result.override is not None:
+        people = ", ".join(filter(None, (result.override.by, result.override.confirmed_by)))
+        yield Text.of("certificate.d_released", by=people, date=result.override.utc[:10], why=result.override.why)
+    if result.resumed_from is not None:
+        yield Text.of("certificate.d_resumed", log=result.resumed_from)
+    if result.attempt > 1:
+        yield Text.of("certificate.d_attempt", attempt=result.attempt)
+
+
+def _of_values(certificate: Certificate) -> Iterator[Text]:
+    result = certificate.result
+    if result.partial:
+        product = tomllib.loads(certificate.meta.profiles.get("product", ""))
+        omitted = [stage for stage in product.get("stages", DEFAULT_STAGES) if stage not in result.stages]
+        yield Text.of("certificate.d_partial", stages=omitted)
+    if result.calibration is not None:
+        used = result.calibration
+        yield Text.of("certificate.d_calibration", date=used.started_utc[:10], log=used.log)
+        if used.not_improved:
+            yield Text.of("certificate.d_not_improved", names=_names(used.not_improved))
+    if result.undetermined:
+        yield Text.of("certificate.d_unobservable", names=_names(result.undetermined))
+    left = [name for name in result.not_compared if name not in result.unobservable]
+    if left:
+        yield Text.of("certificate.d_not_compared", names=_names(left))
+    for stage, reason in result.missing_data.items():
+        yield Text.of("certificate.d_missing_data", stage=stage, reason=reason)
+    if result.states_added:
+        yield Text.of("certificate.d_states", names=[Text(f"group.{name}") for name in result.states_added])
+    for check in result.failed_checks:
+        cause = cause_text(check)
+        if cause is not None:
+            yield Text.of("certificate.d_cause", check=check.name, cause=cause)
+    near = [check.subject for check in result.checks if check.near_miss and check.subject in result.parameters]
+    if near:
+        yield Text.of("certificate.d_near", names=_names(list(dict.fromkeys(near))))
+
+
+def _of_data(result: Result, analysis: Analysis) -> Iterator[Text]:
+    for stage, found in result.consistency.items():
+        if found.warning:
+            yield Text.of("certificate.d_warning", stage=stage, value=found.nis_mean, low=found.nis_low)
+    if result.log.gaps:
+        yield Text.of("certificate.d_gaps", count=result.log.gaps)
+    if result.log.damaged:
+        yield Text.of("certificate.d_damaged", count=sum(part.rows for part in result.log.damaged))
+    if analysis.spoilt:
+        yield Text.of("certificate.d_spoilt", count=analysis.spoilt)
+
+
+def _of_traceability(certificate: Certificate) -> Iterator[Text]:
+    day = _performed(certificate)
+    for instrument in certificate.instruments:
+        if instrument.due is not None and instrument.due < day:
+            yield Text.of("certificate.d_overdue", name=instrument.name, due=instrument.due.isoformat())
+    with_table = [stage for stage in certificate.result.stages if not method(stage).needs_no_table]
+    tables = [i for i in certificate.instruments if i.kind == "table" and i.certificate is not None]
+    if with_table and not tables:
+        yield Text("certificate.d_no_table")
+
+
+def _performed(certificate: Certificate) -> date:
+    started = certificate.result.started_utc
+    return certificate.issued if started is None else datetime.fromisoformat(started).date()
+
+
+def _names(names: Sequence[str]) -> list[Text | str]:
+    """Return the parameters as parts of a sentence; of many, their number."""
+    listed: list[Text | str] = [Text.of("certificate.parameter", name=name) for name in names[:_MOST]]
+    if len(names) > _MOST:
+        listed.append(Text.of("certificate.more", count=len(names) - _MOST))
+    return listed

@@ -1,0 +1,401 @@
+"""The data of a certificate's template: texts in one language, rounded numbers, and the points of its charts."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from datetime import datetime, timedelta
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from calstation import __version__
+from calstation.messages import Language, Text, known, parameter_name, render, term
+from calstation.physics import (
+    DEGREE,
+    INDEX,
+    NOISE_DISPLAY,
+    display,
+    display_by_unit,
+    unit_of_parameter,
+)
+from calstation.records import Check, context_from_meta
+from calstation.reports.analysis import Analysis
+from calstation.reports.budget import SOURCES
+from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity, group_of
+from calstation.reports.deviations import deviations, is_simulated
+from calstation.reports.numbers import NONE, check_unit, in_display, interval, percentage, rounded, short
+from calstation.results import Verification, plain
+from procedures import method
+
+#: Shares of the noise found in the data below this are rounding and nonlinearity, and get no column.
+_NEGLIGIBLE = 0.005
+#: Display units of checks whose own unit is that of other quantities too.
+_UNITS = {"latitude": ("°", DEGREE), "sample_clock": ("ppm", 1e-6)}
+#: Largest number of failed checks that the verdict names.
+_MOST_NAMED = 4
+
+
+def document(certificate: Certificate, analysis: Analysis, language: Language) -> dict[str, Any]:
+    """Return the data of the template."""
+    built = _Document(certificate, analysis, language).sections()
+    plain_data: dict[str, Any] = plain(built)
+    return plain_data
+
+
+class _Document:
+    def __init__(self, certificate: Certificate, analysis: Analysis, language: Language) -> None:
+        self._certificate, self._analysis, self._language = certificate, analysis, language
+        self._result, self._meta = certificate.result, certificate.meta
+        self._groups = [(g, list(rows)) for g, rows in groupby(certificate.quantities, lambda q: group_of(q.name))]
+
+    def sections(self) -> dict[str, Any]:
+        certificate, result, laboratory = self._certificate, self._result, self._certificate.laboratory
+        return {
+            "language": "zh" if self._language == "zh_CN" else "en",
+            "number": certificate.identification,
+            "supersedes": certificate.supersedes,
+            "reason": certificate.reason,
+            "issued": certificate.issued.isoformat(),
+            "verdict": certificate.verdict,
+            "verdict_text": self._say(self._verdict()),
+            "simulated": self._say(Text("certificate.d_simulated")) if is_simulated(certificate) else None,
+            "rule": self._say(Text(f"certificate.rule_{certificate.rule}")),
+            "coverage_factor": f"{COVERAGE_FACTOR:g}",
+            "laboratory": None if laboratory is None else laboratory.model_dump(),
+            "unit": {"serial": result.serial, "product": result.product, "imu": self._file("imu")},
+            "performed": self._performed(),
+            "operator": result.operator,
+            "station": result.station,
+            "groups": [self._group(*group) for group in self._groups],
+            "checks": [self._check(check) for check in result.checks if check.subject not in result.parameters],
+            "budget": self._budget(),
+            "stages": [self._stage(stage) for stage in result.stages],
+            "environment": self._environment(),
+            "instruments": [instrument.model_dump() for instrument in certificate.instruments],
+            "identified": self._analysis.identified,
+            "deviations": [self._say(text) for text in deviations(certificate, self._analysis)],
+            "registers": self._registers(),
+            "configuration": self._configuration(),
+            "charts": self._charts(),
+        }
+
+    def _say(self, text: Text) -> str:
+        return render(text.code, text.values, self._language, window=True).sentences
+
+    def _file(self, kind: str) -> str | None:
+        file = self._result.configuration.get(kind)
+        return None if file is None else file.name
+
+    def _verdict(self) -> Text:
+        result, verdict = self._result, self._certificate.verdict
+        if verdict == "passed":
+            return Text("certificate.passed")
+        if verdict == "partial":
+            return Text.of("certificate.partial", stages=result.stages)
+        if verdict == "failed":
+            failed = result.failed_checks
+            names = [self._check_text(check) for check in failed[:_MOST_NAMED]]
+            between = "；" if self._language == "zh_CN" else "; "
+            text = between.join(names) + (" …" if len(failed) > _MOST_NAMED else "")
+            return Text.of("certificate.failed", count=len(failed), names=text)
+        if not result.judged:
+            return Text.of("certificate.ended", outcome=result.outcome)
+        limits = self._meta.product is not None and (self._meta.product.limits or self._meta.product.checks)
+        return Text("certificate.not_complete" if limits else "certificate.no_limits")
+
+    def _performed(self) -> dict[str, str]:
+        result = self._result
+        if result.started_utc is None:
+            return {"date": NONE, "begin": NONE, "end": NONE}
+        begin = datetime.fromisoformat(result.started_utc)
+        seconds = sum(part.seconds for part in result.cycle) or result.duration_s
+        end = begin + timedelta(seconds=seconds if math.isfinite(seconds) else 0.0)
+        return {"date": f"{begin:%Y-%m-%d}", "begin": f"{begin:%Y-%m-%d %H:%M}", "end": f"{end:%Y-%m-%d %H:%M}"}
+
+    def _group(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any]:
+        return {
+            "name": _capital(term("group", group, self._language)),
+            "unit": unit_of_parameter(rows[0].name)[0],
+            "rows": [self._row(group, quantity) for quantity in rows],
+        }
+
+    def _row(self, group: str, q: Quantity) -> dict[str, Any]:
+        value, sigma = display(q.name, q.value)[0], display(q.name, q.sigma)[0]
+        expanded = COVERAGE_FACTOR * sigma
+        limit = None if q.limit is None else [display(q.name, end)[0] for end in q.limit]
+        return {
+            "axis": _axis(group, q.name),
+            "value": rounded(value, expanded),
+            "expanded": rounded(expanded, expanded),
+            "limit": NONE if limit is None else interval(limit[0], limit[1]),
+            "sigma_limit": NONE if q.sigma_limit is None else short(display(q.name, q.sigma_limit)[0]),
+            "found": rounded(in_display(q.name, q.as_found), expanded),
+            "left": rounded(in_display(q.name, q.as_left), expanded),
+            "decision": self._decision(q),
+            "risk": NONE if q.risk is None else percentage(q.risk),
+        }
+
+    def _decision(self, q: Quantity) -> str:
+        if not q.unobservable or q.decision != "not_judged":
+            return q.decision
+        return "undetermined" if q.name in self._result.undetermined else "kept"
+
+    def _check_text(self, check: Check) -> str:
+        code, stage = f"check.{check.kind}", check.subject
+        values = {
+            "parameter": parameter_name(check.subject, self._language),
+            "stage": stage,
+            "words": stage.replace("_", " "),
+        }
+        return _capital(render(code, values, self._language, window=True).text) if known(code) else check.name
+
+    def _check(self, check: Check) -> dict[str, Any]:
+        unit, size = _UNITS.get(check.kind) or check_unit(check.unit)
+        if isinstance(check.limit, tuple):
+            limit = interval(check.limit[0] / size, check.limit[1] / size)
+        else:
+            limit = f"≤ {short(check.limit / size)}"
+        return {
+            "text": self._check_text(check),
+            "value": short(check.value / size),
+            "limit": limit,
+            "unit": unit,
+            "decision": "passed" if check.passed else "failed",
+        }
+
+    def _budget(self) -> dict[str, Any] | None:
+        budget = self._certificate.budget
+        if budget is None:
+            return None
+        rows: list[dict[str, Any]] = []
+        for group, quantities in self._groups:
+            known_rows = [q for q in quantities if q.name in budget.variance]
+            if not known_rows:
+                continue
+            total = [sum(budget.variance[q.name].values()) for q in known_rows]
+            # The mean of the shares, so that a badly known axis does not hide the others.
+            shares = {
+                source: float(
+                    np.mean([budget.variance[q.name][source] / t for q, t in zip(known_rows, total, strict=True)])
+                )
+                for source in SOURCES
+            }
+            u = max(display(q.name, q.sigma)[0] for q in known_rows)
+            rows.append(
+                {
+                    "name": _capital(term("group", group, self._language)),
+                    "unit": unit_of_parameter(known_rows[0].name)[0],
+                    "shares": [max(0.0, shares[source]) for source in SOURCES],
+                    "standard": rounded(u, u),
+                    "expanded": rounded(COVERAGE_FACTOR * u, COVERAGE_FACTOR * u),
+                }
+            )
+        largest = [max(row["shares"][k] for row in rows) for k in range(len(SOURCES))]
+        used = [k for k, source in enumerate(SOURCES) if source != "other" or largest[k] > _NEGLIGIBLE]
+        return {
+            "sources": [SOURCES[k] for k in used],
+            "rows": [{**row, "shares": [row["shares"][k] for k in used]} for row in rows],
+            "inputs": self._inputs(),
+        }
+
+    def _inputs(self) -> list[tuple[str, str]]:
+        """Return the names and texts of the uncertainties from which the budget was computed."""
+        imu, table, site = self._meta.imu, self._meta.table, context_from_meta(self._meta).site
+        found = [(name, getattr(imu, name) / size, unit) for name, (_, unit, size) in NOISE_DISPLAY.items()]
+        per_count = {"increment": ("rad", "m/s"), "rate": ("rad/s", "m/s²")}[imu.output]
+        steps = (imu.gyro_quantisation, imu.gyro_lsb), (imu.accel_quantisation, imu.accel_lsb)
+        for sensor, si, (given, count) in zip(("gyro", "accel"), per_count, steps, strict=True):
+            step, unit = display_by_unit(si, count if given is None else given)
+            found.append((f"{sensor}_quantisation", step, unit))
+        for name in ("encoder", "mount", "base_tilt", "azimuth"):
+            angle = getattr(table, f"{name}_sigma_deg")
+            found.append((name, angle, "°") if angle >= 1.0 else (name, 3600.0 * angle, "″"))
+        found.append(("velocity", 1e3 * table.velocity_sigma, "mm/s"))
+        found.append(("gravity", 1e6 * site.relative_gravity_sigma, "ppm"))
+        return [(name, f"{short(value)} {unit}") for name, value, unit in found]
+
+    def _stage(self, stage: str) -> dict[str, Any]:
+        begin, end = self._analysis.spans.get(stage, (math.nan, math.nan))
+        found = self._result.consistency.get(stage)
+        names = set(method(stage).estimates(context_from_meta(self._meta)))
+        words = f"certificate.stage_{stage}"
+        tested = found is not None and found.passed is not None
+        schedule = self._meta.schedule.get(stage, {})
+        return {
+            "name": term("stage", stage, self._language),
+            "text": self._say(Text(words)) if known(words) else "",
+            "minutes": rounded((end - begin) / 60.0, 0.11) if math.isfinite(end) else NONE,
+            "estimates": str(len(names | {q.name for q in self._certificate.quantities if q.stage == stage})),
+            "nis": f"{found.nis_mean:.3g}" if found is not None and tested else NONE,
+            "band": f"{found.nis_low:.2g} … {found.nis_high:.3g}" if found is not None and tested else NONE,
+            "schedule": [
+                f"{name} = {_value_text(value)}" for name, value in schedule.items() if value not in (None, {}, [])
+            ],
+        }
+
+    def _environment(self) -> dict[str, Any]:
+        site, temperature = context_from_meta(self._meta).site, self._result.temperature_c
+        gravity_sigma = site.relative_gravity_sigma * site.local_gravity
+        return {
+            "temperature": None
+            if temperature is None
+            else {"mean": f"{temperature.mean:.1f}", "range": [f"{temperature.min:.1f}", f"{temperature.max:.1f}"]},
+            "latitude": f"{self._meta.site.latitude_deg:.4f}",
+            "longitude": f"{self._meta.site.longitude_deg:.4f}",
+            "height": f"{self._meta.site.height_m:.0f}",
+            "azimuth": None if site.azimuth is None else f"{np.rad2deg(site.azimuth):.3f}",
+            "gravity": rounded(site.local_gravity, 2.0 * gravity_sigma),
+            "gravity_expanded": rounded(2.0 * gravity_sigma, 2.0 * gravity_sigma),
+            "gravity_source": "computed" if site.gravity is None else "surveyed",
+        }
+
+    def _registers(self) -> dict[str, Any] | None:
+        registers = self._result.registers
+        if registers is None or registers.new is None:
+            return None
+        rows = []
+        by_name: dict[str, list[Verification]] = {}
+        for row in registers.proof:
+            by_name.setdefault(row.name, []).append(row)
+        for same in by_name.values():
+            row = max(same, key=lambda row: abs(row.value - row.expected) / row.tolerance)
+            unit, size = check_unit(row.unit)
+            rows.append(
+                {
+                    "text": _capital(term("verification_check", row.name, self._language)),
+                    "value": short(row.value / size),
+                    "expected": short(row.expected / size),
+                    "tolerance": short(row.tolerance / size),
+                    "unit": unit,
+                    "decision": "passed" if all(row.passed for row in same) else "failed",
+                    "count": len(same),
+                }
+            )
+        written = registers.written_utc
+        return {
+            "count": len(registers.new),
+            "verified": registers.verified,
+            "basis": registers.proved_on or "",
+            "written": "" if written is None else written[:16].replace("T", " "),
+            "rows": rows,
+        }
+
+    def _configuration(self) -> dict[str, Any]:
+        result = self._result
+        return {
+            "files": [
+                {"kind": kind, "name": file.name, "version": file.version, "sha256": file.sha256}
+                for kind, file in result.configuration.items()
+            ],
+            "configuration_sha256": result.configuration_sha256,
+            "log": self._certificate.number,
+            "log_sha256": result.log.sha256,
+            "range": f"{result.log.first_seq} … {result.log.last_seq}",
+            "solved_with": result.software.version if result.software is not None else NONE,
+            "written_with": __version__,
+        }
+
+    def _charts(self) -> dict[str, Any]:
+        analysis = self._analysis
+        spans = [
+            {"name": term("stage", stage, self._language), "begin": a / 60.0, "end": b / 60.0}
+            for stage, (a, b) in analysis.spans.items()
+        ]
+        return {
+            "limits": [chart for g, rows in self._groups if (chart := self._limits_chart(g, rows)) is not None],
+            "time": analysis.time / 60.0,
+            "spans": spans,
+            "convergence": [self._convergence(*group) for group in self._groups if self._converges(group[1])],
+            "observability": [
+                {
+                    "name": _capital(term("group", group, self._language)),
+                    "rows": [
+                        {"axis": _axis(group, q.name), "ratio": analysis.before[i] / analysis.after[i]}
+                        for q in rows
+                        if (i := INDEX[q.name]) is not None and analysis.after[i] > 0.0
+                    ],
+                }
+                for group, rows in self._groups
+                if rows[0].name in INDEX
+            ],
+            "rests": [chart for stage in analysis.rests if (chart := self._rests(stage))["series"]],
+        }
+
+    def _limits_chart(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any] | None:
+        points = []
+        for q in rows:
+            if q.limit is None or not all(map(math.isfinite, q.limit)):
+                continue
+            middle, half = 0.5 * (q.limit[0] + q.limit[1]), 0.5 * (q.limit[1] - q.limit[0])
+            points.append(
+                {
+                    "axis": _axis(group, q.name),
+                    "at": (q.value - middle) / half,
+                    "half": COVERAGE_FACTOR * q.sigma / half,
+                    "decision": q.decision,
+                }
+            )
+        return {"name": _capital(term("group", group, self._language)), "points": points} if points else None
+
+    def _converges(self, rows: Sequence[Quantity]) -> bool:
+        """Whether a solver showed the sigmas before its end."""
+        names = [INDEX[q.name] for q in rows if q.name in INDEX]
+        return bool(names) and bool((self._analysis.sigma[-2, names] != self._analysis.sigma[0, names]).any())
+
+    def _convergence(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any]:
+        unit, size = unit_of_parameter(rows[0].name)
+        limits = [q.sigma_limit for q in rows if q.sigma_limit is not None]
+        return {
+            "name": _capital(term("group", group, self._language)),
+            "unit": unit,
+            "limit": min(limits) / size if limits else None,
+            "lines": [
+                {"axis": _axis(group, q.name), "sigma": self._analysis.sigma[:, INDEX[q.name]] / size} for q in rows
+            ],
+        }
+
+    def _rests(self, stage: str) -> dict[str, Any]:
+        rests = self._analysis.rests[stage]
+        (g_unit, g_size), (r_unit, r_size) = check_unit("m/s²"), check_unit("rad/s")
+        series = [
+            ("force", g_unit, rests.force / g_size, rests.force_sigma / g_size),
+            ("vertical", r_unit, rests.vertical_rate / r_size, rests.rate_sigma / r_size),
+            ("horizontal", r_unit, rests.horizontal_rate / r_size, rests.rate_sigma / r_size),
+        ]
+        # Without the biases, the output at rest shows these instead of residuals.
+        found = {group for group, _ in self._groups}
+        calibrated = {
+            "force": "accel_bias" in found,
+            "vertical": "gyro_bias" in found,
+            "horizontal": "gyro_bias" in found,
+        }
+        return {
+            "stage": term("stage", stage, self._language),
+            "up": [rests.axis(k).replace("-", "−") for k in range(len(rests))],
+            "series": [
+                {"name": name, "unit": unit, "value": value, "sigma": sigma}
+                for name, unit, value, sigma in series
+                if calibrated[name] and len(rests)
+            ],
+        }
+
+
+def _axis(group: str, name: str) -> str:
+    """Return the axes of a parameter, and of several secondaries the number of the IMU."""
+    number = "".join(filter(str.isdigit, name))
+    axis = name.rpartition("_")[2] if name.translate(str.maketrans("", "", "0123456789")) != group else ""
+    return f"{axis} ({number})" if number else axis
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
+
+
+def _value_text(value: Any) -> str:
+    """Return an entry of a schedule; of a long list, its length."""
+    if isinstance(value, list) and len(value) > 4:
+        return f"[{len(value)}]"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_value_text(item)}" for name, item in value.items())
+    return f"{value:g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)

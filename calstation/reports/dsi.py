@@ -1,0 +1,147 @@
+"""Quantities in PTB's D-SI format 2.2.1: units, values, expanded uncertainties and covariance.
+
+Source: SI_Format.xsd 2.2.1 (https://ptb.de/si).
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from lxml import etree
+from lxml.builder import ElementMaker
+from scipy.special import chdtri
+
+from calstation.physics import FloatArray
+from calstation.reports.content import COVERAGE_FACTOR
+
+_NAMESPACE = "https://ptb.de/si"
+_SI = ElementMaker(namespace=_NAMESPACE, nsmap={"si": _NAMESPACE})
+
+#: Coverage probability of an expanded uncertainty with k = 2, normal distribution.
+_PROBABILITY = "0.9545"
+#: Coverage probability of the ellipsoidal region.
+_REGION_PROBABILITY = 0.95
+
+_NAMES = {"m": "metre", "s": "second", "rad": "radian"}
+_POWERS = str.maketrans("⁻²³⁴", "-234")
+
+
+def dsi_unit(*units: str) -> str:
+    r"""Return the product of SI units as a D-SI unit: ``rad/s`` is ``\radian\second\tothe{-1}``."""
+    powers: Counter[str] = Counter()
+    for unit in units:
+        numerator, _, denominator = unit.partition("/")
+        for part, sign in ((numerator, 1), (denominator, -1)):
+            for symbol, power in re.findall(r"([a-z]+)([⁻²³⁴]*)", part):
+                powers[_NAMES[symbol]] += sign * int(power.translate(_POWERS) or 1)
+    text = "".join(rf"\{name}" + (rf"\tothe{{{n}}}" if n != 1 else "") for name, n in sorted(powers.items()) if n)
+    return text or r"\one"
+
+
+def real(value: float, unit: str, sigma: float | None = None) -> etree._Element:
+    """Return a quantity with its D-SI unit and, with `sigma`, its expanded uncertainty."""
+    element = _SI("real", _SI("value", _number(value)), _SI("unit", unit))
+    if sigma is not None:
+        expanded = _SI(
+            "expandedMU",
+            _SI("valueExpandedMU", _number(COVERAGE_FACTOR * sigma)),
+            _SI("coverageFactor", _number(COVERAGE_FACTOR)),
+            _SI("coverageProbability", _PROBABILITY),
+            _SI("distribution", "normal"),
+        )
+        element.append(_SI("measurementUncertaintyUnivariate", expanded))
+    return element
+
+
+def real_list(
+    names: Sequence[str], units: Sequence[str], values: Iterable[float], sigmas: Iterable[float] = ()
+) -> etree._Element:
+    """Return quantities in lists, with their SI units and, with `sigmas`, their expanded uncertainties.
+
+    Parameters
+    ----------
+    names, units, values, sigmas
+        One of each per quantity; names without blanks.
+
+    Returns
+    -------
+    etree._Element
+        An element ``realListXMLList``.
+    """
+    written = [dsi_unit(unit) for unit in units]
+    listed = _SI(
+        "realListXMLList",
+        _SI("labelXMLList", " ".join(names)),
+        _SI("valueXMLList", _numbers(values)),
+        _SI("unitXMLList", written[0] if len(set(written)) == 1 else " ".join(written)),
+    )
+    expanded = _numbers(COVERAGE_FACTOR * sigma for sigma in sigmas)
+    if expanded:
+        uncertainty = _SI(
+            "expandedMUXMLList",
+            _SI("valueExpandedMUXMLList", expanded),
+            _SI("coverageFactorXMLList", _number(COVERAGE_FACTOR)),
+            _SI("coverageProbabilityXMLList", _PROBABILITY),
+            _SI("distributionXMLList", "normal"),
+        )
+        listed.append(_SI("measurementUncertaintyUnivariateXMLList", uncertainty))
+    return listed
+
+
+def joint_list(
+    names: Sequence[str], units: Sequence[str], values: Iterable[float], covariance: FloatArray
+) -> etree._Element:
+    """Return quantities with their covariance matrix and the coverage factor of the ellipsoidal region.
+
+    They form a ``realList``, because D-SI does not say how rows and list entries correspond in the covariance of an
+    ``XMLList``.
+
+    For n quantities that are normally distributed, the square of the factor is the quantile of the chi-squared
+    distribution with n degrees of freedom (JCGM 102:2011, 6.5).
+
+    Parameters
+    ----------
+    names, units, values
+        One of each per quantity, SI.
+    covariance
+        Covariance matrix, shape (n, n), SI.
+
+    Returns
+    -------
+    etree._Element
+        An element ``list`` with one ``realList``.
+    """
+    listed = _SI("realList")
+    for name, unit, value in zip(names, units, values, strict=True):
+        quantity = real(value, dsi_unit(unit))
+        quantity.insert(0, _SI("label", name))
+        listed.append(quantity)
+    matrix = _SI("covarianceMatrix")
+    for column, unit in zip(covariance.T, units, strict=True):
+        elements = (
+            _SI("covariance", _SI("value", _number(value)), _SI("unit", dsi_unit(row, unit)))
+            for value, row in zip(column, units, strict=True)
+        )
+        matrix.append(_SI("column", *elements))
+    freedom = int(np.count_nonzero(np.diag(covariance)))  # a quantity that is fixed adds no dimension
+    factor = math.sqrt(chdtri(freedom, 1.0 - _REGION_PROBABILITY)) if freedom else 1.0
+    region = _SI(
+        "ellipsoidalRegion",
+        matrix,
+        _SI("coverageFactor", f"{factor:.4f}"),
+        _SI("coverageProbability", str(_REGION_PROBABILITY)),
+        _SI("distribution", "normal"),
+    )
+    listed.append(region)
+    return _SI("list", listed)
+
+
+def _number(value: float) -> str:
+    """Return a number that reads back the same; NaN if it is not finite, because D-SI has no infinity."""
+    return repr(float(value)) if math.isfinite(value) else "NaN"
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return " ".join(map(_number, values))

@@ -1,0 +1,224 @@
+"""Issues the report of a result: its date and revision, the record of issued reports, and the file."""
+
+import hashlib
+import json
+from dataclasses import dataclass, replace
+from datetime import UTC, date, datetime
+from pathlib import Path
+
+from calstation import __version__
+from calstation.config import (
+    Confirmation,
+    ConfirmationRequired,
+    Person,
+    ReportSection,
+    computer_user,
+    confirm,
+    confirmation_required,
+    load_station,
+    site_folder,
+)
+from calstation.errors import InputError
+from calstation.jobs import ProgressCallback
+from calstation.messages import Language, os_reason
+from calstation.records import (
+    IssuedReport,
+    Log,
+    LogMeta,
+    append_audit,
+    append_report,
+    open_log,
+    read_reports,
+    write_atomic,
+)
+from calstation.reports.analysis import analyse
+from calstation.reports.content import Certificate, build_certificate, certificate_number
+from calstation.reports.dcc import write_dcc
+from calstation.reports.deviations import deviations
+from calstation.reports.pdf import Attachment, typeset
+from calstation.reports.signing import load_signer, sign_pdf, sign_xml
+from calstation.results import Result, find_log, load_result, resolve, run_files, stored_result
+
+#: Fraction of the job's progress before the PDF is typeset.
+_ANALYSED = 0.97
+
+
+@dataclass(frozen=True)
+class ReportRequest:
+    """What a report is made of and how."""
+
+    source: Path  #: Result JSON, or a log.
+    out: Path  #: PDF to write.
+    language: Language = "en"
+    issued: date | None = None  #: Date of issue; None for the day on which the result was made.
+    revise: str | None = None  #: Reason for a new revision.
+    templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
+    dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
+    signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
+    first: Person | None = None  #: Who issues it; None for the computer's user.
+    second: Person | None = None  #: Who confirms a new certificate, where the product requires it.
+
+
+def station_request(station: Path, section: ReportSection | None, result_file: Path) -> ReportRequest:
+    """Return the request for the report of a result as the `[report]` section of a station file asks for it.
+
+    Without a folder, the PDF is written to ``certificates`` beside the folder of the runs.
+    """
+    section, beside = section or ReportSection(), station.absolute().parent
+    folder = (
+        result_file.absolute().parent.parent / "certificates" if section.folder is None else _at(beside, section.folder)
+    )
+    return ReportRequest(
+        result_file.absolute(),
+        folder / f"{result_file.stem}.pdf",
+        "zh_CN" if section.language == "zh" else "en",
+        templates=None if section.template is None else _at(beside, section.template),
+        signing=None if section.signing is None else _at(beside, section.signing.certificate),
+    )
+
+
+def issue_certificate(
+    report: ProgressCallback, result_file: Path, station: Path | None, first: Person, second: Person | None
+) -> Path:
+    """Job: issue the report of a result as the station asks for it, and return the PDF.
+
+    `first` issues it, `second` confirms it where the product requires it.
+
+    Raises InputError or ConfigurationError.
+    """
+    path, config = load_station(station)
+    request = replace(station_request(path, config.report, result_file), first=first, second=second)
+    if config.report is None or config.report.folder is None:
+        try:
+            request.out.parent.mkdir(exist_ok=True)
+        except OSError as exc:
+            raise InputError("report.unwritable", file=request.out.parent, reason=os_reason(exc)) from exc
+    issue_report(report, request)
+    return request.out
+
+
+def _at(folder: Path, name: str) -> Path:
+    return folder / Path(name).expanduser()
+
+
+def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificate:
+    """Job: write the report of a result or log and record it beside the log.
+
+    The same result gives the same bytes in one language, unless they are signed. A certificate that was issued keeps
+    its number, revision and date; another result, date or reason needs a revision. Raises InputError or
+    ConfigurationError.
+    """
+    signer = None if request.signing is None else load_signer(request.signing)
+    result, log = load_source(request.source)
+    certificate, record = _numbered(result, log, request)
+    people = None if record is None else _confirmed(result, request)
+    analysis = analyse(lambda done, remaining_s=None, note="": report(_ANALYSED * done, note=note), log, result)
+    certificate = replace(certificate, budget=analysis.budget)
+    dcc = write_dcc(certificate, deviations(certificate, analysis))
+    dcc = dcc if signer is None else sign_xml(dcc, signer)
+    digital = Attachment(f"{certificate.identification}.xml", "application/xml", dcc, "alternative")
+    files = [digital, *attachments(certificate)]
+    pdf = typeset(certificate, analysis, request.language, files, request.templates)
+    _write(request.out, pdf if signer is None else sign_pdf(pdf, signer))
+    if request.dcc is not None:
+        _write(request.dcc, dcc)
+    if record is not None and people is not None:
+        about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
+        reason = record.reason or ""
+        append_audit(site_folder(), "certificate", people.by, reason, confirmed_by=people.confirmed_by, **about)
+        try:
+            append_report(log.path.absolute().parent, record)
+        except OSError as exc:
+            raise InputError("report.unwritable", file=log.path.parent, reason=os_reason(exc)) from exc
+    report(1.0)
+    return certificate
+
+
+def certificate_required(report: ProgressCallback, result_file: Path) -> ConfirmationRequired:
+    """Job: return what issuing a certificate of a result requires. Raises InputError."""
+    return confirmation_required("certificate", *run_files(load_result(result_file), result_file))
+
+
+def _confirmed(result: Result, request: ReportRequest) -> Confirmation:
+    """Return who issues a certificate. Raises ConfigurationError if one or two people must prove their identity."""
+    first = request.first or Person(computer_user() or "-")
+    try:
+        files = run_files(result, request.source)
+    except InputError:  # a recording of a product that neither the log nor the site knows
+        return Confirmation(first.badge)
+    return confirm("certificate", *files, first, request.second)
+
+
+def attachments(certificate: Certificate) -> list[Attachment]:
+    """Return the files embedded in the PDF of a certificate beside its digital form."""
+    content = json.dumps(certificate.result.to_json(), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    name = f"{certificate.identification}.json"
+    return [Attachment(name, "application/json", content.encode(), "source")]
+
+
+def load_source(path: Path) -> tuple[Result, Log]:
+    """Read a result file and open its log, or open a log, which is solved if it has no result. Raises InputError."""
+    if path.suffix == ".json":
+        result = load_result(path)
+        found = find_log(result, path)
+        if found is None:
+            raise InputError("report.no_log", file=path, log=result.log.file)
+        log = open_log(found)
+        if result.log.sha256 and log.facts().sha256 != result.log.sha256:
+            raise InputError("report.other_log", file=path, log=found)
+    else:
+        log = open_log(path)
+        result = stored_result(log) or resolve(path).result
+    # The folder of the log is no part of the report.
+    section = result.log.model_copy(update={"file": log.path.name})
+    return result.model_copy(update={"log": section}), log
+
+
+def _numbered(result: Result, log: Log, request: ReportRequest) -> tuple[Certificate, IssuedReport | None]:
+    """Return the certificate with its revision and date, and its record if it is not yet issued."""
+    number, digest = certificate_number(result), _digest(result, log.meta)
+    same = [each for each in read_reports(log.path.absolute().parent) if each.number == number]
+    last = same[-1] if same else None
+    known = None if last is None else date.fromisoformat(last.issued)
+    certificate = build_certificate(result, log.meta, issued=request.issued or known)
+    if request.revise is None and last is not None:
+        asked = last.issued if request.issued is None else request.issued.isoformat()
+        if (digest, asked) != (last.content_sha256, last.issued):
+            raise InputError("report.already_issued", number=last.identification, date=last.issued)
+        return _revised(certificate, last, same[-2] if len(same) > 1 else None), None
+    if request.revise is None:
+        issued, reason, revision = certificate.issued, None, 0
+    elif last is None:
+        raise InputError("report.nothing_to_revise", number=number)
+    else:
+        # A revision is made today, not on the day of the run.
+        issued, reason, revision = request.issued or datetime.now(UTC).date(), request.revise, last.revision + 1
+    record = IssuedReport(number, revision, issued.isoformat(), reason, digest, __version__)
+    return _revised(certificate, record, last), record
+
+
+def _revised(certificate: Certificate, record: IssuedReport, before: IssuedReport | None) -> Certificate:
+    return replace(
+        certificate,
+        revision=record.revision,
+        supersedes=None if before is None else f"{before.identification} ({before.issued})",
+        reason=record.reason,
+        issued=date.fromisoformat(record.issued),
+    )
+
+
+def _digest(result: Result, meta: LogMeta) -> str:
+    content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json()
+    return hashlib.sha256(content.encode()).hexdigest()
+
+
+def _write(path: Path, content: bytes) -> None:
+    """Write a file unless it has this content already. Raises InputError if it has another one."""
+    try:
+        if path.exists():
+            if path.read_bytes() != content:
+                raise InputError("report.exists", file=path)
+            return
+        write_atomic(path, content)
+    except OSError as exc:
+        raise InputError("report.unwritable", file=path, reason=os_reason(exc)) from exc

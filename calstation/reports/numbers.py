@@ -1,0 +1,61 @@
+"""Numbers of a certificate: values in people's units, rounded to two significant digits of their uncertainty."""
+
+import math
+
+from calstation.messages import with_minus
+from calstation.physics import display, unit_of
+
+#: Text of a number that is unknown.
+NONE = "–"
+
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+#: Display units of checks that compare no parameter, by their own unit; the size is in that unit.
+_OF_CHECKS = {"1": ("", 1.0), "sigma": ("σ", 1.0), "K": ("K", 1.0), "s": ("s", 1.0)}
+
+
+def places(uncertainty: float) -> int:
+    """Return the decimal places of two significant digits, negative for tens and more (GUM 7.2.6)."""
+    return 1 - int(f"{uncertainty:.1e}".partition("e")[2])
+
+
+def rounded(value: float | None, uncertainty: float) -> str:
+    """Return a value rounded to the second significant digit of its uncertainty."""
+    if value is None or not math.isfinite(value):
+        return NONE
+    if not 0.0 < uncertainty < math.inf:
+        return with_minus(f"{value:.6g}")
+    digits = places(uncertainty)
+    text = f"{round(value, digits):.{max(0, digits)}f}"
+    return with_minus(text.removeprefix("-") if float(text) == 0.0 else text)
+
+
+def in_display(name: str, value: float | None) -> float | None:
+    """Return an SI value of a parameter in its display unit; None for None."""
+    return None if value is None else display(name, value)[0]
+
+
+def short(value: float) -> str:
+    """Return a limit or a check's value with up to four digits."""
+    if not math.isfinite(value):
+        return NONE
+    text = f"{value:.0f}" if 1000.0 <= abs(value) < 1e9 else f"{value:.4g}"
+    mantissa, _, exponent = text.partition("e")
+    if exponent:
+        text = f"{mantissa} × 10{str(int(exponent)).translate(_RAISED)}"
+    return with_minus(text)
+
+
+def interval(low: float, high: float) -> str:
+    """Return the text of a permitted interval."""
+    return f"±{short(high)}" if low == -high else f"{short(low)} … {short(high)}"
+
+
+def check_unit(unit: str) -> tuple[str, float]:
+    """Return the display unit of a check that compares no parameter, and its size in the check's unit."""
+    return _OF_CHECKS.get(unit) or unit_of(unit)
+
+
+def percentage(probability: float) -> str:
+    """Return a probability in percent with one decimal, or that it is smaller."""
+    return "< 0.1 %" if probability < 0.0005 else f"{100.0 * probability:.1f} %"

@@ -1,0 +1,158 @@
+"""Conformity with limits: the probability that a decision is wrong, for one unit and for all units of a product.
+
+Clauses are those of JCGM 106:2012, *The role of measurement uncertainty in conformity assessment*.
+
+The true value y of a unit is drawn from N(μ, s²), with the spread s of the product about the middle μ of the limits
+(9.2). The solver's estimate m with standard deviation σ contains the prior N(m₀, p²) of the IMU profile; given y,
+
+    m ~ N(κ y + (1 − κ) m₀, κ σ²),  κ = 1 − σ²/p²,
+
+which is N(y, σ²) where the data determine the parameter. A unit's own previous calibration is data about it: κ = 1.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from scipy.special import ndtr, owens_t
+
+from calstation.estimation import Solution
+from calstation.estimation.common import Belief
+from calstation.physics import INDEX, PARAMETERS, further_parameter
+from calstation.records import Check, ConformitySection, LogMeta, Rule, acceptance_interval
+from calstation.results.result import Conformity, ParameterConformity
+
+#: Lowest and highest value.
+Interval = tuple[float, float]
+
+#: Replaces an argument of 0 in the bivariate normal distribution, where Owen's formula divides by it.
+_TINY = 1e-300
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """An estimate with its standard deviation, and the prior that it contains, infinitely wide if there is none."""
+
+    value: float
+    sigma: float
+    prior_mean: float = 0.0
+    prior_sigma: float = math.inf
+
+    @property
+    def response(self) -> float:
+        """Change of the estimate with the true value, κ: from 0 for a useless measurement to 1."""
+        return 1.0 - (self.sigma / self.prior_sigma) ** 2
+
+
+def probability_outside(measured: Measurement, limits: Interval, spread: float | None = None) -> float:
+    """Return the probability that the true value is outside the limits, given the estimate (7.1, 7.4).
+
+    Without a spread, the true value is distributed as the solver says. With it, the prior N(μ, spread²) of the product
+    replaces that of the IMU profile, and Bayes' theorem (6.2) gives a normal distribution with
+
+        1/u² = κ/σ² + 1/s²,  mean = u² ((m − (1 − κ) m₀)/σ² + μ/s²).
+    """
+    mean, sigma = measured.value, measured.sigma
+    if spread is not None:
+        kappa = measured.response
+        precision = kappa / sigma**2 + spread**-2
+        data = (mean - (1.0 - kappa) * measured.prior_mean) / sigma**2
+        mean, sigma = (data + _middle(limits) * spread**-2) / precision, precision**-0.5
+    return float(ndtr((limits[0] - mean) / sigma) + ndtr((mean - limits[1]) / sigma))
+
+
+def product_risks(measured: Measurement, limits: Interval, spread: float, rule: Rule) -> tuple[float, float]:
+    """Return the global probabilities of false accept and of false reject of a product (9.5.2).
+
+    They are the consumer's risk ∬ over y outside the limits and m accepted, and the producer's risk ∬ over y within the
+    limits and m not accepted, of the bivariate normal density of true value and estimate with the sigma of `measured`.
+    """
+    mean, kappa = _middle(limits), measured.response
+    accepted = acceptance_interval(limits, measured.sigma, rule)
+    within = [(bound - mean) / spread for bound in limits]
+    sigma = math.sqrt(kappa * (kappa * spread**2 + measured.sigma**2))
+    expected = kappa * mean + (1.0 - kappa) * measured.prior_mean
+    low, high = ((bound - expected) / sigma for bound in accepted)
+    conforming = float(ndtr(within[1]) - ndtr(within[0]))
+    if low > high:
+        return 0.0, conforming
+    rho = kappa * spread / sigma
+    both = (
+        bivariate_normal(within[1], high, rho)
+        - bivariate_normal(within[0], high, rho)
+        - bivariate_normal(within[1], low, rho)
+        + bivariate_normal(within[0], low, rho)
+    )
+    return max(0.0, float(ndtr(high) - ndtr(low)) - both), max(0.0, conforming - both)
+
+
+def bivariate_normal(h: float, k: float, rho: float) -> float:
+    """Return P(X ≤ h, Y ≤ k) of standard normal X and Y with correlation |rho| < 1.
+
+    D. B. Owen, *Tables for computing bivariate normal probabilities*, Ann. Math. Statist. 27(4), 1956, eq. 2.1.
+    """
+    if math.isinf(h) or math.isinf(k):
+        return float(ndtr(h) if k == math.inf else ndtr(k) if h == math.inf else 0.0)
+    h, k, root = h or _TINY, k or _TINY, math.sqrt((1.0 - rho) * (1.0 + rho))
+    found = 0.5 * (ndtr(h) + ndtr(k)) - owens_t(h, (k - rho * h) / (h * root)) - owens_t(k, (h - rho * k) / (k * root))
+    return float(found - (0.5 if (h > 0.0) != (k > 0.0) else 0.0))
+
+
+def decision_rule(meta: LogMeta) -> Rule:
+    """Return the decision rule in a log's configuration."""
+    return _section(meta).rule
+
+
+def conformity(
+    meta: LogMeta, prior: Belief, solutions: Sequence[Solution], checks: Sequence[Check]
+) -> Conformity | None:
+    """Return the decisions that `checks` of values contain, with their probabilities; None if there are none."""
+    if not solutions:
+        return None
+    section, found = _section(meta), {}
+    for check in checks:
+        if check.kind == "within" and isinstance(check.limit, tuple):
+            name = check.subject
+            measured, spread = _measurement(meta, name, prior, solutions), _spread(section.spread, name)
+            if measured.sigma == 0.0:
+                continue  # fixed, not measured
+            outside = probability_outside(measured, check.limit, spread)
+            risks = {}
+            if spread is not None:
+                accept, reject = product_risks(measured, check.limit, spread, section.rule)
+                risks = {"spread": spread, "false_accept": accept, "false_reject": reject}
+            found[name] = ParameterConformity(
+                accepted=check.passed,
+                limits=check.limit,
+                acceptance=check.acceptance or check.limit,
+                outside=outside,
+                probability=outside if check.passed else 1.0 - outside,
+                **risks,
+            )
+    return Conformity(rule=section.rule, parameters=found) if found else None
+
+
+def _section(meta: LogMeta) -> ConformitySection:
+    return (meta.product.conformity if meta.product is not None else None) or ConformitySection()
+
+
+def _spread(spread: Mapping[str, float], name: str) -> float | None:
+    """Return the spread of a parameter: its own or that of its group."""
+    known = PARAMETERS[INDEX[name]] if name in INDEX else further_parameter(name)
+    return spread.get(name, spread.get("" if known is None else known.group))
+
+
+def _measurement(meta: LogMeta, name: str, prior: Belief, solutions: Sequence[Solution]) -> Measurement:
+    if name not in INDEX:
+        estimate = next(s.found[name] for s in reversed(solutions) if name in s.found)
+        return Measurement(estimate.value, estimate.sigma)
+    i, belief = INDEX[name], solutions[-1].belief
+    value, sigma = float(belief.mean[i]), float(belief.sigma[i])
+    if name in meta.calibrated:
+        return Measurement(value, sigma)
+    return Measurement(value, sigma, float(prior.mean[i]), float(prior.sigma[i]))
+
+
+def _middle(limits: Interval) -> float:
+    middle = 0.5 * (limits[0] + limits[1])
+    return middle if math.isfinite(middle) else 0.0

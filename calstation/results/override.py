@@ -1,0 +1,95 @@
+"""Release of a unit that failed: the result keeps its outcome and says who released the unit, and why."""
+
+import json
+import tomllib
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TypeVar
+
+from pydantic import BaseModel
+
+from calstation.config import (
+    ConfirmationRequired,
+    Person,
+    ProductConfig,
+    StationConfig,
+    confirm,
+    confirmation_required,
+    library,
+    site_folder,
+)
+from calstation.errors import InputError
+from calstation.jobs import ProgressCallback
+from calstation.records import append_audit, open_log
+from calstation.results.resolving import find_log
+from calstation.results.result import Override, Result, load_result, write_json
+from calstation.schema import validate
+
+T = TypeVar("T", bound=BaseModel)
+
+
+def override_required(report: ProgressCallback, path: Path) -> ConfirmationRequired:
+    """Job: return what the release of the unit of a result requires. Raises InputError if it cannot be released."""
+    return confirmation_required("override", *run_files(_failed(path), path))
+
+
+def override_result(report: ProgressCallback, path: Path, why: str, first: Person, second: Person | None) -> Override:
+    """Job: release the unit of a failed result; an event of the audit trail, on disk before the result says so.
+
+    Parameters
+    ----------
+    report : progress callback of the job, not used
+    path : result file of the run, which is changed
+    why : reason of the release
+    first, second : person who releases the unit, and the second one if the product requires one
+
+    Raises
+    ------
+    InputError : if there is no failed run to release, or the reason is missing
+    ConfigurationError : see `calstation.config.confirm`; or the audit trail or the result cannot be written
+    """
+    result = _failed(path)
+    if not why.strip():
+        raise InputError("override.no_reason")
+    people = confirm("override", *run_files(result, path), first, second)
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    override = Override(by=people.by, confirmed_by=people.confirmed_by, why=why.strip(), utc=now)
+    about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256}
+    append_audit(site_folder(), "override", people.by, override.why, confirmed_by=people.confirmed_by, **about)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    write_json(path, {**content, "override": override.model_dump()})
+    return override
+
+
+def _failed(path: Path) -> Result:
+    """Read a result whose unit can be released. Raises InputError."""
+    result = load_result(path)
+    if result.outcome != "failed":
+        raise InputError("override.not_failed", file=path)
+    if result.override is not None:
+        raise InputError("override.already", file=path, by=result.override.by)
+    return result
+
+
+def run_files(result: Result, path: Path) -> tuple[ProductConfig, StationConfig]:
+    """Return product and station of a run: the product as it was then, the station as it is now if the site has it.
+
+    Raises InputError if they are neither in the log nor at the site.
+    """
+    log = find_log(result, path)
+    texts = {} if log is None else open_log(log).meta.profiles
+    product = _file("product", ProductConfig, result, path, texts.get("product"))
+    station = result.configuration.get("station")
+    known = station is not None and station.name in library.names("stations")
+    return product, _file("station", StationConfig, result, path, None if known else texts.get("station"))
+
+
+def _file(kind: str, model: type[T], result: Result, path: Path, text: str | None) -> T:
+    """Parse the text of a file of a run; without it, the file of that name in the library. Raises InputError."""
+    if text is not None:
+        return validate(model, tomllib.loads(text), path, InputError)
+    used = result.configuration.get(kind)
+    if used is None or used.name not in library.names(f"{kind}s"):
+        raise InputError("override.no_files", file=path, kind=kind)
+    found = library.find(f"{kind}s", used.name)
+    return validate(model, tomllib.loads(found.read_text(encoding="utf-8")), found)

@@ -1,0 +1,227 @@
+"""A station with a golden unit on the bench: calibrations in the fast MEMS schedule, charts of the table's geometry.
+
+A run is the bench's truth, the solver and the fit of the table, without protocols and logs, and takes 0.15 s. In every
+run the unit is mounted anew, and noise, bias drift and encoder errors are drawn anew. The golden unit and the table
+stay the same; the units of production between two golden runs are all different.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from multiprocessing import get_context
+from typing import Any
+
+import numpy as np
+
+from calstation.bench.truth import BenchTruth
+from calstation.estimation.common import Belief, SolveContext, stage_data
+from calstation.estimation.positions import TABLE_QUANTITIES, table_axes, table_rests
+from calstation.physics import BoolArray, FloatArray
+from calstation.quality import BASELINE, WEIGHT, WIDTH, alarms
+from calstation.results import one_blas_thread
+from calstation.simulation.study import (
+    MOUNT_DEG,
+    Schedules,
+    draw_unit,
+    fast_schedule,
+    feed_until_targets,
+    simulate_stages,
+    study_prior,
+)
+from procedures import method
+
+#: Runs after a shift within which it should be alarmed, and alarms in control that are accepted.
+WITHIN, MOST_ALARMS = 10, 3
+
+_STAGE = "designed"
+#: Resampled series for the probabilities, and runs before the shift in each.
+_TRIALS, _BEFORE = 1000, 60
+
+Shift = tuple[float, float, float]
+_NO_SHIFT: Shift = (0.0, 0.0, 0.0)
+#: Seed of the first unit of production.
+_OTHERS = 1_000_000
+
+
+@dataclass(frozen=True)
+class GoldenRun:
+    """A calibration of the golden unit."""
+
+    belief: Belief
+    estimated: tuple[str, ...]
+    table: FloatArray  #: Values of `TABLE_QUANTITIES`, rad, shape (3,).
+
+
+@cache
+def _schedules() -> Schedules:
+    return fast_schedule("mems")
+
+
+def golden_unit(unit: int) -> tuple[BenchTruth, SolveContext]:
+    """Return the bench with the golden unit of a seed, and the context of its solver."""
+    return draw_unit("mems", unit, "estimated", instability=True)
+
+
+def golden_run(number: int, seed: int, shift: Shift = _NO_SHIFT, unit: int | None = None) -> GoldenRun:
+    """Calibrate the golden unit of a seed, or another `unit` on the same table.
+
+    `number` selects mounting, noise, and errors of the encoders. `shift` is added to the table's true geometry, in the
+    order of `TABLE_QUANTITIES`, rad.
+    """
+    truth, context = golden_unit(seed)
+    if unit is not None:
+        other, context = golden_unit(unit)
+        truth = replace(truth, imu=other.imu)
+    random = np.random.default_rng([seed, number])
+    direction = random.standard_normal(3)
+    mount = direction / np.linalg.norm(direction) * np.deg2rad(random.uniform(*MOUNT_DEG))
+    noise = int(random.integers(2**31))
+    chosen, schedules = method(_STAGE), _schedules()
+    schedule = chosen.schedule(**schedules[_STAGE])
+    with one_blas_thread():
+        block = simulate_stages(_moved(truth, mount, shift), noise, [_STAGE], schedules)[_STAGE]
+        solver = chosen.solver(context, study_prior("mems", "estimated"), schedule)
+        samples = feed_until_targets(solver, block, schedule)
+        solution = solver.finish()
+        rests = table_rests(stage_data([samples], context.imu), context, solution.belief)
+        found = table_axes([rests], context, solution.belief)
+    table = np.array([found[name].value for name in TABLE_QUANTITIES])
+    return GoldenRun(solution.belief, tuple(solution.estimated), table)
+
+
+def _moved(truth: BenchTruth, mount: FloatArray, shift: Shift) -> BenchTruth:
+    """Return the bench with another mounting, rad, shape (3,), and shifted axes; a tilt is about x and y at home."""
+    table, cosine, sine = truth.table, np.cos(truth.table.azimuth), np.sin(truth.table.azimuth)
+    east = table.base_tilt[0] + cosine * shift[1] + sine * shift[2]
+    north = table.base_tilt[1] - sine * shift[1] + cosine * shift[2]
+    x, y, z = mount.tolist()
+    apart = table.non_orthogonality + shift[0]
+    return replace(
+        truth,
+        table=replace(table, mount=(x, y, z), non_orthogonality=apart, base_tilt=(float(east), float(north), 0.0)),
+    )
+
+
+def golden_demo(
+    runs: int = 370,
+    shift: float = 1.0,
+    seed: int = 1,
+    quantity: str = "orthogonality",
+    production: int = 4,
+    progress: Callable[[int, int], None] = lambda done, count: None,
+    workers: int = 2,
+) -> dict[str, Any]:
+    """Chart the table over golden runs without a shift, and over runs after a shift of a table's axis.
+
+    The first `BASELINE` runs give center and standard deviation of each chart. `runs` golden runs without a shift
+    follow, each after `production` runs of other units, which measure the table as well. Then the axis of `quantity`
+    shifts by `shift` standard deviations from run to run, and `WITHIN` golden runs follow, with those of production.
+
+    Returns JSON data: what the charts did, and the probabilities of `resampled`. `passed` means at most `MOST_ALARMS`
+    alarms of all charts without a shift, and an alarm of the chart of `quantity` within `WITHIN` golden runs after it.
+    """
+    period = production + 1
+    steady, after = BASELINE + runs * period, WITHIN * period
+    done = 0
+
+    def measured(first: int, count: int, moved: Shift) -> FloatArray:
+        nonlocal done
+        rows = []
+        for row in _map(
+            partial(_table_of, seed=seed, period=period, shift=moved), range(first, first + count), workers
+        ):
+            rows.append(row)
+            done += 1
+            progress(done, steady + after)
+        return np.array(rows)
+
+    values = measured(0, steady, _NO_SHIFT)
+    baseline = values[:BASELINE]
+    center, sigma = baseline.mean(axis=0), baseline.std(axis=0, ddof=1)
+    at = TABLE_QUANTITIES.index(quantity)
+    moved = shift * sigma[at] * np.eye(3)[at]
+    values = np.concatenate([values, measured(steady, after, (moved[0], moved[1], moved[2]))])[BASELINE:]
+    found = [alarms(values[:, i], center[i], sigma[i]) for i in range(3)]
+    count = sum(k < runs * period for each in found for k in each)
+    later = [(k - runs * period) // period + 1 for k in found[at] if k >= runs * period]
+    rates = resampled(values[: runs * period], runs * period, after, shift, seed)
+    return {
+        "schema": "calstation.golden_demo/1",
+        **{"runs": runs, "production": production, "shift": shift, "seed": seed, "quantity": quantity},
+        **{"baseline": BASELINE, "weight": WEIGHT, "width": WIDTH},
+        "sigma": dict(zip(TABLE_QUANTITIES, sigma.tolist(), strict=True)),
+        "alarms": count,
+        "alarmed_after": later[0] if later else None,
+        **rates,
+        "passed": count <= MOST_ALARMS and bool(later),
+    }
+
+
+def _map(work: Callable[[int], FloatArray], numbers: Iterable[int], workers: int) -> Iterator[FloatArray]:
+    """Yield results in order; 1 worker is the calling process."""
+    if workers == 1:
+        yield from map(work, numbers)
+        return
+    with get_context("spawn").Pool(workers) as pool:
+        yield from pool.imap(work, numbers, chunksize=10)
+
+
+def _table_of(number: int, seed: int, period: int, shift: Shift) -> FloatArray:
+    """Return the table's values of a run, rad, shape (3,); the last run of each period is golden."""
+    golden = number % period == period - 1
+    return golden_run(number, seed, shift, None if golden else _OTHERS + number).table
+
+
+def resampled(values: FloatArray, runs: int, after: int, shift: float, seed: int) -> dict[str, Any]:
+    """Return probabilities of the charts over `_TRIALS` series drawn from runs without a shift, shape (n, 3).
+
+    Each series has a baseline of its own.
+
+    run_length : mean number of runs between alarms of all charts together, without a shift
+    few_alarms : probability of at most `MOST_ALARMS` alarms of all charts together in `runs` runs without a shift
+    alarmed_in_time : probability that a shift is alarmed by the chart of its quantity within `after` runs, by quantity
+    median_runs : median number of runs until this alarm, by quantity
+    """
+    random = np.random.default_rng([seed, 1])
+    true_sigma = values.std(axis=0, ddof=1)
+    drawn = [values[random.integers(len(values), size=BASELINE)] for _ in range(_TRIALS)]
+    center = np.array([each.mean(axis=0) for each in drawn])
+    sigma = np.array([each.std(axis=0, ddof=1) for each in drawn])
+
+    def draw() -> FloatArray:
+        return np.asarray(values[random.integers(len(values), size=_TRIALS)])
+
+    chart, total = _Charts(center, sigma), np.zeros(_TRIALS)
+    for _ in range(runs):
+        total += chart.step(draw()).sum(axis=1)
+    chart = _Charts(center, sigma)
+    for _ in range(_BEFORE):
+        chart.step(draw())
+    longest = max(after, 10 * WITHIN)
+    first = np.full(center.shape, longest + 1)
+    for k in range(1, longest + 1):  # each chart sees the shift of its own quantity as if it were the only one
+        alarmed = chart.step(draw() + shift * true_sigma)
+        first = np.where(alarmed & (first > longest), k, first)
+    return {
+        "run_length": float(runs * _TRIALS / max(total.sum(), 1.0)),
+        "few_alarms": float(np.mean(total <= MOST_ALARMS)),
+        "alarmed_in_time": dict(zip(TABLE_QUANTITIES, np.mean(first <= after, axis=0).tolist(), strict=True)),
+        "median_runs": dict(zip(TABLE_QUANTITIES, np.median(first, axis=0).tolist(), strict=True)),
+    }
+
+
+class _Charts:
+    """Many EWMA charts side by side, like `calstation.quality.alarms`."""
+
+    def __init__(self, center: FloatArray, sigma: FloatArray) -> None:
+        self._center, self._sigma = center, sigma
+        self._average, self._count = np.zeros_like(center), np.zeros_like(center)
+
+    def step(self, values: FloatArray) -> BoolArray:
+        """Add one value to each chart; return where it alarms and starts again."""
+        self._average = WEIGHT * (values - self._center) / self._sigma + (1.0 - WEIGHT) * self._average
+        self._count += 1.0
+        spread = np.sqrt(WEIGHT / (2.0 - WEIGHT) * (1.0 - (1.0 - WEIGHT) ** (2.0 * self._count)))
+        alarmed = np.abs(self._average) > WIDTH * spread
+        self._average[alarmed] = self._count[alarmed] = 0.0
+        return np.asarray(alarmed)

@@ -1,0 +1,53 @@
+"""`calstation audit` lists what was done at a site; `calstation check` finds a changed line."""
+
+from pathlib import Path
+
+import pytest
+
+from calstation.config import access, library, versions
+from calstation.records import append_audit, audit_path
+
+SHIPPED = (library.shipped_folder() / "products" / "nav_a.toml").read_text("utf-8")
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    return tmp_path
+
+
+def test_saved_files_and_pins_are_events(calstation, home: Path) -> None:
+    versions.save("products", "nav_a", SHIPPED.replace("turns = 2", "turns = 3"), "wang")
+    (home / "products" / "nav_a.toml").write_text(SHIPPED.replace("turns = 2", "turns = 4"), encoding="utf-8")
+    versions.restore("products", "nav_a", 1, "li")
+    access.set_pin("", "2468")
+    access.set_pin("2468", "1357")
+    events = calstation("audit", "--json", "-").json["events"]
+    assert [(each["event"], each["values"].get("version")) for each in events] == [
+        ("file_saved", 2), ("file_changed_outside", 3), ("file_saved", 4), ("pin_set", None), ("pin_changed", None),
+    ]  # fmt: skip
+    assert events[0]["by"] == "wang"
+    assert "2468" not in audit_path(home).read_text("utf-8")
+
+
+def test_events_are_filtered(calstation, home: Path) -> None:
+    append_audit(home, "override", "wang", "scratch", confirmed_by="li", serial="SN-1")
+    append_audit(home, "certificate", "zhao", number="C-1")
+    assert "SN-1" in calstation("audit", "--by", "li").out
+    assert "C-1" not in calstation("audit", "--by", "li").out
+    assert len(calstation("audit", "--event", "certificate", "--json", "-").json["events"]) == 1
+    assert not calstation("audit", "--since", "2100-01-01", "--json", "-").json["events"]
+    assert calstation("audit", "--since", "soon").code == 2
+
+
+def test_check_reports_the_first_changed_line(calstation, home: Path) -> None:
+    append_audit(home, "pin_set", "wang")
+    append_audit(home, "pin_changed", "wang")
+    done = calstation("check")
+    assert (done.code, "intact: 2 lines" in done.out) == (0, True)
+    path = audit_path(home)
+    path.write_bytes(path.read_bytes().replace(b"pin_set", b"pin_get"))
+    done = calstation("check", path)
+    assert (done.code, "at line 1" in done.out) == (2, True)
+    assert calstation("check", "--json", "-").json["first_bad"] == 1
+    assert calstation("audit").code == 2

@@ -1,0 +1,46 @@
+"""`calstation override`, `pin` and `registers` ask for the PINs of one or two engineers."""
+
+from pathlib import Path
+
+import pytest
+import typer
+
+from calstation.config import access
+from calstation.records import audit_path, read_audit
+from tests.results.test_override import LI, WANG, failed, home
+
+__all__ = ["failed", "home"]
+
+
+@pytest.fixture
+def answers(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """Answers to the questions on the terminal, by the beginning of the question."""
+    replies: dict[str, str] = {f"PIN of {person.badge}": person.pin for person in (LI, WANG)}
+
+    def prompt(question: str, **options: object) -> str:
+        assert options["hide_input"]
+        assert options["err"]
+        return replies[question]
+
+    monkeypatch.setattr(typer, "prompt", prompt)
+    return replies
+
+
+def test_a_unit_is_released_by_two(calstation, answers: dict[str, str], failed: Path) -> None:
+    alone = calstation("override", failed, "--reason", "scratch", "--by", "B0001")
+    assert (alone.code, "a second engineer confirms this" in alone.err) == (2, True)
+    done = calstation("override", failed, "--reason", "scratch", "--by", "B0001", "--confirmed-by", "B0002")
+    assert (done.code, done.out.strip()) == (0, f"{failed}: FAIL, released by B0001, B0002.")
+    assert "scratch" in calstation("audit", "--event", "override").out
+    assert calstation("override", failed, "--reason", "again", "--by", "B0001").code == 2
+
+
+def test_pins_are_set_and_changed(calstation, answers: dict[str, str], home: Path) -> None:
+    answers |= {"The engineer's PIN of this site": "0000", "New PIN": "3333", "Present PIN": "3333"}
+    assert calstation("pin", "--badge", "B0003").code == 0
+    assert access.check("3333", "B0003")
+    answers["New PIN"] = "4444"
+    assert calstation("pin", "--badge", "B0003").code == 0
+    assert access.check("4444", "B0003")
+    assert calstation("pin").code == 2, "the present PIN of the site is another"
+    assert [each.event for each in read_audit(audit_path(home)).events][-2:] == ["pin_set", "pin_changed"]

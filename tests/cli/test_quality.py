@@ -1,0 +1,125 @@
+"""Quality of a synthetic history on the command line: tables, JSON, and a gauge study from plan to verdict."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from calstation.cli.app import run_app
+from calstation.physics import NAMES
+from tests.cli.conftest import Done
+
+Run = Callable[..., Done]
+RUNS = 700
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A synthetic history made by the command."""
+    folder = tmp_path_factory.mktemp("site") / "runs"
+    assert run_app(["record", "history", "-o", str(folder), "--runs", str(RUNS), "--seed", "2"]) == 0
+    return folder
+
+
+def test_a_history_is_not_mixed_with_other_runs(calstation: Run, folder: Path) -> None:
+    assert len([*folder.glob("*.json")]) == RUNS
+    done = calstation("record", "history", "-o", folder)
+    assert done.code == 2
+    assert "The folder is not empty" in done.err
+
+
+def test_the_tables_show_yield_failed_checks_and_charts_of_every_product(calstation: Run, folder: Path) -> None:
+    done = calstation("quality", "--out", folder)
+    assert done.code == 0
+    for text in (
+        "passed in the first run",
+        "bench 3",
+        "Wang Fang",
+        "failed checks",
+        "Tactical grade B",
+        "CUSUM",
+        "Ppk",
+    ):
+        assert text in done.out
+    assert done.out.count("gyro_bias_x ") >= 3
+    assert "…" not in done.out  # nothing is cut off
+
+
+def test_one_parameter_of_a_product_since_a_date_as_json(calstation: Run, folder: Path) -> None:
+    options = ("--product", "nav_a", "--parameter", "accel_scale_x", "--since", "2026-05-01")
+    found = calstation("quality", "--out", folder, *options, "--json", "-").json
+    assert (found["schema"], found["product"], found["golden"]) == ("calstation.quality/1", "Navigation grade A", None)
+    (row,) = found["parameters"]
+    assert (row["parameter"], row["capability"]["low"], row["capability"]["high"]) == ("accel_scale_x", -9e-4, 9e-4)
+    assert set(found["yield"]) == {
+        *("overall", "first_pass", "days", "products", "stations", "operators", "failed_checks")
+    }
+    days = found["yield"]["days"]
+    assert min(days) >= "2026-05-01"
+    assert sum(day["count"] for day in days.values()) == found["yield"]["overall"]["count"]
+
+
+def test_a_golden_unit_has_its_own_table(calstation: Run, folder: Path) -> None:
+    done = calstation("quality", "--out", folder, "--serial", "GOLDEN-NAVA", "--product", "nav_a")
+    runs = len([*folder.glob("GOLDEN-NAVA_*.json")])
+    assert runs < 10
+    assert "Golden unit GOLDEN-NAVA: fewer than 10 runs" in done.out
+
+
+def test_a_folder_without_judged_runs_says_so(calstation: Run, tmp_path: Path) -> None:
+    assert "No run ended with PASS or FAIL." in calstation("quality", "--out", tmp_path).out
+    assert calstation("quality", "--out", tmp_path, "--json", "-").json["yield"]["overall"] is None
+
+
+@pytest.mark.parametrize(
+    ("options", "shown"),
+    [
+        (("--out", "nowhere"), "nowhere: No such folder of runs"),
+        (("--parameter", "gyro_bias"), "--parameter 'gyro_bias' is unknown"),
+        (("--since", "yesterday"), "'yesterday' does not match"),
+        (("gauge", "none.json"), "none.json"),
+        (
+            ("gauge", "p.json", "--plan", "--units", "A,B", "--appraisers", "x,y", "--by", "day"),
+            "--by 'day' is unknown",
+        ),
+        (("gauge", "p.json", "--plan", "--units", "A"), "1 units, 0 appraisers"),
+        (("gauge", "no/p.json", "--plan", "--units", "A,B", "--appraisers", "x,y"), "cannot be written"),
+    ],
+)
+def test_wrong_options_are_refused(
+    calstation: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], shown: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "runs").mkdir()
+    done = calstation("quality", *options)
+    assert done.code == 2
+    assert shown in done.err
+
+
+def test_a_study_is_planned_and_evaluated_from_the_stored_runs(calstation: Run, folder: Path, tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    options = ("--units", "STUDY-01, STUDY-02", "--appraisers", "Li Wei,Zhang Min", "--trials", 2, "--seed", 5)
+    shown = calstation("quality", "gauge", plan, "--plan", *options)
+    assert shown.code == 0
+    assert "8 runs" in shown.out
+    order = json.loads(plan.read_text())["order"]
+    assert [row["trial"] for row in order] == [1] * 4 + [2] * 4
+    incomplete = calstation("quality", "gauge", plan, "--out", folder)
+    assert incomplete.code == 2
+    first = f"next: {order[0]['unit']}, {order[0]['appraiser']}"
+    assert f"8 of the 8 runs of the study are missing; {first}" in incomplete.err
+
+    done = calstation("quality", "gauge", folder / "studies" / "gauge.json", "--out", folder, "--product", "nav_a")
+    assert done.code == 0
+    assert "10 units, 3 operators, 3 trials" in done.out
+    assert "acceptable" in done.out
+    assert "…" not in done.out
+    study = ("quality", "gauge", folder / "studies" / "gauge.json", "--out", folder, "--json", "-")
+    found = calstation(*study).json["parameters"]
+    assert [*found] == [*NAMES]
+    assert found["gyro_bias_x"]["gauge"]["percent_tolerance"] is None
+    assert found["gyro_bias_x"]["categories"] > 5
+    other = calstation(*study, "--parameter", "clock_offset")
+    assert (other.code, "not every run of the study solved the parameter" in other.err.lower()) == (2, True)
+    assert [*calstation(*study, "--parameter", "gyro_bias_y").json["parameters"]] == ["gyro_bias_y"]

@@ -1,0 +1,133 @@
+"""Two engineers confirm an action: each with a badge of the station and a PIN of his own."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from calstation.config import (
+    Confirmation,
+    Person,
+    ProductConfig,
+    StationConfig,
+    access,
+    confirm,
+    confirmation_required,
+    library,
+    load_product,
+    load_station,
+)
+from calstation.config.sign_in import SignInSection
+from calstation.errors import ConfigurationError
+from calstation.records import audit_path, read_audit
+from tests.helpers import raises_code
+
+LI, WANG, ZHAO = Person("B0001", "1111"), Person("B0002", "2222"), Person("B0003", "3333")
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A site with a PIN, and personal PINs of two engineers."""
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
+    access.set_pin("", "0000")
+    for person in (LI, WANG):
+        access.set_pin("0000", person.pin, person.badge)
+    return tmp_path
+
+
+def product(*actions: str) -> ProductConfig:
+    shipped = load_product(library.find("products", "nav_a"))[1].model_dump(exclude_unset=True)
+    return ProductConfig.model_validate({**shipped, "confirmation": {"required_for": list(actions)}})
+
+
+def station(*engineers: str) -> StationConfig:
+    shipped = load_station(None)[1]
+    return shipped.model_copy(
+        update={"sign_in": SignInSection(badge_pattern=r"B\d{4}", engineers=list(engineers))} if engineers else {}
+    )
+
+
+def test_two_engineers_with_their_pins_confirm() -> None:
+    both = station("B0001", "B0002")
+    assert confirm("override", product("override"), both, LI, WANG) == Confirmation("B0001", "B0002")
+    assert confirmation_required("override", product("override"), both).second
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "code"),
+    [
+        (LI, None, "second_missing"),
+        (LI, LI, "same_person"),
+        (LI, Person("B0001", "other"), "same_person"),
+        (LI, Person("B0002", "1111"), "wrong_pin"),
+        (Person("B0001", "2222"), WANG, "wrong_pin"),
+        (LI, ZHAO, "no_pin"),
+        (LI, Person("B0009", "1111"), "not_engineer"),
+        (Person("wang", "0000"), WANG, "not_engineer"),
+        (Person(" ", "0000"), WANG, "no_person"),
+    ],
+)
+def test_anyone_else_is_refused(first: Person, second: Person | None, code: str) -> None:
+    with raises_code(ConfigurationError, f"confirmation.{code}"):
+        confirm("registers", product("registers"), station("B0001", "B0002", "B0003"), first, second)
+
+
+def test_a_station_without_engineers_cannot_confirm_by_two() -> None:
+    with raises_code(ConfigurationError, "confirmation.no_engineers"):
+        confirm("certificate", product("certificate"), station(), Person("wang", "0000"), Person("li", "0000"))
+
+
+def test_where_nothing_is_required_only_a_release_needs_a_pin() -> None:
+    assert confirm("certificate", product(), station(), Person("wang")) == Confirmation("wang")
+    assert confirm("registers", product("override"), station("B0001"), Person("wang")) == Confirmation("wang")
+    assert confirm("override", product(), station(), Person("wang", "0000")) == Confirmation("wang")
+    with raises_code(ConfigurationError, "confirmation.wrong_pin"):
+        confirm("override", product(), station(), Person("wang", "9999"))
+    assert confirm("override", product(), station("B0001"), LI) == Confirmation("B0001")
+
+
+def test_a_second_person_who_is_not_required_is_checked_all_the_same() -> None:
+    both = station("B0001", "B0002")
+    assert confirm("certificate", product(), both, LI, WANG) == Confirmation("B0001", "B0002")
+    with raises_code(ConfigurationError, "confirmation.wrong_pin"):
+        confirm("certificate", product(), both, LI, Person("B0002", "1111"))
+
+
+def test_the_first_pin_of_a_badge_needs_the_sites_pin_and_later_ones_its_own(home: Path) -> None:
+    with raises_code(ConfigurationError, "access.wrong_pin"):
+        access.set_pin("1111", "3333", "B0003")
+    access.set_pin("1111", "4444", "B0001")
+    assert access.check("4444", "B0001")
+    assert not access.check("4444", "B0002")
+    assert access.check("0000")
+    with raises_code(ConfigurationError, "access.wrong_pin"):
+        access.set_pin("0000", "5555", "B0002")
+    events = read_audit(audit_path(home)).events
+    assert [(each.event, each.values.get("badge")) for each in events] == [
+        ("pin_set", None), ("pin_set", "B0001"), ("pin_set", "B0002"), ("pin_changed", "B0001"),
+    ]  # fmt: skip
+
+
+def test_a_badge_has_no_pin_before_the_site_has(home: Path) -> None:
+    (home / "engineer.json").unlink()
+    with raises_code(ConfigurationError, "access.no_site_pin"):
+        access.set_pin("", "3333", "B0003")
+
+
+def test_a_badge_is_no_path(home: Path) -> None:
+    access.set_pin("0000", "3333", "../up/x")
+    assert access.check("3333", "../up/x")
+    assert {path.parent for path in home.rglob("*.json")} == {home, home / "engineers"}
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [{"engineers": ["X"]}, {"engineers": ["B0001"], "names": {"B0002": "Li"}}],
+)
+def test_an_engineer_has_a_badge_of_the_station(entries: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=r"badge_unlike|engineer_unnamed|badge|names"):
+        SignInSection.model_validate({"badge_pattern": r"B\d{4}", **entries})
+
+
+def test_a_pin_is_not_shown() -> None:
+    assert "1111" not in repr(LI)

@@ -1,0 +1,190 @@
+"""The Quality page by real clicks: charts and their signals, capability, yield, check standards, repeatability."""
+
+import shutil
+from collections.abc import Iterator
+from datetime import date
+from pathlib import Path
+
+import pytest
+import tomli_w
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
+
+from calstation.config import library
+from calstation.gui.quality import QualityPage, study_view
+from calstation.gui.text import language
+from calstation.quality import GaugePlan
+from calstation.simulation import synthesise_runs
+from tests.gui.conftest import Operator
+from tests.site_folder import BENCH, STATION
+
+pytestmark = pytest.mark.timeout(180)
+
+
+@pytest.fixture(scope="module")
+def history(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of synthetic runs with a study."""
+    folder = tmp_path_factory.mktemp("history")
+    synthesise_runs(lambda *_, **__: None, folder, 600, 1)
+    return folder
+
+
+@pytest.fixture
+def page(operator: Operator, history: Path) -> Iterator[QualityPage]:
+    """The page with the synthetic runs of the navigation product."""
+    shutil.copytree(history, operator.site_folder.runs)
+    operator.window.app.set_product(library.find("products", "nav_a"))
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    assert isinstance(page, QualityPage)
+    until_read(operator, page)
+    yield page
+    language.use("en")
+
+
+def until_read(operator: Operator, page: QualityPage) -> None:
+    """Wait until all jobs of the page are done."""
+    operator.until(lambda: not page.busy)
+
+
+def click_tab(operator: Operator, title: str) -> None:
+    tabs = operator.widget("quality_views", QTabBar)
+    index = [tabs.tabText(k) for k in range(tabs.count())].index(title)
+    operator.qtbot.mouseClick(tabs, Qt.MouseButton.LeftButton, pos=tabs.tabRect(index).center())
+
+
+def cells(operator: Operator, name: str) -> list[list[str]]:
+    """Texts of a visible table."""
+    table = operator.widget(name, QTableView)
+    assert table.isVisible(), name
+    model = table.model()
+    return [[str(model.index(r, c).data() or "") for c in range(model.columnCount())] for r in range(model.rowCount())]
+
+
+def click_row(operator: Operator, name: str, line: int, *, double: bool = False) -> None:
+    table = operator.widget(name, QTableView)
+    center = table.visualRect(table.model().index(line, 0)).center()
+    operator.qtbot.mouseClick(table.viewport(), Qt.MouseButton.LeftButton, pos=center)
+    if double:
+        operator.qtbot.mouseDClick(table.viewport(), Qt.MouseButton.LeftButton, pos=center)
+
+
+def choose(operator: Operator, name: str, index: int) -> None:
+    operator.widget(name, QComboBox).setCurrentIndex(index)
+
+
+def test_every_quantity_has_charts_and_a_signal_opens_its_run(operator: Operator, page: QualityPage) -> None:
+    quantities = cells(operator, "quality_quantities_table")
+    assert len(quantities) == 30
+    assert all(int(count) > 100 for count, _ in quantities)
+    line = next(k for k, (_, signals) in enumerate(quantities) if int(signals) > 0)
+    click_row(operator, "quality_quantities_table", line)
+    rows = cells(operator, "quality_signals_table")
+    assert rows
+    assert int(rows[0][0]) > int(rows[-1][0]), "the latest first"
+    name = page.control.signals.cells
+    run = page.control._charts[list(page.control._charts)[line]].names[int(next(iter(name)))]
+    click_row(operator, "quality_signals_table", 0)
+    with operator.qtbot.waitSignal(operator.window.app.open_run) as opened:
+        click_row(operator, "quality_signals_table", 0, double=True)
+    assert [Path(path).resolve() for path in opened.args] == [operator.site_folder.runs / f"{run}.json"]
+    assert operator.window.page_tabs.currentWidget().objectName() == "engineer_page"
+
+
+def test_slow_changes_are_charted_by_ewma_or_cusum(operator: Operator, page: QualityPage) -> None:
+    assert "EWMA, λ = 0.2, L = 2.86" in operator.says()
+    choose(operator, "quality_slow_combo", 1)
+    assert "CUSUM, k = 0.5 σ, h = 4.77 σ" in operator.says()
+
+
+def test_values_relative_to_their_sigma_mix_schedules(operator: Operator, page: QualityPage) -> None:
+    before = page.control._charts["gyro_bias_x"].individuals.values
+    choose(operator, "quality_scale_combo", 1)
+    until_read(operator, page)
+    after = page.control._charts["gyro_bias_x"].individuals.values
+    assert abs(after.mean()) < 1e-6
+    assert len(after) == len(before)
+    assert after.std() > 1e3 * before.std()
+    click_tab(operator, "Capability")
+    assert "No limits for the values" in operator.says()
+
+
+def test_capability_and_yield(operator: Operator, page: QualityPage) -> None:
+    click_tab(operator, "Capability")
+    rows = cells(operator, "capability_table")
+    assert len(rows) == 30
+    assert all(0.5 < float(row[5]) < 3.0 for row in rows), "Cpk"
+    click_row(operator, "capability_table", 3)
+    assert page.capability.plot._shown.parameter == list(page.capability._found)[3]
+    click_tab(operator, "Yield")
+    assert "Yield 9" in operator.says()
+    shares = cells(operator, "yield_table")
+    assert {row[0] for row in shares} == {"Product", "Station", "Operator"}
+    assert sum(int(row[3]) for row in shares if row[0] == "Station") == page._summary.yields.overall.count
+
+
+def test_a_folder_without_runs_says_what_will_be_here(operator: Operator) -> None:
+    operator.window.show_page("quality_page")
+    page = operator.window.findChild(QualityPage, "quality_page")
+    until_read(operator, page)
+    assert "No runs yet" in operator.says()
+    click_tab(operator, "Check standards")
+    assert "No check standards yet" in operator.says()
+    click_tab(operator, "Repeatability")
+    assert "How well do stations and operators agree?" in operator.says()
+    language.use("zh_CN")
+    assert "各工位、各操作员的结果是否一致？" in operator.says()
+
+
+def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operator, page: QualityPage) -> None:
+    site = operator.site_folder
+    product = library.find("products", "nav_a").read_text(encoding="utf-8")
+    own = site.home / "products" / "nav_a.toml"
+    standard = {"serial": "GOLD-1", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1e-8}}}
+    own.write_text(product + tomli_w.dumps({"check_standards": [standard]}), encoding="utf-8")
+    instruments = [
+        {"name": "Table", "kind": "table", "certificate": "T-1", "due": date(2020, 1, 1)},
+        {"name": "Thermometer"},
+    ]
+    site.station.write_text(tomli_w.dumps({**STATION, "bench": BENCH, "instruments": instruments}), encoding="utf-8")
+    operator.window.app.set_station(site.station)
+    operator.window.app.set_product(own)
+    until_read(operator, page)
+    click_tab(operator, "Check standards")
+    assert [row[:2] for row in cells(operator, "standards_table")] == [["never passed", "GOLD-1"]]
+    assert [row[0] for row in cells(operator, "instruments_table")] == ["overdue", "no date"]
+    units = operator.widget("quality_unit_combo", QComboBox)
+    assert [units.itemText(k) for k in range(units.count())] == [
+        "All units, the last run of each",
+        "Check standard GOLD-1",
+    ]
+
+
+def test_a_study_from_its_plan_to_its_verdict(
+    operator: Operator, page: QualityPage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    click_tab(operator, "Repeatability")
+    operator.press("study_new_button")
+    operator.qtbot.keyClicks(operator.widget("study_units_edit", QLineEdit), "A-1, A-2")
+    operator.press("study_save_button")
+    assert "The study" in operator.says()
+    operator.qtbot.keyClicks(operator.widget("study_appraisers_edit", QLineEdit), "Li, Wang")
+    new = tmp_path / "plan.json"
+    monkeypatch.setattr(study_view, "ask_file", lambda parent, title, proposed, kinds, write: write(new))
+    operator.press("study_save_button")
+    until_read(operator, page)
+    plan = GaugePlan.load(new)
+    assert (plan.units, plan.appraisers, plan.trials) == (("A-1", "A-2"), ("Li", "Wang"), 3)
+    first = plan.order[0]
+    assert f"12 of 12 runs are missing. Next: {first.appraiser} calibrates unit {first.unit}." in operator.says()
+    assert [row[4] for row in cells(operator, "study_order_table")] == ["next", *["waiting"] * 11]
+    made = next((operator.site_folder.runs / "studies").glob("*.json"))
+    monkeypatch.setattr(QFileDialog, "getOpenFileName", lambda *_: (str(made), ""))
+    operator.press("study_open_button")
+    until_read(operator, page)
+    assert "10 units, measured by 3, 3 times each" in operator.says()
+    rows = cells(operator, "study_components_table")
+    assert [row[0] for row in rows][-2:] == ["Units (PV)", "Total (TV)"]
+    assert float(rows[-1][3]) == 100.0
+    assert operator.widget("study_plan_label", QLabel).text() == made.name
+    assert operator.widget("study_open_button", QPushButton).isEnabled()

@@ -1,0 +1,337 @@
+"""Check standards: the tests of a run against the reference, when one is due, and what it refuses."""
+
+import json
+from dataclasses import replace
+from datetime import UTC, date, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import tomli_w
+from scipy import stats
+
+from calstation.bench import BenchConfig
+from calstation.cli.app import run_app
+from calstation.config import CheckStandardSection, library, resolve_configuration, site_folder
+from calstation.devices.profiles import ImuProfile, load_imu_profile
+from calstation.errors import ConfigurationError
+from calstation.estimation.common import Belief
+from calstation.physics import COUNT, NAMES, PARAMETERS, FloatArray
+from calstation.quality import FALSE_ALARM, judge_result, judge_standard, standard_states
+from calstation.quality.standards import due_certificates, due_standards
+from calstation.records import audit_path, open_log, read_audit
+from calstation.results import History, load_result
+from calstation.runs.prepare import prepare
+from calstation.sequencer import Control, Message
+from calstation.simulation import BenchHooks
+from calstation.simulation.golden import golden_run, golden_unit
+from tests.helpers import raises_code
+from tests.site_folder import SiteFolder
+
+NOW = datetime(2026, 11, 23, tzinfo=UTC)
+#: Parameters that belong to the unit.
+OF_THE_UNIT = [p.name for p in PARAMETERS if p.group != "outer_lever"]
+
+
+@pytest.fixture(scope="module")
+def stable() -> ImuProfile:
+    """A profile of units that never change."""
+    never = {"power_up": 0.0, "year": 0.0}
+    profile = load_imu_profile(library.find("imus", "bench_mems"))
+    groups = {p.group: never for p in PARAMETERS}
+    return ImuProfile.model_validate({**profile.model_dump(exclude_unset=True), "stability": groups})
+
+
+def standard(values: FloatArray, sigma: float | FloatArray = 0.0, **more: Any) -> CheckStandardSection:
+    sigmas = np.broadcast_to(sigma, COUNT).tolist()
+    rows = zip(NAMES, values.tolist(), sigmas, strict=True)
+    reference = {name: {"value": value, "sigma": each} for name, value, each in rows}
+    return CheckStandardSection.model_validate({"serial": "G", "interval_days": 7, "reference": reference, **more})
+
+
+def random_covariance(random: np.random.Generator) -> FloatArray:
+    """A covariance with strong correlations and sigmas over five decades."""
+    mixed = random.standard_normal((COUNT, 12)) @ random.standard_normal((12, COUNT)) + 0.3 * np.eye(COUNT)
+    scale = 10.0 ** random.uniform(-6.0, -1.0, COUNT)
+    covariance = mixed @ mixed.T
+    size = np.sqrt(np.diag(covariance))
+    return np.asarray(covariance / np.outer(size, size) * np.outer(scale, scale))
+
+
+def test_t_squared_of_correct_runs_is_chi_square_and_both_tests_keep_the_stated_probability(stable: ImuProfile) -> None:
+    random, verdicts = np.random.default_rng(7), []
+    for _ in range(40):
+        covariance = random_covariance(random)
+        true = random.standard_normal(COUNT)
+        runs = random.multivariate_normal(true, covariance, size=250, method="cholesky")
+        known = standard(true)
+        verdicts += [judge_standard(known, stable, NOW, Belief(run, covariance), NAMES) for run in runs]
+    t_squared = np.array([verdict.t_squared for verdict in verdicts])
+    assert verdicts[0].degrees == len(OF_THE_UNIT) == 27
+    assert stats.kstest(t_squared, stats.chi2(27).cdf).pvalue > 0.01
+    errors = np.array([list(verdict.e_n.values()) for verdict in verdicts]).ravel()
+    assert stats.kstest(errors[:: 27 * 3 + 1], stats.norm(scale=0.5).cdf).pvalue > 0.01
+    failed = sum(not verdict.passed for verdict in verdicts)
+    assert failed <= stats.binom.ppf(0.999, len(verdicts), FALSE_ALARM)
+
+
+def test_normalised_error_and_t_squared_of_one_parameter(stable: ImuProfile) -> None:
+    """|x - ref| = 5 mm, sigmas 3 and 4 mm: E_n = 5 / (2 sqrt(9 + 16)) = 0.5, and T2 = 1."""
+    known = CheckStandardSection.model_validate(
+        {"serial": "G", "interval_days": 7, "reference": {"inner_lever_x": {"value": 0.1, "sigma": 0.004}}}
+    )
+    mean, covariance = np.zeros(COUNT), np.zeros((COUNT, COUNT))
+    at = NAMES.index("inner_lever_x")
+    mean[at], covariance[at, at] = 0.105, 0.003**2
+    verdict = judge_standard(known, stable, NOW, Belief(mean, covariance), NAMES)
+    assert verdict.e_n == {"inner_lever_x": pytest.approx(0.5)}
+    assert verdict.t_squared == pytest.approx(1.0)
+    assert verdict.e_n_limit == pytest.approx(0.5 * stats.norm.isf(0.25 * FALSE_ALARM))
+    assert verdict.t_squared_limit == pytest.approx(stats.chi2.isf(0.5 * FALSE_ALARM, 1))
+    mean[at] = 0.1 + 2.0 * 0.005 * 1.01 * verdict.e_n_limit
+    assert not judge_standard(known, stable, NOW, Belief(mean, covariance), NAMES).passed
+    assert not judge_standard(known, stable, NOW, Belief(mean, covariance), ["gyro_bias_x"]).passed
+
+
+def test_the_reference_ages_and_the_mounting_does_not_count() -> None:
+    imu = load_imu_profile(library.find("imus", "bench_mems"))
+    true, small = np.zeros(COUNT), 1e-18 * np.eye(COUNT)
+    changed = 4.0 * imu.change_sigmas(1.0)
+    changed[[name.startswith("outer_lever") for name in NAMES]] = 100.0
+    run = Belief(changed, small)
+    fresh = judge_standard(standard(true, date=NOW.date()), imu, NOW, run, NAMES)
+    aged = judge_standard(standard(true, date=NOW.date() - timedelta(days=365)), imu, NOW, run, NAMES)
+    assert aged.e_n["gyro_bias_x"] == pytest.approx(2.0, rel=1e-3)  # 4 sigma of the change
+    assert fresh.e_n["gyro_bias_x"] >= aged.e_n["gyro_bias_x"]
+    assert "outer_lever_x" not in fresh.e_n
+
+
+@pytest.mark.long
+def test_t_squared_of_simulated_runs_of_many_units_is_chi_square(stable: ImuProfile) -> None:
+    """Over many units, as the prior of each unit's solver is that of the grade and not of the unit."""
+    found = []
+    for unit in range(60):
+        true, run = golden_unit(unit)[0].parameters, golden_run(0, unit)
+        found.append(judge_standard(standard(true), stable, NOW, run.belief, run.estimated))
+    t_squared = [verdict.t_squared for verdict in found]
+    assert stats.kstest(t_squared, stats.chi2(found[0].degrees).cdf).pvalue > 0.01
+    moved = true.copy()
+    moved[0] += 12.0 * run.belief.sigma[0]
+    worst = judge_standard(standard(moved), stable, NOW, run.belief, run.estimated)
+    assert not worst.passed
+    assert max(worst.e_n, key=lambda name: abs(worst.e_n[name])) == NAMES[0]
+
+
+@pytest.mark.long
+def test_golden_runs_agree_with_a_reference_from_earlier_ones(stable: ImuProfile) -> None:
+    runs = [golden_run(number, 3) for number in range(40)]
+    earlier = [run.belief.mean for run in runs[:10]]
+    known = standard(np.mean(earlier, axis=0), np.std(earlier, axis=0, ddof=1) / np.sqrt(10.0))
+    verdicts = [judge_standard(known, stable, NOW, run.belief, run.estimated) for run in runs[10:]]
+    assert all(verdict.passed for verdict in verdicts)
+
+
+GOLDEN = "SN-000001"
+STAGES = ("rate", "six_position")
+
+
+@pytest.fixture
+def site(site_folder: SiteFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SiteFolder:
+    """A station whose product has a check standard with the bench's true values as reference."""
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    write(site_folder)
+    return site_folder
+
+
+def write(site: SiteFolder, interval_days: float = 7.0, off: float = 0.0) -> None:
+    """Write the product; `off` is the error of a reference value in gyro scale factors, and so of the station."""
+    site.write({"stages": list(STAGES)})
+    request = replace(site.request(), serial=GOLDEN)
+    true = BenchConfig.model_validate(resolve_configuration(request).bench_config()).truth().parameters
+    solved = [p.name for p in PARAMETERS if p.group in ("gyro_scale", "gyro_misalign", "accel_bias", "accel_misalign")]
+    reference = {
+        name: {"value": float(true[NAMES.index(name)]) + (off if name == "gyro_scale_x" else 0.0), "sigma": 0.0}
+        for name in solved
+    }
+    standards = [{"serial": GOLDEN, "interval_days": interval_days, "reference": reference}]
+    site.write({"stages": list(STAGES), "check_standards": standards})
+
+
+def refused(site: SiteFolder, code: str, **changes: Any) -> ConfigurationError:
+    with raises_code(ConfigurationError, code) as caught:
+        prepare(replace(site.request(), **changes), site.events.append, Control(), BenchHooks())
+    assert isinstance(caught.value, ConfigurationError)
+    return caught.value
+
+
+def allowed(site: SiteFolder, **changes: Any) -> str | None:
+    """Prepare a run; the override in its log's configuration."""
+    meta, _ = prepare(replace(site.request(), **changes), site.events.append, Control(), BenchHooks()).meta(None)
+    assert meta.run is not None
+    return meta.run.standard_override
+
+
+@pytest.mark.long
+def test_production_waits_for_the_check_standard(site: SiteFolder, capsys: pytest.CaptureFixture[str]) -> None:
+    assert refused(site, "quality.standard_never").values["serial"] == GOLDEN
+    assert allowed(site, serial=GOLDEN) is None
+
+    request = replace(site.request(), serial=GOLDEN)
+    site.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
+    verdict = site.run()
+    assert verdict.outcome == "passed"
+    del site.request  # type: ignore[method-assign]
+    result = load_result(Path(verdict.result_file))
+    assert result.check_standard is not None
+    assert result.check_standard.passed
+    assert {"gyro_scale_x", "accel_bias_z"} <= set(result.check_standard.e_n)
+    assert result.registers is None  # a check standard is never adjusted
+    assert "standard_agrees" in [event.id for event in site.events_of(Message)]
+    assert result.check_standard == open_result(verdict.log).check_standard
+
+    assert allowed(site) is None
+    history = site_history(site)
+    setup = resolve_configuration(site.request())
+    again = judge_result(setup.product.check_standards[0], setup.imu, result)
+    assert again.t_squared == pytest.approx(result.check_standard.t_squared, rel=1e-6)
+    (state,) = standard_states(setup.station, setup.product, history, datetime.now(UTC))
+    assert state.wrong is None
+    assert state.due == datetime.fromisoformat(result.started_utc or "") + timedelta(days=7)
+    later = datetime.now(UTC) + timedelta(days=8)
+    assert [due.reason for due in due_standards(setup.station, setup.product, history, later)] == ["overdue"]
+    elsewhere = setup.station.model_copy(update={"name": "another station"})
+    assert [due.reason for due in due_standards(elsewhere, setup.product, history, later)] == ["never"]
+
+    files = ["--station", str(site.station), "--product", str(site.product), "--out", str(site.folder / "runs")]
+    assert run_app(["quality", "standards", *files, "--json", "-"]) == 0
+    shown = json.loads(capsys.readouterr().out)
+    assert [row["serial"] for row in shown["standards"]] == [GOLDEN]
+    assert shown["standards"][0]["wrong"] is None
+
+    write(site, interval_days=1e-6)
+    refused(site, "quality.standard_overdue")
+    assert run_app(["run", *files, "--serial", "SN-000042"]) == ConfigurationError.exit_code
+    assert "--override-standard" in capsys.readouterr().err
+    assert run_app(["quality", "standards", *files]) == 1
+
+    write(site, off=0.1)  # the last run disagrees with the reference as it is now
+    refused(site, "quality.standard_out")
+    refused(site, "quality.no_reason", override_standard=" ")
+    assert allowed(site, serial=GOLDEN) is None
+    request = replace(site.request(), override_standard="golden unit at the laboratory")
+    site.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
+    made = load_result(Path(site.run().result_file))
+    assert made.standard_override == "golden unit at the laboratory"
+    assert made.check_standard is None
+    event = read_audit(audit_path(site_folder())).events[-1]
+    assert (event.event, event.by, event.why) == ("standard_overridden", "tester", "golden unit at the laboratory")
+    assert event.values["overridden"] == [f"out {GOLDEN}"]
+
+
+@pytest.mark.long
+def test_a_check_standard_off_its_reference_fails_and_stops_production(site: SiteFolder) -> None:
+    write(site, off=0.01)
+    request = replace(site.request(), serial=GOLDEN)
+    site.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
+    verdict = site.run()
+    del site.request  # type: ignore[method-assign]
+    assert verdict.outcome == "failed"
+    result = load_result(Path(verdict.result_file))
+    assert result.check_standard is not None
+    assert not result.check_standard.passed
+    assert "standard_differs" in [event.id for event in site.events_of(Message)]
+    refused(site, "quality.standard_out")
+
+
+def open_result(log: str) -> Any:
+    from calstation.results.resolving import stored_result
+
+    return stored_result(open_log(Path(log)))
+
+
+def site_history(site: SiteFolder) -> History:
+    history = History(site.folder / "runs")
+    history.refresh()
+    return history
+
+
+def test_an_overdue_certificate_refuses_production_of_the_station(site_folder: SiteFolder) -> None:
+    assert allowed(site_folder) is None
+    text = site_folder.station.read_text(encoding="utf-8")
+    due = date.today() - timedelta(days=1)
+    instruments = [
+        {"name": "rate table", "kind": "table", "due": due},
+        {"name": "thermometer", "kind": "other", "due": due},
+        {"name": "gravity survey", "kind": "site", "due": date.today()},
+    ]
+    site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
+    error = refused(site_folder, "quality.certificate_overdue")
+    assert error.values["name"] == "rate table"
+    assert error.values["since"] == due.isoformat()
+    setup = resolve_configuration(site_folder.request())
+    assert [each.name for each in due_certificates(setup.station, datetime.now(UTC))] == ["rate table"]
+
+
+def test_an_override_without_need_is_not_recorded(site_folder: SiteFolder) -> None:
+    assert allowed(site_folder, override_standard="just in case") is None
+
+
+@pytest.mark.parametrize(
+    ("entries", "code"),
+    [
+        ({"reference": {"gyro_bias_w": {"value": 0.0, "sigma": 1.0}}}, "entry.unknown_parameter"),
+        ({"date": "soon"}, "entry.not_a_date"),
+        ({"interval_days": 0}, None),
+    ],
+)
+def test_wrong_entries_of_a_check_standard_are_refused(
+    site_folder: SiteFolder, entries: dict[str, Any], code: str | None
+) -> None:
+    section = {"serial": "G", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1.0}}, **entries}
+    site_folder.write({"check_standards": [section]})
+    with pytest.raises(ConfigurationError) as caught:
+        resolve_configuration(site_folder.request())
+    if code is not None:
+        assert code in json.dumps(caught.value.values, default=repr)
+
+
+def test_a_check_standard_is_listed_once(site_folder: SiteFolder) -> None:
+    section = {"serial": "G", "interval_days": 7, "reference": {"gyro_bias_x": {"value": 0.0, "sigma": 1.0}}}
+    site_folder.write({"check_standards": [section, section]})
+    with pytest.raises(ConfigurationError) as caught:
+        resolve_configuration(site_folder.request())
+    assert "product.standard_twice" in json.dumps(caught.value.values, default=repr)
+
+
+def test_check_of_a_station_file_names_overdue_certificates(
+    site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = site_folder.station.read_text(encoding="utf-8")
+    instruments = [{"name": "rate table", "kind": "table", "due": date(2020, 1, 2)}]
+    site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
+    assert run_app(["check", str(site_folder.station), "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["overdue"] == [{"name": "rate table", "since": "2020-01-02"}]
+
+
+@pytest.mark.long
+def test_runs_of_the_fast_product_through_the_real_protocols_agree_with_the_truth(
+    site_folder: SiteFolder, stable: ImuProfile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sum of T² of independent units is χ² with the sum of their degrees of freedom."""
+    monkeypatch.setenv("CALSTATION_HOME", str(site_folder.folder / "home"))
+    total, degrees = 0.0, 0
+    for number in (101, 102, 103):
+        serial = f"SN-{number:06d}"
+        request = replace(site_folder.request(), serial=serial, product=library.find("products", "mems_c_fast"))
+        site_folder.request = lambda *stages, made=request: made  # type: ignore[method-assign,misc]
+        result = load_result(Path(site_folder.run().result_file))
+        del site_folder.request  # type: ignore[method-assign]
+        truth = BenchConfig.model_validate(resolve_configuration(request).bench_config()).truth()
+        verdict = judge_result(standard(truth.parameters), stable, result)
+        assert verdict.passed
+        total, degrees = total + verdict.t_squared, degrees + verdict.degrees
+        assert set(result.table) == {"orthogonality", "tilt_x", "tilt_y"}
+        table = result.table["orthogonality"]
+        assert abs(table.value - truth.table.non_orthogonality) < 4.0 * table.sigma
+    assert 0.001 < stats.chi2(degrees).cdf(total) < 0.999

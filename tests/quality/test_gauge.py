@@ -1,0 +1,144 @@
+"""Repeatability and reproducibility agree with published studies, and unbalanced designs are refused."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from calstation.errors import InputError
+from calstation.quality.gauge import AnovaRow, _interval, _Mean, crossed, gauge_study, verdict
+
+#: AIAG, Measurement Systems Analysis, 4th ed., 2010, figure III-B 6: ten parts (columns) measured by appraisers A, B
+#: and C in three trials each (rows).
+AIAG_TEXT = """
+0.29 -0.56  1.34  0.47 -0.80  0.02  0.59 -0.31  2.26 -1.36
+0.41 -0.68  1.17  0.50 -0.92 -0.11  0.75 -0.20  1.99 -1.25
+0.64 -0.58  1.27  0.64 -0.84 -0.21  0.66 -0.17  2.01 -1.31
+0.08 -0.47  1.19  0.01 -0.56 -0.20  0.47 -0.63  1.80 -1.68
+0.25 -1.22  0.94  1.03 -1.20  0.22  0.55  0.08  2.12 -1.62
+0.07 -0.68  1.34  0.20 -1.28  0.06  0.83 -0.34  2.19 -1.50
+0.04 -1.38  0.88  0.14 -1.46 -0.29  0.02 -0.46  1.77 -1.49
+-0.11 -1.13  1.09  0.20 -1.07 -0.67  0.01 -0.56  1.45 -1.77
+-0.15 -0.96  0.67  0.11 -1.45 -0.49  0.21 -0.49  1.87 -2.16
+"""
+AIAG = np.array(AIAG_TEXT.split(), dtype=float).reshape(3, 3, 10).transpose(2, 0, 1)
+
+#: Mean squares and degrees of freedom of the thermal impedance study (M. E. Houf and D. B. Berman, IEEE Transactions
+#: on Components, Hybrids, and Manufacturing Technology 11, 1988): ten parts, three operators, three trials.
+HOUF = {
+    "part": _Mean(437.3284, 9),
+    "operator": _Mean(19.6333, 2),
+    "both": _Mean(2.6951, 18),
+    "error": _Mean(0.5111, 60),
+}
+
+
+def test_study_of_the_aiag_manual() -> None:
+    study = gauge_study(AIAG, tolerance=4.0)
+    expected = [  # table A 3 of the manual, and the F ratios after pooling of Minitab's gauge study of the same data
+        ("part", 9, 88.3619, 9.81799, 245.614),
+        ("appraiser", 2, 3.1673, 1.58363, 39.617),
+        ("interaction", 18, 0.3590, 0.01994, 0.434),
+        ("repeatability", 60, 2.7589, 0.04598, None),
+    ]
+    for row, (source, dof, square, mean, ratio) in zip(study.anova, expected, strict=True):
+        assert (row.source, row.dof) == (source, dof)
+        assert (row.sum_squares, row.mean_square) == pytest.approx((square, mean), abs=6e-5)
+        assert row.f == (None if ratio is None else pytest.approx(ratio, abs=6e-4))
+    assert study.pooled
+    assert study.interaction is None
+    found = [study.repeatability, study.reproducibility, study.gauge, study.part, study.total]
+    # table A 4: standard deviations and shares of the total variation
+    assert [each.sigma for each in found] == pytest.approx([0.199933, 0.226838, 0.302373, 1.042327, 1.0853], abs=5e-6)
+    assert [each.percent_study for each in found] == pytest.approx([18.4, 20.9, 27.9, 96.0, 100.0], abs=0.05)
+    assert study.gauge.percent_tolerance == pytest.approx(100 * 6 * 0.302373 / 4.0, abs=1e-3)
+    assert (study.categories, study.verdict) == (4, "unacceptable")  # 45 % of the tolerance
+    assert gauge_study(AIAG).verdict == "marginal"
+
+
+def test_an_interaction_that_matters_is_a_component_of_its_own() -> None:
+    random = np.random.default_rng(2)
+    p, o, r = 10, 3, 3
+    values = random.normal(0, 5, (p, 1, 1)) + random.normal(0, 2, (p, o, 1)) + random.normal(0, 0.5, (p, o, r))
+    study = gauge_study(values)
+    assert not study.pooled
+    assert study.interaction is not None
+    assert study.interaction.sigma == pytest.approx(2.0, rel=0.4)
+    assert study.repeatability.sigma == pytest.approx(np.sqrt(np.mean(values.var(axis=2, ddof=1))))
+    squares = [study.repeatability, study.reproducibility, study.interaction]
+    assert study.gauge.sigma**2 == pytest.approx(sum(each.sigma**2 for each in squares))
+    assert study.total.sigma**2 == pytest.approx(study.gauge.sigma**2 + study.part.sigma**2)
+    part, interaction = study.anova[0], study.anova[2]
+    assert part.f == pytest.approx(part.mean_square / interaction.mean_square)
+    assert isinstance(part, AnovaRow)
+
+
+def test_confidence_intervals_of_a_published_study() -> None:
+    # R. K. Burdick, C. M. Borror and D. C. Montgomery, Journal of Quality Technology 35(4), 2003, 342-354: 95 %
+    # intervals of the variances of the parts and of the measurement
+    p, o, r = 10, 3, 3
+    part = _interval([(1 / (o * r), HOUF["part"]), (-1 / (o * r), HOUF["both"])], 0.025)
+    assert part == pytest.approx((22.69, 161.64), abs=0.01)
+    gauge = [(1 / (p * r), HOUF["operator"]), ((p - 1) / (p * r), HOUF["both"]), ((r - 1) / r, HOUF["error"])]
+    assert _interval(gauge, 0.025) == pytest.approx((1.20, 27.02), abs=0.01)
+    low, high = _interval([(1.0, HOUF["error"])], 0.025)  # exact: chi-square
+    assert low == pytest.approx(60 * 0.5111 / stats.chi2.ppf(0.975, 60))
+    assert high == pytest.approx(60 * 0.5111 / stats.chi2.ppf(0.025, 60))
+
+
+def test_the_limits_of_a_difference_are_0_where_the_f_test_says() -> None:
+    for first, second in ((9, 18), (2, 78)):
+        ratio = float(stats.f.isf(0.025, first, second))
+        for factor in (0.999, 1.001):
+            low, _ = _interval([(1.0, _Mean(ratio * factor, first)), (-1.0, _Mean(1.0, second))], 0.025)
+            assert (low > 0.0) == (factor > 1.0)
+
+
+def test_intervals_contain_the_true_variation_as_often_as_they_promise() -> None:
+    random, runs = np.random.default_rng(4), 800
+    p, o, r = 10, 4, 3
+    true = {"repeatability": 1.0, "reproducibility": 1.5, "interaction": 1.2, "part": 4.0}
+    true["gauge"] = (1.0 + 1.5**2 + 1.2**2) ** 0.5
+    true["total"] = (true["gauge"] ** 2 + 16.0) ** 0.5
+    inside = dict.fromkeys(true, 0)
+    for _ in range(runs):
+        values = random.normal(0, 4.0, (p, 1, 1)) + random.normal(0, 1.5, (1, o, 1))
+        values = values + random.normal(0, 1.2, (p, o, 1)) + random.normal(0, 1.0, (p, o, r))
+        study = gauge_study(values)
+        for name, sigma in true.items():
+            each = getattr(study, name)
+            inside[name] += each is not None and each.low <= sigma <= each.high
+    for name, count in inside.items():
+        assert 0.925 < count / runs < 0.985, (name, count / runs)  # the method is slightly conservative
+
+
+def test_a_crossed_design_is_read_in_any_order_and_an_unbalanced_one_refused() -> None:
+    rows = [(f"SN-{p}", who, float(AIAG[p, o, r])) for r in range(3) for o, who in enumerate("ABC") for p in range(10)]
+    parts, appraisers, values = crossed(rows)
+    assert (parts[0], appraisers) == ("SN-0", ["A", "B", "C"])
+    np.testing.assert_array_equal(values, AIAG)
+    for wrong, code, shown in (
+        (rows[:-1], "quality.unbalanced", "SN-9, C: 2"),
+        ([row for row in rows if row[1] == "A"], "quality.small_study", "1 appraisers"),
+        (rows[:30], "quality.small_study", "1 trials"),
+        ([row for row in rows if row[:2] != ("SN-4", "B")], "quality.unbalanced", "SN-4, B: 0"),
+        ([], "quality.small_study", "0 units"),
+    ):
+        with pytest.raises(InputError) as caught:
+            crossed(wrong)
+        assert caught.value.code == code
+        assert shown in str(caught.value)
+
+
+def test_equal_repetitions_are_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        gauge_study(np.repeat(AIAG[:, :, :1], 3, axis=2))
+    assert caught.value.code == "quality.no_repeatability"
+
+
+def test_verdicts_are_those_of_aiag() -> None:
+    assert [verdict(share) for share in (9.0, 10.0, 29.0, 31.0)] == [
+        "acceptable",
+        "acceptable",
+        "marginal",
+        "unacceptable",
+    ]

@@ -1,0 +1,110 @@
+"""A study is planned in random order and evaluated from the stored runs that follow the plan."""
+
+from collections import Counter
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.errors import InputError
+from calstation.quality.gauge import gauge_study
+from calstation.quality.gauge_plan import GaugePlan, Measurement
+from calstation.records import RunColumns
+from tests.quality.test_gauge import AIAG
+
+BEGIN = datetime(2026, 11, 2, tzinfo=UTC)
+UNITS = tuple(f"SN-{k}" for k in range(10))
+WHO = ("A", "B", "C")
+
+
+def plan(seed: int = 1, by: str = "operator") -> GaugePlan:
+    return GaugePlan.random(by, UNITS, WHO, 3, seed, BEGIN)  # type: ignore[arg-type]
+
+
+def stored(order: list[Measurement], **changes: object) -> RunColumns:
+    """Runs of measurements in order, an hour apart, with the values of the AIAG study in two parameters."""
+    n = len(order)
+    values = [AIAG[UNITS.index(m.unit), WHO.index(m.appraiser), m.trial - 1] for m in order]
+    started = [(BEGIN + timedelta(hours=k)).timestamp() for k in range(n)]
+    columns = {
+        "names": tuple(f"run {k}" for k in range(n)),
+        "serials": tuple(m.unit for m in order),
+        "started": np.array(started),
+        "verdicts": ("passed",) * n,
+        "products": ("nav",) * n,
+        "stations": ("bench 1",) * n,
+        "operators": tuple(m.appraiser for m in order),
+        "partial": np.zeros(n, dtype=bool),
+        "failed_checks": ((),) * n,
+        "values": {"gyro_bias_x": np.array(values), "accel_bias_x": np.array([np.nan, *values[1:]])},
+        "sigmas": {},
+    }
+    return RunColumns(**{**columns, **changes})  # type: ignore[arg-type]
+
+
+def test_every_trial_has_every_appraiser_with_every_unit_in_an_order_of_its_own() -> None:
+    order = plan().order
+    assert len(order) == 90
+    assert set(Counter((m.trial, m.appraiser, m.unit) for m in order).values()) == {1}
+    assert [m.trial for m in order] == sorted(m.trial for m in order)
+    blocks = [tuple(m.unit for m in order[k : k + 10]) for k in range(0, 90, 10)]
+    assert all(set(block) == set(UNITS) for block in blocks)
+    assert len(set(blocks)) == 9
+    assert plan().order == order != plan(seed=2).order
+
+
+def test_a_stored_plan_is_read_back(tmp_path: Path) -> None:
+    plan().save(tmp_path / "plan.json")
+    assert GaugePlan.load(tmp_path / "plan.json") == plan()
+    (tmp_path / "other.json").write_text('{"schema": "calstation.result/1"}')
+    for name, code in (("other.json", "quality.not_a_plan"), ("none.json", "result.unreadable")):
+        with pytest.raises(InputError) as caught:
+            GaugePlan.load(tmp_path / name)
+        assert caught.value.code == code
+
+
+def test_the_values_are_those_of_the_runs_that_follow_the_plan() -> None:
+    order = [*plan().order]
+    found = plan().values(stored(order))
+    assert found.keys() == {"gyro_bias_x"}  # a run of the study lacks the other
+    shown = gauge_study(found["gyro_bias_x"])
+    assert shown.gauge.sigma == pytest.approx(0.302373, abs=1e-5)
+    stations = tuple(m.appraiser for m in order)
+    by_station = plan(by="station").values(stored(order, stations=stations, operators=(None,) * 90))
+    assert gauge_study(by_station["gyro_bias_x"]).gauge.sigma == pytest.approx(0.302373, abs=1e-5)
+
+
+def test_runs_before_the_plan_of_others_stopped_partial_or_too_many_do_not_count() -> None:
+    order = [*plan().order]
+    extra = [order[0], *order, order[0]]
+    runs = stored(extra)
+    runs.started[:] -= 3600.0  # the first run began before the plan
+    np.testing.assert_array_equal(plan().values(runs)["gyro_bias_x"], plan().values(stored(order))["gyro_bias_x"])
+    for changes in (
+        {"verdicts": ("stopped",) + ("passed",) * 89},
+        {"partial": np.arange(90) == 0},
+        {"operators": ("D", *(m.appraiser for m in order[1:]))},
+        {"serials": ("SN-99", *(m.unit for m in order[1:]))},
+    ):
+        runs = stored(order, **changes)
+        left = plan().remaining(runs)
+        assert len(left) == 1
+        assert (left[0].unit, left[0].appraiser) == (order[0].unit, order[0].appraiser)
+
+
+def test_an_incomplete_study_says_what_comes_next() -> None:
+    order = [*plan().order]
+    assert plan().remaining(stored(order[:88])) == order[88:]
+    with pytest.raises(InputError) as caught:
+        plan().values(stored(order[:88]))
+    assert caught.value.code == "quality.study_incomplete"
+    assert f"2 of the 90 runs of the study are missing; next: {order[88].unit}, {order[88].appraiser}" in str(
+        caught.value
+    )
+
+
+def test_a_study_needs_two_of_everything() -> None:
+    with pytest.raises(InputError) as caught:
+        GaugePlan.random("operator", UNITS, ("A", "A"), 3, 1, BEGIN)
+    assert caught.value.code == "quality.small_study"

@@ -1,0 +1,101 @@
+"""The summary of a folder's runs has charts, capability and yield of the selected runs."""
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calstation.config import library, load_product
+from calstation.quality import judged_runs, last_of_each_unit, limit_interval, summarise_quality
+from calstation.results import History
+from tests.results.test_history import write
+
+NAV = "Navigation grade A"
+BEGIN = datetime(2026, 11, 1, tzinfo=UTC)
+
+
+def ignore(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    assert 0.0 <= fraction <= 1.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """30 units, one of which was run again, a golden unit of 15 runs with a step, and runs that are not judged."""
+    folder = tmp_path_factory.mktemp("runs")
+    random = np.random.default_rng(1)
+
+    def add(k: int, serial: str, outcome: str, value: float, **more: object) -> None:
+        started = (BEGIN + timedelta(hours=k)).isoformat()
+        values = {"gyro_bias_x": value, "accel_bias_x": 1e-3}
+        write(folder, f"{serial}_{k}", serial, outcome, 1, values=values, started_utc=started, **more)
+
+    for k in range(30):
+        add(k, f"SN-{k}", "failed" if k == 4 else "passed", 1e-6 * random.normal())
+        if k % 2:
+            add(100 + k, "GOLD", "passed", 2e-6 + 1e-8 * random.normal() + (1e-7 if k > 20 else 0.0))
+    add(40, "SN-4", "passed", 5e-6)
+    add(41, "SN-5", "stopped", 9e-6)
+    add(42, "SN-6", "passed", 9e-6, partial=True)
+    add(43, "SN-7", "passed", 9e-6, product="unknown")
+    return folder
+
+
+def test_every_unit_counts_with_its_last_judged_full_run(folder: Path) -> None:
+    history = History(folder)
+    history.refresh()
+    runs = history.columns()
+    judged = [k for k in judged_runs(runs) if runs.products[k] == NAV]
+    index = last_of_each_unit(runs, judged)
+    names = [runs.names[k] for k in index]
+    assert (len(judged), len(names)) == (46, 31)
+    assert {"SN-4_40", "SN-5_5", "SN-6_6", "SN-7_7", "GOLD_129"} <= {*names}
+    assert np.all(np.diff(runs.started[index]) > 0)
+
+
+def test_charts_and_capability_of_a_product(folder: Path) -> None:
+    found = summarise_quality(ignore, folder, library.find("products", "nav_a"))
+    assert [each.parameter for each in found.parameters] == ["gyro_bias_x"]  # the other is the same in every run
+    (bias,) = found.parameters
+    assert bias.capability is not None
+    assert (bias.capability.low, bias.capability.high) == (-1.5e-5, 1.5e-5)
+    assert bias.capability.count == 31
+    assert found.yields.overall is not None
+    assert (found.yields.overall.passed, found.yields.overall.count) == (45, 46)
+    assert found.yields.products.keys() == {NAV}
+    every = summarise_quality(ignore, folder)
+    assert every.yields.products.keys() == {NAV, "unknown"}
+    assert every.parameters[0].capability == bias.capability  # the limits of the product file of that name
+    json.dumps(every.to_json(), allow_nan=False)
+
+
+def test_the_runs_of_one_unit_show_a_step(folder: Path) -> None:
+    found = summarise_quality(ignore, folder, serial="GOLD")
+    (bias,) = found.golden
+    assert (len(bias.names), bias.capability) == (15, None)
+    assert bias.alarms["ewma"] > 0
+    shown = found.to_json()["golden"]
+    assert shown["serial"] == "GOLD"
+    assert shown["parameters"][0]["ewma_signals"][-1] == "GOLD_129"
+    assert shown["parameters"][0]["signals"][0].keys() == {"run", "rule"}
+    assert "GOLD_129" not in found.parameters[0].names
+    assert found.yields.overall is not None
+    assert found.yields.overall.count == 32
+
+
+def test_a_parameter_and_a_date_can_be_chosen(folder: Path) -> None:
+    assert summarise_quality(ignore, folder, parameter="accel_bias_x").parameters == ()
+    later = summarise_quality(ignore, folder, since=BEGIN + timedelta(hours=25))
+    assert later.yields.overall is not None
+    assert later.yields.overall.count == 5 + 1 + 15 + 1
+    assert summarise_quality(ignore, folder, since=BEGIN + timedelta(days=99)).yields.overall is None
+
+
+def test_limits_of_a_parameter_are_its_own_before_those_of_its_group() -> None:
+    _, product = load_product(library.find("products", "nav_a"))
+    assert limit_interval(product, "gyro_bias_x") == (-1.5e-5, 1.5e-5)
+    limit = product.limits["gyro_bias"].model_copy(update={"within": [0.0, 1.0]})
+    own = product.model_copy(update={"limits": {**product.limits, "gyro_bias_x": limit}})
+    assert limit_interval(own, "gyro_bias_x") == (0.0, 1.0)
+    assert limit_interval(own, "clock_offset") is None

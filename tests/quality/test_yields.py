@@ -1,0 +1,81 @@
+"""Yield counts the runs that ended with PASS or FAIL, and the first run of each unit."""
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from calstation.quality.yields import FailedCheck, Share, count_yields
+from calstation.records import RunColumns
+
+BEGIN = datetime(2026, 11, 2, 12, tzinfo=UTC)  # noon, so that the date is the same in nearly all time zones
+
+#: Day, serial, verdict, whether partial, station, operator and failed checks of runs.
+ROWS = [
+    (0, "A", "failed", False, "s1", "li", ("x", "y")),
+    (0, "A", "passed", False, "s1", "li", ()),
+    (0, "B", "passed", False, "s2", "wu", ()),
+    (1, "B", "failed", False, "s2", None, ("x",)),
+    (1, "C", "stopped", False, "s1", "li", ()),
+    (1, "C", "partial", True, "s1", "li", ()),
+    (1, "C", "failed", True, "s1", "li", ("z",)),
+    (2, "C", "failed", False, "s1", "li", ("y",)),
+    (2, "D", "passed", False, "s1", "wu", ()),
+]
+
+
+def columns(rows: list[tuple[int, str, str, bool, str | None, str | None, tuple[str, ...]]]) -> RunColumns:
+    """Runs of one product in columns."""
+    days, serials, verdicts, partial, stations, operators, failed = zip(*rows, strict=True)
+    started = [(BEGIN + timedelta(days=day, minutes=k)).timestamp() for k, day in enumerate(days)]
+    names = tuple(f"run {k}" for k in range(len(rows)))
+    products = ("nav",) * len(rows)
+    return RunColumns(
+        names,
+        serials,
+        np.array(started),
+        verdicts,
+        products,
+        stations,
+        operators,
+        np.array(partial),
+        failed,
+        {},
+        {},
+    )
+
+
+def counts(found: object) -> dict[str, tuple[int, int]]:
+    return {name: (share.passed, share.count) for name, share in found.items()}  # type: ignore[attr-defined]
+
+
+def test_yield_counts_full_runs_that_were_judged() -> None:
+    found = count_yields(columns(ROWS))
+    assert (found.overall.passed, found.overall.count) == (3, 6)
+    assert (found.first_pass.passed, found.first_pass.count) == (2, 4)  # B and D, not A and C
+    assert counts(found.days) == {"2026-11-02": (2, 3), "2026-11-03": (0, 1), "2026-11-04": (1, 2)}
+    assert counts(found.products) == {"nav": (3, 6)}
+    assert counts(found.stations) == {"s1": (2, 4), "s2": (1, 2)}
+    assert counts(found.operators) == {"li": (1, 3), "wu": (2, 2)}
+    assert found.failed_checks == (FailedCheck("x", 2, 2 / 3), FailedCheck("y", 2, 1.0))
+
+
+def test_first_runs_before_the_date_do_not_count_later() -> None:
+    found = count_yields(columns(ROWS), since=(BEGIN + timedelta(days=1)).timestamp())
+    assert (found.overall.passed, found.overall.count) == (1, 3)
+    assert (found.first_pass.passed, found.first_pass.count) == (1, 2)  # D passed, C did not; B came before
+
+
+def test_runs_that_are_not_judged_have_no_yield() -> None:
+    found = count_yields(columns([ROWS[4]]))
+    assert found.overall is found.first_pass is None
+    assert (found.days, found.failed_checks) == ({}, ())
+
+
+def test_wilson_intervals_are_those_published() -> None:
+    # R. G. Newcombe, Statistics in Medicine 17, 1998, 857-872, table I, method 3 without continuity correction
+    for passed, count, low, high in ((81, 263, 0.2553, 0.3662), (15, 148, 0.0624, 0.1605), (0, 20, 0.0, 0.1611)):
+        share = Share.of(passed, count)
+        assert (share.low, share.high) == pytest.approx((low, high), abs=5e-5)
+    assert Share.of(1, 29).low == pytest.approx(0.0061, abs=5e-5)
+    assert Share.of(1, 29).high == pytest.approx(0.1718, abs=5e-5)

@@ -1,0 +1,127 @@
+"""The audit trail is chained, shows every later change, and survives a program that is killed while it writes."""
+
+import hashlib
+import json
+import multiprocessing
+import re
+from pathlib import Path
+
+import pytest
+
+from calstation.errors import ConfigurationError
+from calstation.records import append_audit, audit_path, files, read_audit
+from tests.helpers import raises_code
+
+
+@pytest.fixture
+def trail(tmp_path: Path) -> Path:
+    append_audit(tmp_path, "pin_set", "wang")
+    append_audit(tmp_path, "file_saved", "李", "new limits", kind="products", name="nav_a", version=2)
+    why = 'scratch, "accepted"\n'
+    append_audit(tmp_path, "override", "wang", why, confirmed_by="li", serial="SN-1", limit=1.5e-7)
+    return audit_path(tmp_path)
+
+
+def test_an_event_reads_as_it_was_written(trail: Path) -> None:
+    found = read_audit(trail)
+    assert (found.first_bad, found.interrupted, len(found.events)) == (None, (), 3)
+    last = found.events[-1]
+    assert (last.event, last.by, last.confirmed_by, last.why) == ("override", "wang", "li", 'scratch, "accepted"\n')
+    assert last.values == {"serial": "SN-1", "limit": 1.5e-7}
+    assert found.digest == last.digest
+
+
+def test_the_digest_is_the_sha_256_of_the_line_without_it(trail: Path) -> None:
+    previous = "0" * 64
+    for line in trail.read_text("utf-8").splitlines():
+        rest = re.sub(r', "digest": "[0-9a-f]{64}"\}$', "}", line)
+        assert json.loads(rest)["previous"] == previous
+        previous = json.loads(line)["digest"]
+        assert previous == hashlib.sha256(rest.encode()).hexdigest()
+
+
+def test_a_missing_trail_is_empty(tmp_path: Path) -> None:
+    assert read_audit(audit_path(tmp_path)).events == ()
+
+
+@pytest.mark.parametrize("line", [0, 1, 2])
+def test_a_change_of_any_line_is_found(trail: Path, line: int) -> None:
+    lines = trail.read_bytes().splitlines(keepends=True)
+    for i in range(len(lines[line]) - 1):
+        changed = bytearray(lines[line])
+        changed[i] ^= 1
+        trail.write_bytes(b"".join([*lines[:line], bytes(changed), *lines[line + 1 :]]))
+        assert read_audit(trail).first_bad == line + 1
+
+
+def test_a_removed_or_moved_line_is_found_at_the_next(trail: Path) -> None:
+    one, two, three = trail.read_bytes().splitlines(keepends=True)
+    for lines, bad in (([two, three], 1), ([one, three], 2), ([one, three, two], 2), ([one, one, two, three], 2)):
+        trail.write_bytes(b"".join(lines))
+        assert read_audit(trail).first_bad == bad
+
+
+def test_a_recomputed_line_is_found_at_the_next(tmp_path: Path, trail: Path) -> None:
+    lines = trail.read_text("utf-8").splitlines(keepends=True)
+    rest = re.sub(r', "digest": "[0-9a-f]{64}"\}\n$', "}", lines[1]).replace("new limits", "none")
+    digest = hashlib.sha256(rest.encode()).hexdigest()
+    lines[1] = f'{rest[:-1]}, "digest": "{digest}"}}\n'
+    trail.write_text("".join(lines), encoding="utf-8")
+    assert read_audit(trail).first_bad == 3
+
+
+def test_a_line_cut_at_any_byte_is_reported_and_the_chain_continues_after_it(tmp_path: Path, trail: Path) -> None:
+    whole = trail.read_bytes()
+    start = whole.rstrip(b"\n").rindex(b"\n") + 1
+    for end in range(start + 1, len(whole) - 1):
+        trail.write_bytes(whole[:end])
+        assert (read_audit(trail).interrupted, read_audit(trail).first_bad) == ((3,), None)
+        append_audit(tmp_path, "pin_changed", "li")
+        found = read_audit(trail)
+        assert (found.interrupted, found.first_bad) == ((3,), None)
+        assert [each.event for each in found.events] == ["pin_set", "file_saved", "interrupted", "pin_changed"]
+        assert trail.read_bytes().startswith(whole[:end])
+
+
+def test_a_line_without_its_newline_is_whole(tmp_path: Path, trail: Path) -> None:
+    trail.write_bytes(trail.read_bytes()[:-1])
+    append_audit(tmp_path, "pin_changed", "li")
+    found = read_audit(trail)
+    assert (found.interrupted, found.first_bad, len(found.events)) == ((), None, 4)
+
+
+def test_an_altered_last_line_is_never_excused_as_incomplete(tmp_path: Path, trail: Path) -> None:
+    trail.write_bytes(trail.read_bytes()[:-1].replace(b"SN-1", b"SN-2"))
+    assert read_audit(trail).first_bad == 3
+    append_audit(tmp_path, "pin_changed", "li")
+    assert read_audit(trail).first_bad == 3
+
+
+def test_the_remainder_of_an_incomplete_line_cannot_be_changed_later(tmp_path: Path, trail: Path) -> None:
+    trail.write_bytes(trail.read_bytes()[:-60])
+    append_audit(tmp_path, "pin_changed", "li")
+    trail.write_bytes(trail.read_bytes().replace(b"SN-1", b"SN-2"))
+    assert read_audit(trail).first_bad == 3
+
+
+def _append_many(folder: Path) -> None:
+    for _ in range(20):
+        append_audit(folder, "file_saved", "wang")
+
+
+def test_programs_that_append_at_the_same_time_form_one_chain(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    processes = [context.Process(target=_append_many, args=(tmp_path,)) for _ in range(2)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+        assert process.exitcode == 0
+    found = read_audit(audit_path(tmp_path))
+    assert (len(found.events), found.first_bad) == (40, None)
+
+
+def test_a_trail_that_another_program_keeps_locked_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("calstation.records.audit._LOCKED_WITHIN", 0.0)
+    with files.locked(tmp_path / ".audit.lock", 1.0), raises_code(ConfigurationError, "audit.unwritable"):
+        append_audit(tmp_path, "pin_set", "wang")

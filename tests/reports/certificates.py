@@ -1,0 +1,103 @@
+"""Runs of every kind with their certificates, made once in a test session."""
+
+import pickle
+import tomllib
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+
+from calstation.records import open_log
+from calstation.reports.analysis import Analysis, analyse
+from calstation.reports.content import Certificate, build_certificate
+from calstation.results import load_result
+from calstation.sequencer.events import Verdict
+from tests.gimbal_site import GimbalSite
+from tests.shared_runs import SharedRuns
+from tests.site_folder import PRODUCT, SiteFolder
+
+LABORATORY: dict[str, Any] = {
+    "laboratory": {
+        "name": "Inertial Laboratory",
+        "address": "Musterstraße 1, 80331 München",
+        "place": "Building 4",
+        "customer": "示例航电有限公司",
+        "signatories": ["Dr A. Example, head of laboratory", "Li Na 李娜, engineer"],
+    },
+    "instruments": [
+        {
+            "name": "Rate table RT-200",
+            "serial": "T-0042",
+            "kind": "table",
+            "certificate": "PTB-0815",
+            "calibrated": date(2020, 3, 2),
+            "due": date(2121, 3, 2),
+        },
+        {"name": "Thermometer PT-7", "due": date(2021, 3, 2)},  # no calibration is refused because of it
+    ],
+}
+#: Kinds of runs.
+KINDS = ("passed", "partial", "failed", "gimbal")
+
+
+@dataclass(frozen=True)
+class Made:
+    """A run with its certificate."""
+
+    folder: Path
+    result_file: Path
+    certificate: Certificate
+    analysis: Analysis
+
+
+def make(shared: SharedRuns, folder: Path, kind: str) -> Made:
+    """Copy a run of a kind to `folder`, with its certificate."""
+    verdict = shared.copy(f"certificate-{kind}", folder, _RUNS[kind])
+    result_file = Path(verdict.result_file)
+    analysis = pickle.loads((folder / "analysis.pickle").read_bytes())
+    log = open_log(result_file.with_suffix(".h5"))
+    certificate = build_certificate(load_result(result_file), log.meta, budget=analysis.budget)
+    return Made(folder, result_file, certificate, analysis)
+
+
+def with_laboratory(site: SiteFolder, **entries: Any) -> None:
+    """Add a laboratory and its instruments to the station file."""
+    station = tomllib.loads(site.station.read_text(encoding="utf-8"))
+    site.station.write_text(tomli_w.dumps({**station, **LABORATORY, **entries}), encoding="utf-8")
+
+
+def analysed(site: SiteFolder, verdict: Verdict) -> Verdict:
+    """Store the analysis of a run beside it."""
+    result = load_result(Path(verdict.result_file))
+    found = analyse(lambda *args, **more: None, open_log(Path(verdict.log)), result)
+    (site.folder / "analysis.pickle").write_bytes(pickle.dumps(found))
+    return verdict
+
+
+def _passed(site: SiteFolder) -> Verdict:
+    with_laboratory(site)
+    return analysed(site, site.run())
+
+
+def _partial(site: SiteFolder) -> Verdict:
+    with_laboratory(site)
+    site.run()
+    return analysed(site, site.run("azimuth_flip"))
+
+
+def _failed(site: SiteFolder) -> Verdict:
+    limits = {**PRODUCT["limits"], "gyro_scale": {"within": 1e-6}}
+    site.write({"stages": ["rate"], "limits": limits})
+    with_laboratory(site)
+    return analysed(site, site.run())
+
+
+def _gimbal(site: SiteFolder) -> Verdict:
+    gimbal = GimbalSite(site.folder)
+    with_laboratory(gimbal)
+    return analysed(gimbal, gimbal.run())
+
+
+_RUNS = {"passed": _passed, "partial": _partial, "failed": _failed, "gimbal": _gimbal}

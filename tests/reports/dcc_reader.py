@@ -1,0 +1,106 @@
+"""Read a digital calibration certificate, as a customer's program does, and check it against PTB's schema and rules."""
+
+import os
+import socket
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from lxml import etree
+
+from calstation.physics import FloatArray
+
+NAMES = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
+#: Folder with `dcc.xsd` 3.3.0 and what it imports, for computers without access to ptb.de.
+SCHEMAS = "CALSTATION_DCC_SCHEMAS"
+
+
+@dataclass(frozen=True)
+class Reading:
+    """The quantities of a certificate."""
+
+    values: dict[str, float]
+    units: dict[str, str]  #: D-SI units.
+    expanded: dict[str, float]  #: Expanded uncertainties.
+    as_found: dict[str, float]
+    as_left: dict[str, float]
+    decisions: dict[str, str]  #: ``pass`` or ``fail``.
+    names: list[str]  #: Order of the covariance matrix; empty without one.
+    covariance: FloatArray
+
+
+def read_dcc(xml: bytes) -> Reading:
+    """Read the quantities of a certificate."""
+    root = etree.fromstring(xml)
+    parameters, *others = find(root, "//dcc:result")
+    remaining = {status(result): result for result in others if find(result, ".//dcc:status")}
+    columns = find(root, "//si:column")
+    return Reading(
+        values=listed(parameters, "si:valueXMLList"),
+        units=labelled(parameters, "si:unitXMLList"),
+        expanded=listed(parameters, ".//si:valueExpandedMUXMLList"),
+        as_found=listed(remaining.get("beforeAdjustment"), "si:valueXMLList"),
+        as_left=listed(remaining.get("afterAdjustment"), "si:valueXMLList"),
+        decisions=labelled(parameters, "../dcc:measurementMetaData//dcc:conformityXMLList"),
+        names=[label.text for label in find(root, "//si:label")],
+        covariance=np.array([[float(v.text) for v in find(c, "si:covariance/si:value")] for c in columns]).T,
+    )
+
+
+def find(element: etree._Element, path: str) -> list[Any]:
+    """Elements of an XPath."""
+    found = element.xpath(path, namespaces=NAMES)
+    assert isinstance(found, list)
+    return found
+
+
+def status(result: etree._Element) -> str:
+    """Whether a result is of before or of after the adjustment."""
+    (one,) = {element.text for element in find(result, ".//dcc:influenceCondition/dcc:status")}
+    return str(one)
+
+
+def labelled(result: etree._Element | None, path: str) -> dict[str, str]:
+    """Entries of the lists of a result by label; a list of one entry holds for all labels."""
+    found: dict[str, str] = {}
+    for group in [] if result is None else find(result, "dcc:data/dcc:list/dcc:quantity/si:realListXMLList"):
+        (labels,) = find(group, "si:labelXMLList")
+        entries = [text for element in find(group, path) for text in element.text.split()]
+        entries *= len(labels.text.split()) if len(entries) == 1 else 1
+        found |= dict(zip(labels.text.split(), entries, strict=bool(entries)))
+    return found
+
+
+def listed(result: etree._Element | None, path: str) -> dict[str, float]:
+    """Numbers of the lists of a result by label."""
+    return {label: float(text) for label, text in labelled(result, path).items()}
+
+
+@cache
+def schema() -> etree.XMLSchema:
+    """PTB's schema: of the folder named by the environment, or downloaded once into the user's cache."""
+    from dcc_json_toolkit.cache import CACHE_DIR_PATH
+    from dcclib.validation.xsd import get_schema_path
+
+    if SCHEMAS in os.environ:
+        return etree.XMLSchema(etree.parse(Path(os.environ[SCHEMAS]) / "dcc.xsd"))
+    if not (CACHE_DIR_PATH / "3.3.0" / "dcc.xsd").exists():
+        try:
+            socket.create_connection(("ptb.de", 443), timeout=10.0).close()
+        except OSError:
+            pytest.skip(
+                f"the schema of the DCC cannot be downloaded from ptb.de, and {SCHEMAS} names no folder with it"
+            )
+    return etree.XMLSchema(etree.parse(get_schema_path("3.3.0")))
+
+
+def broken_rules(xml: bytes) -> list[str]:
+    """What a certificate breaks of PTB's Schematron rules, which its library has with it."""
+    from dcclib.validation import SchematronValidator
+
+    found = SchematronValidator.for_dcc().validate_str(xml.decode())
+    reports = [*found.failed_assertions, *found.successful_reports]
+    return [f"{report.location}: {report.text}" for report in reports if report.role == "error"]

@@ -1,0 +1,283 @@
+"""Certificates of every kind of run: their content, the PDF/A and its text, in English and Chinese.
+
+PDF/A-3b is made by typst, whose exporter refuses what the standard forbids. veraPDF, which would judge the file as a
+whole, is in none of the package registries in use (PyPI, npm, Debian). The tests check what a reader of the
+file can see: identification in the XMP metadata, output intent, attachments, embedded fonts.
+"""
+
+import io
+import json
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pypdf
+import pytest
+
+from calstation.config.library import shipped_folder
+from calstation.config.request import RunRequest
+from calstation.errors import InputError
+from calstation.messages import Language, parameter_name
+from calstation.physics import INDEX
+from calstation.records import context_from_meta
+from calstation.reports import pdf as pdf_module
+from calstation.reports.content import build_certificate
+from calstation.reports.issue import ReportRequest, attachments, issue_report
+from calstation.reports.pdf import typeset
+from calstation.results import Result
+from calstation.runs.run import execute
+from calstation.sequencer.control import Control
+from calstation.sequencer.events import Event, Verdict
+from calstation.simulation.hooks import BenchHooks
+from tests.reports.certificates import KINDS, LABORATORY, Made, make
+from tests.shared_runs import SharedRuns
+
+LANGUAGES: tuple[Language, ...] = ("en", "zh_CN")
+#: Verdicts in both languages.
+VERDICTS = {
+    "passed": ("PASS", "合格"),
+    "partial": ("PARTIAL", "部分标定"),
+    "failed": ("FAIL", "不合格"),
+}
+
+
+@pytest.fixture
+def made(shared_runs: SharedRuns, tmp_path: Path, request: pytest.FixtureRequest) -> Made:
+    return make(shared_runs, tmp_path / "site", request.param)
+
+
+def printed(made: Made, language: Language = "en", folder: Path | None = None) -> bytes:
+    return typeset(made.certificate, made.analysis, language, attachments(made.certificate), folder)
+
+
+def text_of(page: pypdf.PageObject) -> str:
+    """The text of a page without line breaks, soft hyphens and blanks, which differ with the layout."""
+    return "".join(page.extract_text().replace("\u00ad", "").split())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("made", KINDS, indirect=True, ids=KINDS)
+def test_every_page_is_identified_and_the_document_says_all(made: Made, language: Language) -> None:
+    content = printed(made, language)
+    assert printed(made, language) == content
+    pages = [text_of(page) for page in pypdf.PdfReader(io.BytesIO(content)).pages]
+    whole = "".join(pages)
+    result = made.certificate.result
+    for k, page in enumerate(pages, 1):
+        assert made.certificate.number in page
+        assert (f"Page{k}of{len(pages)}" if language == "en" else f"第{k}页，共{len(pages)}页") in page
+    assert VERDICTS[made.certificate.verdict][LANGUAGES.index(language)] in pages[0]
+    texts = tomllib.loads((shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8"))
+    labels = texts["en" if language == "en" else "zh"]
+    wanted = [labels[name] for name in ("title", "rule", "results", "expanded", "found", "left", "budget", "inputs")]
+    wanted += [labels[name] for name in ("method", "checks", "verification", "environment", "traceability")]
+    wanted += [labels[name] for name in ("deviations", "configuration", "authorised", "relates", "budget_excluded")]
+    wanted += [result.serial, result.log.sha256, result.configuration_sha256, *LABORATORY["laboratory"]["signatories"]]
+    wanted += [LABORATORY["laboratory"]["customer"], "PTB-0815", made.certificate.issued.isoformat(), "k=2", "95"]
+    for text in wanted:
+        assert "".join(text.replace("\u00ad", "").split()) in whole, text
+    for name in result.parameters:
+        group = parameter_name(name, language).rpartition(" ")[0]
+        assert "".join(group.split()).lower() in whole.lower()
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_simulation_says_so_beside_its_verdict(made: Made) -> None:
+    words = "Simulation: the run was made on the virtual bench"
+    assert words in " ".join(pypdf.PdfReader(io.BytesIO(printed(made))).pages[0].extract_text().split())
+    run = made.certificate.meta.run
+    assert run is not None
+    meta = made.certificate.meta.model_copy(update={"run": run.model_copy(update={"seed": None})})
+    real = replace(made, certificate=replace(made.certificate, meta=meta))
+    pages = pypdf.PdfReader(io.BytesIO(printed(real))).pages
+    assert "Simulation" not in "".join(page.extract_text() for page in pages)
+
+
+@pytest.mark.parametrize("made", ["partial"], indirect=True)
+def test_a_partial_calibration_is_nowhere_a_pass(made: Made) -> None:
+    assert made.certificate.verdict == "partial"
+    text = "".join(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(printed(made))).pages)
+    assert "PASS" not in text
+    assert "This is not a statement about the whole unit" in " ".join(text.split())
+    assert "not improved" in text
+
+
+#: Changes of a passed result that make other kinds of it, and words of their certificate.
+OTHERS: dict[str, tuple[dict[str, Any], str]] = {
+    "stopped": ({"outcome": "stopped", "passed": False, "stop_reason": "operator"}, "stopped by the operator"),
+    "fault": (
+        {
+            "outcome": "fault",
+            "passed": False,
+            "error": "x",
+            "error_code": "label.not_passed",
+            "error_values": {"serial": "7"},
+        },
+        "Fault: 7 gets no label",
+    ),
+    "incomplete": ({"outcome": "incomplete", "passed": None}, "The run ended before a verdict (incomplete)"),
+    "without limits": ({"outcome": "resolved", "passed": None, "registers": None}, "solved again offline"),
+    "lacking data": (
+        {"outcome": "resolved", "passed": None, "lacking": {"rate": "No rest."}},
+        "The data lack a part that the limits need",
+    ),
+    "gaps": (
+        {
+            "log": {"file": "x.h5", "gaps": 3, "damaged": [{"rows": 5, "seq": "1"}]},
+            "attempt": 3,
+            "resumed_from": "y.h5",
+        },
+        "The recording has 3 gaps",
+    ),
+}
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+@pytest.mark.parametrize("kind", OTHERS)
+def test_every_other_ending_has_a_certificate(made: Made, kind: str) -> None:
+    changes, words = OTHERS[kind]
+    result = Result.from_json({**made.certificate.result.to_json(), **changes})
+    certificate = build_certificate(result, made.certificate.meta, budget=made.analysis.budget)
+    assert certificate.verdict == ("passed" if kind == "gaps" else "not_judged")
+    other = replace(made, certificate=certificate)
+    text = " ".join("".join(p.extract_text() for p in pypdf.PdfReader(io.BytesIO(printed(other))).pages).split())
+    assert words in text
+    assert ("NOT JUDGED" in text) == (kind != "gaps")
+    assert printed(other, "zh_CN").startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_the_file_is_a_pdf_a_3b_with_the_result_attached(made: Made) -> None:
+    reader = pypdf.PdfReader(io.BytesIO(printed(made)))
+    root: Any = reader.trailer["/Root"]
+    xmp = root["/Metadata"].get_data().decode()
+    assert "<pdfaid:part>3</pdfaid:part>" in xmp
+    assert "<pdfaid:conformance>B</pdfaid:conformance>" in xmp
+    assert root["/OutputIntents"][0]["/S"] == "/GTS_PDFA1"
+    (file,) = (reference.get_object() for reference in root["/AF"])
+    assert file["/AFRelationship"] == "/Source"
+    assert file["/EF"]["/F"]["/Subtype"] == "/application/json"
+    ((name, (content,)),) = reader.attachments.items()
+    assert name == f"{made.certificate.number}.json"
+    assert json.loads(content) == made.certificate.result.to_json()
+    assert not reader.is_encrypted
+    fonts = {font.get_object()["/BaseFont"] for page in reader.pages for font in page["/Resources"]["/Font"].values()}
+    assert fonts
+    assert all(font[7:8] == "+" for font in fonts)  # subsets, hence embedded
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_the_budget_adds_up_to_the_variance(made: Made) -> None:
+    certificate = made.certificate
+    assert certificate.budget is not None
+    for quantity in certificate.quantities:
+        parts = certificate.budget.variance[quantity.name]
+        assert sum(parts.values()) == pytest.approx(quantity.sigma**2, rel=1e-9)
+        # Euler's theorem: without noise beyond the profiles, the derivatives alone add up.
+        assert abs(parts["other"]) < 5e-4 * quantity.sigma**2
+        assert min(parts.values()) > -1e-3 * quantity.sigma**2
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_scale_factors_carry_the_error_of_gravity_one_to_one(made: Made) -> None:
+    relative = context_from_meta(made.certificate.meta).site.relative_gravity_sigma
+    assert made.certificate.budget is not None
+    for axis in "xyz":
+        parts = made.certificate.budget.variance[f"accel_scale_{axis}"]
+        assert parts["gravity"] == pytest.approx(relative**2, rel=5e-3)
+    assert made.certificate.budget.variance["gyro_bias_x"]["gravity"] < 1e-9 * made.certificate.quantities[0].sigma ** 2
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_as_found_and_as_left_are_the_estimate_minus_the_register(made: Made) -> None:
+    registers = made.certificate.result.registers
+    assert registers is not None
+    assert registers.new is not None
+    seen = 0
+    for quantity in made.certificate.quantities:
+        if quantity.name not in registers.old:
+            assert quantity.as_found is None
+            continue
+        seen += 1
+        assert quantity.as_found == quantity.value - registers.old[quantity.name]
+        assert quantity.as_left == quantity.value - registers.new[quantity.name]
+        assert abs(quantity.as_left) < quantity.sigma
+    assert seen == 27
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_the_correlation_is_a_correlation_matrix(made: Made) -> None:
+    matrix, names = made.certificate.correlation, [q.name for q in made.certificate.quantities]
+    assert np.array_equal(matrix, matrix.T)
+    assert (np.diag(matrix) == 1.0).all()
+    assert np.linalg.eigvalsh(matrix).min() > -1e-9
+    known = made.certificate.result.correlation["gyro_bias_y"]["gyro_bias_x"]
+    assert matrix[names.index("gyro_bias_x"), names.index("gyro_bias_y")] == known
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_the_sigmas_converge_to_those_of_the_result(made: Made) -> None:
+    analysis = made.analysis
+    assert (np.diff(analysis.time) >= 0.0).all()
+    for quantity in made.certificate.quantities:
+        assert analysis.sigma[-1, INDEX[quantity.name]] == pytest.approx(quantity.sigma)
+    assert list(analysis.spans) == ["rate", "six_position", "excitation", "azimuth_flip"]
+
+
+@pytest.mark.parametrize("made", ["failed"], indirect=True)
+def test_a_failure_names_its_quantities_and_what_was_not_done(made: Made) -> None:
+    decisions = {q.name: q.decision for q in made.certificate.quantities}
+    assert decisions == dict.fromkeys(("gyro_scale_x", "gyro_scale_y", "gyro_scale_z"), "failed")
+    text = " ".join("".join(p.extract_text() for p in pypdf.PdfReader(io.BytesIO(printed(made))).pages).split())
+    assert "Gyro scale factor x within its limit" in text
+    assert "No registers were written" in text
+    assert "The calibration of Thermometer PT-7 was overdue" in text
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_site_changes_the_templates(made: Made, tmp_path: Path) -> None:
+    folder = tmp_path / "templates"
+    folder.mkdir()
+    texts = (shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8")
+    (folder / "texts.toml").write_text(texts.replace("Calibration certificate", "Works certificate"), encoding="utf-8")
+    page = pypdf.PdfReader(io.BytesIO(printed(made, folder=folder))).pages[0]
+    assert "Works certificate" in page.extract_text()
+    (folder / "certificate.typ").write_text("#nothing_of_this_name", encoding="utf-8")
+    with pytest.raises(InputError, match=r"cannot be compiled .unknown variable: nothing_of_this_name"):
+        printed(made, folder=folder)
+    with pytest.raises(InputError, match="cannot be read"):
+        printed(made, folder=tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_missing_chinese_font_is_named(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pdf_module, "CHINESE_FONTS", ("Font Of Another Computer",))
+    with pytest.raises(InputError, match=r"Install one of these fonts .*Font Of Another Computer"):
+        printed(made, "zh_CN")
+
+
+def test_the_labels_are_in_both_languages() -> None:
+    texts = tomllib.loads((shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8"))
+    assert list(texts["en"]) == list(texts["zh"])
+    assert all(texts["en"].values())
+    assert all(texts["zh"].values())
+
+
+@pytest.mark.long
+def test_a_calibration_by_hand_has_a_certificate_without_a_table(tmp_path: Path) -> None:
+    station, product = (shipped_folder() / kind for kind in ("stations/virtual_hand.toml", "products/mems_hand.toml"))
+    events: list[Event] = []
+    request = RunRequest("SN-000007", station, product, None, tmp_path / "runs", "tester")
+    execute(request, events.append, Control(), BenchHooks)
+    verdict = events[-1]
+    assert isinstance(verdict, Verdict)
+    for language in LANGUAGES:
+        out = tmp_path / f"{language}.pdf"
+        certificate = issue_report(lambda *args, **more: None, ReportRequest(Path(verdict.result_file), out, language))
+        assert certificate.verdict == "passed"
+    text = " ".join(" ".join(p.extract_text() for p in pypdf.PdfReader(tmp_path / "en.pdf").pages).split())
+    assert "Laboratory not stated" in text
+    assert "azimuth found from the data" in text
+    assert "traceability of angles" not in text  # it needs none

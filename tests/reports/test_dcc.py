@@ -1,0 +1,235 @@
+"""A digital calibration certificate meets PTB's schema and rules, and its numbers read back as they were."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dsi_unit import DsiUnit
+from lxml import etree
+
+from calstation.messages import Text
+from calstation.physics.parameters import EFFECT_PARAMETERS, PAIR_PARAMETERS, PARAMETERS
+from calstation.records.laboratory import InstrumentSection, LaboratorySection
+from calstation.records.log import open_log
+from calstation.reports.content import Certificate, build_certificate
+from calstation.reports.dcc import write_dcc
+from calstation.reports.dsi import dsi_unit, joint_list
+from calstation.reports.signing import PASSWORD_VARIABLE, load_signer, sign_xml
+from calstation.results.resolving import resolve
+from calstation.results.result import load_result
+from calstation.sequencer.events import Verdict
+from calstation.simulation.bench_recordings import make_recording
+from tests.reports.dcc_reader import broken_rules, find, read_dcc, schema
+from tests.reports.seal import KEYS, PASSWORD, write_certificate
+from tests.shared_runs import SharedRuns
+from tests.site_folder import SiteFolder
+
+LABORATORY = LaboratorySection(
+    name="惯性实验室",
+    address="No. 1, Lab Street",
+    country="CN",
+    place="Hall 3",
+    accreditation="CNAS L0001",
+    customer="Pilots & Sons <Ltd>",
+    customer_address="Airfield",
+    signatories=["A. Weber, Head of laboratory", "李娜"],
+)
+TABLE = InstrumentSection(
+    name="Rate table",
+    serial="T-7",
+    kind="table",
+    certificate="K-1",
+    calibrated=date(2026, 1, 5),
+    due=date(2027, 1, 5),
+)
+
+
+def certified(verdict: Verdict) -> Certificate:
+    """The certificate of a run, of a laboratory."""
+    found = build_certificate(load_result(Path(verdict.result_file)), open_log(Path(verdict.log)).meta)
+    return replace(found, laboratory=LABORATORY, instruments=(TABLE, InstrumentSection(name="Survey")))
+
+
+def failed_run(site: SiteFolder) -> Verdict:
+    """A run of a unit outside its limits."""
+    site.write(out_of_limits=True)
+    return site.run("six_position")
+
+
+@pytest.fixture(scope="module")
+def certificates(shared_runs: SharedRuns, tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Certificate]:
+    """Certificates of all kinds."""
+    folder = tmp_path_factory.mktemp("certificates")
+    found = {
+        "passed": certified(shared_runs.passed(folder / "passed")),
+        "failed": certified(shared_runs.copy("failed", folder / "failed", failed_run)),
+        "partial": certified(shared_runs.passed(folder / "partial", "six_position")),
+    }
+    for kind in ("hand", "pair", "gimbal"):
+        path = folder / f"{kind}.h5"
+        make_recording(kind, path)
+        solved = resolve(path)
+        found[kind] = replace(
+            build_certificate(solved.result, open_log(path).meta, issued=date(2026, 11, 23)), laboratory=LABORATORY
+        )
+    return found
+
+
+def test_every_certificate_meets_the_schema(
+    certificates: Mapping[str, Certificate], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In one test, so that one process downloads the schema."""
+    monkeypatch.setenv(PASSWORD_VARIABLE, PASSWORD)
+    signer = load_signer(write_certificate(tmp_path / "seal.p12", KEYS["ec"]()))
+    plain = replace(certificates["passed"], laboratory=None, instruments=())
+    revised = replace(certificates["passed"], revision=2, supersedes="X-R1, 2026-11-22", reason="typing error")
+    for name, certificate in {**certificates, "plain": plain, "revised": revised}.items():
+        xml = write_dcc(certificate)
+        for written in (xml, sign_xml(xml, signer)):
+            schema().validate(etree.fromstring(written))
+            assert not list(schema().error_log), name
+
+
+@pytest.mark.parametrize("kind", ["passed", "failed", "partial", "hand", "pair", "gimbal"])
+def test_every_certificate_meets_the_rules(certificates: Mapping[str, Certificate], kind: str) -> None:
+    assert broken_rules(write_dcc(certificates[kind])) == []
+
+
+@pytest.mark.parametrize("kind", ["passed", "failed", "partial", "hand", "pair", "gimbal"])
+def test_numbers_read_back_the_same(certificates: Mapping[str, Certificate], kind: str) -> None:
+    certificate = certificates[kind]
+    read = read_dcc(write_dcc(certificate))
+    rows = certificate.quantities
+    assert rows
+    assert read.values == {row.name: row.value for row in rows}
+    assert read.expanded == {row.name: 2.0 * row.sigma for row in rows}
+    assert read.units == {row.name: dsi_unit(row.unit) for row in rows}
+    if kind == "pair":  # its result has no correlation
+        assert read.names == []
+    else:
+        sigmas = np.array([row.sigma for row in rows])
+        assert read.names == [row.name for row in rows]
+        assert np.array_equal(read.covariance, certificate.correlation * np.outer(sigmas, sigmas))
+    assert read.as_found == {row.name: row.as_found for row in rows if row.as_found is not None}
+    assert read.as_left == {row.name: row.as_left for row in rows if row.as_left is not None}
+
+
+def test_the_covariance_is_that_of_the_result(certificates: Mapping[str, Certificate]) -> None:
+    """The correlation in the result JSON, not only that of the certificate's object."""
+    result = certificates["passed"].result.to_json()
+    read = read_dcc(write_dcc(certificates["passed"]))
+    at = {name: k for k, name in enumerate(read.names)}
+    pairs = [(a, b, rho) for a, row in result["correlation"].items() for b, rho in row.items()]
+    assert len(pairs) > 100
+    for a, b, rho in pairs:
+        expected = rho * result["parameters"][a]["sigma"] * result["parameters"][b]["sigma"]
+        assert read.covariance[at[a], at[b]] == read.covariance[at[b], at[a]] == pytest.approx(expected, rel=1e-14)
+
+
+def test_a_passed_unit_was_adjusted(certificates: Mapping[str, Certificate]) -> None:
+    read = read_dcc(write_dcc(certificates["passed"]))
+    assert abs(read.as_left["gyro_scale_x"]) < read.expanded["gyro_scale_x"] < abs(read.as_found["gyro_scale_x"])
+
+
+def test_the_same_certificate_gives_the_same_bytes(certificates: Mapping[str, Certificate]) -> None:
+    first, again = write_dcc(certificates["passed"]), write_dcc(replace(certificates["passed"]))
+    assert first == again
+    assert first.startswith(b"<?xml")
+
+
+@pytest.mark.parametrize(
+    ("kind", "stated"), [("passed", ["pass"]), ("failed", ["fail"]), ("partial", []), ("hand", [])]
+)
+def test_only_a_full_calibration_states_conformity(
+    certificates: Mapping[str, Certificate], kind: str, stated: list[str]
+) -> None:
+    """A partial calibration that passed is no statement about the unit."""
+    root = etree.fromstring(write_dcc(certificates[kind]))
+    assert [element.text for element in find(root, "//dcc:statement/dcc:conformity")] == stated
+
+
+def test_the_failed_quantity_is_named(certificates: Mapping[str, Certificate]) -> None:
+    decisions = read_dcc(write_dcc(certificates["failed"])).decisions
+    assert [name for name, decision in decisions.items() if decision == "fail"] == ["accel_scale_y"]
+
+
+def test_laboratory_instruments_and_revision_stand_in_their_elements(certificates: Mapping[str, Certificate]) -> None:
+    revised = replace(certificates["passed"], revision=1, supersedes="X, 2026-11-22", reason="typing error")
+    root = etree.fromstring(write_dcc(revised))
+
+    def text(path: str) -> list[str]:
+        return [element.text for element in find(root, path)]
+
+    assert text("//dcc:countryCodeISO3166_1") == ["CN"]
+    assert text("//dcc:uniqueIdentifier") == [f"{revised.number}-R1"]
+    assert text("//dcc:replacedUniqueIdentifier") == [revised.number]
+    assert text("//dcc:customer/dcc:name/dcc:content") == ["Pilots & Sons <Ltd>"]
+    assert text("//dcc:respPerson/dcc:role") == ["Head of laboratory"]
+    assert text("//dcc:respPerson//dcc:content") == ["A. Weber", "李娜"]
+    assert text("//dcc:item//dcc:value") == [revised.result.serial]
+    assert text("//dcc:measuringEquipment//dcc:value") == ["T-7", "K-1"]
+    assert revised.result.log.sha256 in text("//dcc:coreData//dcc:value")
+    assert text("//dcc:influenceCondition//si:real/si:unit")[-1] == r"\metre\second\tothe{-2}"
+
+
+def test_deviations_are_stated_in_both_languages(certificates: Mapping[str, Certificate]) -> None:
+    xml = write_dcc(certificates["passed"], [Text("certificate.d_no_table"), Text.of("certificate.d_gaps", count=2)])
+    declared = find(etree.fromstring(xml), "//dcc:statement[dcc:reference='7.8.2.1 n)']/dcc:declaration/dcc:content")
+    assert [content.get("lang") for content in declared] == ["en", "zh", "en", "zh"]
+    assert declared[2].text.startswith("The recording has 2 gaps")
+    assert broken_rules(xml) == []
+
+
+def test_what_is_not_known_is_not_made_up(certificates: Mapping[str, Certificate]) -> None:
+    """ZZ is the code of ISO 3166-1 that users assign, as others do, to an unknown country."""
+    root = etree.fromstring(write_dcc(replace(certificates["hand"], laboratory=None)))
+    assert [e.text for e in find(root, "//dcc:countryCodeISO3166_1")] == ["ZZ"]
+    assert [e.text for e in find(root, "//dcc:customer/dcc:name/dcc:content")] == ["Not stated", "未注明"]
+
+
+def test_a_number_that_is_not_finite_has_no_value(certificates: Mapping[str, Certificate]) -> None:
+    certificate = certificates["partial"]
+    lost = replace(certificate.quantities[0], sigma=math.inf, unobservable=True)
+    xml = write_dcc(replace(certificate, quantities=(lost, *certificate.quantities[1:])))
+    assert math.isnan(read_dcc(xml).expanded[lost.name])
+    assert broken_rules(xml) == []
+
+
+@pytest.mark.parametrize(
+    ("units", "expected"),
+    [
+        (("rad/s",), r"\radian\second\tothe{-1}"),
+        (("1", "1"), r"\one"),
+        (("s²/m", "m/s²"), r"\one"),
+        (("s⁴/m²",), r"\metre\tothe{-2}\second\tothe{4}"),
+        (("rad·s/m", "rad/s"), r"\metre\tothe{-1}\radian\tothe{2}"),
+    ],
+)
+def test_units_multiply(units: tuple[str, ...], expected: str) -> None:
+    assert dsi_unit(*units) == expected
+
+
+@pytest.mark.filterwarnings("ignore:The dsi string contains the token")  # of the parser's own table
+@pytest.mark.parametrize("unit", sorted({p.unit for p in (*PARAMETERS, *EFFECT_PARAMETERS, *PAIR_PARAMETERS)}))
+def test_ptbs_parser_knows_every_unit(unit: str) -> None:
+    assert DsiUnit(dsi_unit(unit)).warnings == []
+    assert DsiUnit(dsi_unit(unit, "rad/s")).warnings == []
+
+
+@pytest.mark.parametrize(
+    ("variances", "factor"),
+    [
+        ([4.0], 1.959964),
+        ([4.0, 9.0], math.sqrt(-2.0 * math.log(0.05))),  # chi-squared with 2 degrees of freedom is exponential
+        ([4.0, 9.0, 0.0], math.sqrt(-2.0 * math.log(0.05))),  # a fixed quantity adds no dimension
+    ],
+)
+def test_the_region_has_the_factor_of_its_probability(variances: list[float], factor: float) -> None:
+    names = [f"q{k}" for k in range(len(variances))]
+    element = joint_list(names, ["m"] * len(names), variances, np.diag(variances))
+    (written,) = find(element, ".//si:ellipsoidalRegion/si:coverageFactor")
+    assert float(written.text) == pytest.approx(factor, abs=5e-5)

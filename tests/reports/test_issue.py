@@ -1,0 +1,182 @@
+"""Certificates are numbered, dated and recorded; none is overwritten or issued twice with another content."""
+
+import json
+import shutil
+import subprocess
+import tomllib
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pypdf
+import pytest
+import tomli_w
+
+from calstation.cli.app import run_app
+from calstation.config import resolve_configuration
+from calstation.records import read_reports, reports_path
+from calstation.reports.content import certificate_number
+from calstation.results import Result
+from calstation.runs import automatic_report
+from calstation.runs.automatic_report import start_report
+from tests.reports.certificates import Made, make, with_laboratory
+from tests.shared_runs import SharedRuns
+from tests.site_folder import SiteFolder
+
+
+@pytest.fixture
+def gimbal(shared_runs: SharedRuns, tmp_path: Path) -> Made:
+    """A run that takes a second to analyse, whose result names the log in this folder."""
+    made = make(shared_runs, tmp_path / "site", "gimbal")
+    result = json.loads(made.result_file.read_text(encoding="utf-8"))
+    result["log"]["file"] = str(made.result_file.with_suffix(".h5"))
+    made.result_file.write_text(json.dumps(result), encoding="utf-8")
+    return made
+
+
+def report(*arguments: object) -> int:
+    return run_app(["report", *map(str, arguments)])
+
+
+def first_page(path: Path) -> str:
+    return " ".join(pypdf.PdfReader(path).pages[0].extract_text().split())
+
+
+def test_a_result_and_its_log_give_the_same_certificate_once(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = gimbal.folder / "first.pdf", gimbal.folder / "second.pdf"
+    assert report(gimbal.result_file, "-o", first) == 0
+    number = gimbal.result_file.stem
+    assert f"certificate {number} of {gimbal.certificate.issued}, PASS" in " ".join(capsys.readouterr().err.split())
+    assert report(gimbal.result_file.with_suffix(".h5"), "-o", second) == 0
+    assert first.read_bytes() == second.read_bytes()
+    assert report(gimbal.result_file, "-o", first) == 0  # the same bytes may be written again
+    (record,) = read_reports(gimbal.result_file.parent)
+    assert (record.number, record.revision, record.reason) == (number, 0, None)
+    assert report(gimbal.result_file, "-o", first, "--language", "zh") == 2
+    assert "never overwritten" in capsys.readouterr().err
+    assert first.read_bytes() == second.read_bytes()
+    assert report(gimbal.result_file, "-o", gimbal.folder / "zh.pdf", "--language", "zh") == 0
+    assert len(read_reports(gimbal.result_file.parent)) == 1
+
+
+def test_another_date_needs_a_revision_which_names_what_it_replaces(
+    gimbal: Made, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = gimbal.folder / "first.pdf"
+    assert report(gimbal.result_file, "-o", out, "--revise", "too early") == 2
+    assert "has not been issued yet" in capsys.readouterr().err
+    assert report(gimbal.result_file, "-o", out) == 0
+    revised, again = gimbal.folder / "revised.pdf", gimbal.folder / "again.pdf"
+    assert report(gimbal.result_file, "-o", revised, "--issued", "2030-01-02") == 2
+    assert '--revise "REASON"' in capsys.readouterr().err
+    assert report(gimbal.result_file, "-o", revised, "--issued", "2030-01-02", "--revise", "Wrong customer") == 0
+    number, issued = gimbal.result_file.stem, gimbal.certificate.issued
+    text = first_page(revised)
+    assert f"{number}-R1" in text
+    assert f"Replaces certificate {number} ({issued}). Reason: Wrong customer" in text
+    assert "2030-01-02" in text
+    assert report(gimbal.result_file, "-o", again) == 0
+    assert again.read_bytes() == revised.read_bytes()
+    assert report(gimbal.result_file, "-o", gimbal.folder / "r2.pdf", "--revise", "Once more") == 0
+    last = read_reports(gimbal.result_file.parent)[-1]
+    assert (last.revision, last.issued) == (2, datetime.now(UTC).date().isoformat())
+
+
+def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
+    result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
+    result["operator"] = "somebody else"
+    gimbal.result_file.write_text(json.dumps(result), encoding="utf-8")
+    assert report(gimbal.result_file, "-o", gimbal.folder / "second.pdf") == 2
+    assert "with another result or date" in capsys.readouterr().err
+
+
+def test_a_recording_is_solved_and_certified(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    csv, out = gimbal.folder / "recording.csv", gimbal.folder / "recording.pdf"
+    assert run_app(["export", str(gimbal.result_file.with_suffix(".h5")), "-o", str(csv)]) == 0
+    assert report(csv, "-o", out) == 0
+    text = " ".join(" ".join(page.extract_text() for page in pypdf.PdfReader(out).pages).split())
+    assert "solved again offline" in text
+    assert "Certificate recording" in text
+    toml = csv.with_suffix(".toml")
+    meta = tomllib.loads(toml.read_text(encoding="utf-8"))
+    del meta["run"]
+    toml.write_text(tomli_w.dumps(meta), encoding="utf-8")
+    other = gimbal.folder / "elsewhere"
+    other.mkdir()
+    for path in (csv, toml):
+        shutil.move(path, other)
+    assert report(other / "recording.csv", "-o", gimbal.folder / "undated.pdf") == 2
+    assert "--issued YYYY-MM-DD" in capsys.readouterr().err
+    assert report(other / "recording.csv", "-o", gimbal.folder / "dated.pdf", "--issued", "2026-01-02") == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--issued", "tomorrow"), "is not a date"),
+        (("--language", "de"), "Choose from en, zh"),
+        (("-o", "/nowhere/x.pdf"), "cannot be written"),
+    ],
+    ids=["date", "language", "folder"],
+)
+def test_wrong_usage_is_named(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = () if "-o" in arguments else ("-o", tmp_path / "x.pdf")
+    assert report(tmp_path / "x.json", *out, *arguments) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_result_needs_its_own_log(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    log, out = gimbal.result_file.with_suffix(".h5"), gimbal.folder / "x.pdf"
+    result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
+    changed = {**result, "log": {**result["log"], "sha256": "0" * 64}}
+    gimbal.result_file.write_text(json.dumps(changed), encoding="utf-8")
+    assert report(gimbal.result_file, "-o", out) == 2
+    assert "its digest differs" in capsys.readouterr().err
+    log.unlink()
+    assert report(gimbal.result_file, "-o", out) == 2
+    assert "is missing" in capsys.readouterr().err
+
+
+def test_a_damaged_record_is_named(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    assert report(gimbal.result_file, "-o", gimbal.folder / "x.pdf") == 0
+    path = reports_path(gimbal.result_file.parent)
+    path.write_text(path.read_text(encoding="utf-8").replace('"revision": 0', '"revision": 7') + "\n", encoding="utf-8")
+    assert report(gimbal.result_file, "-o", gimbal.folder / "x.pdf") == 2
+    assert "record of issued reports is damaged" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("file", "number"),
+    [("/runs/SN-1_2.h5", "SN-1_2"), (r"C:\runs\SN-1_2.h5", "SN-1_2"), ("x.1.csv.gz", "x.1"), ("x.csv", "x")],
+)
+def test_the_number_is_the_name_of_the_log(file: str, number: str) -> None:
+    result = Result.from_json(
+        {
+            "schema": "calstation.result/1",
+            "unit": {"serial": "x"},
+            "stages": [],
+            "parameters": {},
+            "outcome": "passed",
+            "log": {"file": file},
+        }
+    )
+    assert certificate_number(result) == number
+
+
+def test_a_station_asks_for_reports_of_its_verdicts(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    started: list[Any] = []
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
+    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
+    assert not started
+    with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
+    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
+    automatic_report._started.clear()
+    ((_, _, _, *command),) = started
+    folder = site_folder.folder
+    assert command == [
+        *("report", str(Path("SN_1.json").absolute()), "-o", str(folder / "reports" / "SN_1.pdf")),
+        *("--language", "zh", "--templates", str(folder / "mine")),
+    ]

@@ -1,0 +1,92 @@
+"""`calstation report` embeds the digital calibration certificate, writes it by itself, and signs both."""
+
+import io
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lxml import etree
+from pyhanko.keys import load_certs_from_pemder_data
+from pyhanko.pdf_utils.reader import PdfFileReader
+from pyhanko.sign.validation import validate_pdf_signature
+from pyhanko_certvalidator import ValidationContext
+from signxml.xades.xades import XAdESVerifier
+
+from calstation.cli.app import run_app
+from calstation.config.laboratory import ReportSection, SigningSection
+from calstation.config.resolved import prepare_run
+from calstation.reports.signing import PASSWORD_VARIABLE
+from calstation.results.result import load_result
+from calstation.runs import automatic_report
+from tests.reports.dcc_reader import read_dcc
+from tests.reports.seal import KEYS, PASSWORD, pem, write_certificate
+from tests.shared_runs import SharedRuns
+from tests.site_folder import SiteFolder
+
+
+@pytest.fixture
+def result_file(tmp_path: Path, shared_runs: SharedRuns) -> Path:
+    """The result of a run."""
+    return Path(shared_runs.passed(tmp_path / "run", "six_position").result_file)
+
+
+@pytest.fixture
+def seal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The certificate of the site."""
+    monkeypatch.setenv(PASSWORD_VARIABLE, PASSWORD)
+    return write_certificate(tmp_path / "seal.p12", KEYS["ec"]())
+
+
+def attached(pdf: bytes) -> dict[str, Any]:
+    """Files in a PDF: content by name."""
+    names = list(PdfFileReader(io.BytesIO(pdf)).root["/Names"]["/EmbeddedFiles"]["/Names"])
+    files = (entry.get_object()["/EF"]["/F"].data for entry in names[1::2])
+    return dict(zip(map(str, names[::2]), files, strict=True))
+
+
+def test_the_certificate_is_in_the_pdf_and_by_itself(result_file: Path, tmp_path: Path) -> None:
+    pdf, dcc = tmp_path / "report.pdf", tmp_path / "report.xml"
+    command = ["report", str(result_file), "-o", str(pdf), "--dcc", str(dcc)]
+    assert run_app(command) == 0
+    written = pdf.read_bytes(), dcc.read_bytes()
+    assert attached(written[0])[f"{result_file.stem}.xml"] == written[1]
+    result = load_result(result_file)
+    assert read_dcc(written[1]).values == {name: found.value for name, found in result.parameters.items()}
+    assert run_app(command) == 0  # the same bytes again
+    assert (pdf.read_bytes(), dcc.read_bytes()) == written
+
+
+def test_pdf_and_certificate_are_signed(result_file: Path, tmp_path: Path, seal: Path) -> None:
+    pdf, dcc = tmp_path / "report.pdf", tmp_path / "report.xml"
+    assert run_app(["report", str(result_file), "-o", str(pdf), "--dcc", str(dcc), "--sign", str(seal)]) == 0
+    XAdESVerifier().verify(dcc.read_bytes(), x509_cert=pem(seal))
+    assert attached(pdf.read_bytes())[f"{result_file.stem}.xml"] == dcc.read_bytes()
+    (signature,) = PdfFileReader(io.BytesIO(pdf.read_bytes())).embedded_signatures
+    (root,) = load_certs_from_pemder_data(pem(seal))
+    assert validate_pdf_signature(signature, ValidationContext(trust_roots=[root])).bottom_line
+    assert etree.fromstring(dcc.read_bytes())[-1].tag.endswith("}Signature")
+
+
+def test_a_certificate_that_cannot_sign_writes_nothing(
+    result_file: Path, tmp_path: Path, seal: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(PASSWORD_VARIABLE, "wrong")
+    pdf = tmp_path / "report.pdf"
+    assert run_app(["report", str(result_file), "-o", str(pdf), "--sign", str(seal)]) == 2
+    assert "password" in capsys.readouterr().err
+    assert not pdf.exists()
+
+
+def test_reports_of_a_station_with_a_certificate_are_signed(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A relative path is beside the station file."""
+    started: list[list[str]] = []
+    monkeypatch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
+    setup = prepare_run(site_folder.request("six_position"))
+    section = ReportSection(folder="reports", signing=SigningSection(certificate="keys/seal.p12"))
+    signed = replace(setup, station=setup.station.model_copy(update={"report": section}))
+    automatic_report.start_report(signed, Path("SN-000042_1.json"))
+    assert started[0][-2:] == ["--sign", str(site_folder.folder / "keys" / "seal.p12")]

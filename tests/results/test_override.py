@@ -1,0 +1,94 @@
+"""A unit that failed is released by name and reason; its result, index and audit trail say so, and it stays FAIL."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from calstation.config import Person, access, library
+from calstation.errors import ConfigurationError, InputError
+from calstation.records import audit_path, read_audit
+from calstation.records.run_index import RunFilter
+from calstation.results import History, load_result, override_required, override_result
+from tests.helpers import ignore_progress, raises_code
+from tests.results.test_history import write
+
+LI, WANG = Person("B0001", "1111"), Person("B0002", "2222")
+SIGN_IN = '\n[sign_in]\nbadge_pattern = "B[0-9]{4}"\nengineers = ["B0001", "B0002"]\n'
+TWO = '\n[confirmation]\nrequired_for = ["override"]\n'
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A site with two engineers, and a product that requires both for a release."""
+    home = tmp_path / "home"
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    shipped = library.shipped_folder()
+    for kind, name, more in (("stations", "virtual_bench", SIGN_IN), ("products", "nav_a", TWO)):
+        text = (shipped / kind / f"{name}.toml").read_text("utf-8")
+        (home / kind).mkdir(parents=True)
+        (home / kind / f"{name}.toml").write_text(text + more, encoding="utf-8")
+    access.set_pin("", "0000")
+    for person in (LI, WANG):
+        access.set_pin("0000", person.pin, person.badge)
+    return home
+
+
+@pytest.fixture
+def failed(home: Path, tmp_path: Path) -> Path:
+    """The result of a run that failed, without its log."""
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    files = {kind: {"name": name, "sha256": ""} for kind, name in (("station", "virtual_bench"), ("product", "nav_a"))}
+    return write(runs, "a", "SN-1", "failed", 1, configuration=files, key_of_another_version=7)
+
+
+def release(path: Path, why: str = "scratched label only", first: Person = LI, second: Person | None = WANG) -> None:
+    override_result(ignore_progress, path, why, first, second)
+
+
+def test_a_release_stands_in_the_result_the_index_and_the_audit_trail(home: Path, failed: Path) -> None:
+    before = json.loads(failed.read_text("utf-8"))
+    assert override_required(ignore_progress, failed).second
+    release(failed)
+    after = json.loads(failed.read_text("utf-8"))
+    override = after.pop("override")
+    assert after == before
+    assert (override["by"], override["confirmed_by"], override["why"]) == ("B0001", "B0002", "scratched label only")
+    result = load_result(failed)
+    assert (result.outcome, result.verdict, result.released) == ("failed", "failed", True)
+    history = History(failed.parent)
+    history.refresh()
+    (run,) = history.runs(RunFilter(verdict="failed"))
+    assert (run.verdict, run.released) == ("failed", True)
+    assert history.failures("SN-1") == 1
+    event = read_audit(audit_path(home)).events[-1]
+    assert (event.event, event.by, event.confirmed_by, event.why) == (
+        "override", "B0001", "B0002", "scratched label only",
+    )  # fmt: skip
+    assert (event.values["serial"], event.values["result"]) == ("SN-1", "a.json")
+
+
+def test_one_person_is_not_enough_where_two_are_required(home: Path, failed: Path) -> None:
+    before = failed.read_bytes()
+    for second in (None, LI, Person("B0002", "wrong")):
+        with pytest.raises(ConfigurationError):
+            release(failed, second=second)
+    assert failed.read_bytes() == before
+    assert "override" not in {each.event for each in read_audit(audit_path(home)).events}
+
+
+def test_only_a_failed_run_is_released_once_and_with_a_reason(failed: Path) -> None:
+    with raises_code(InputError, "override.no_reason"):
+        release(failed, " ")
+    release(failed)
+    with raises_code(InputError, "override.already"):
+        release(failed)
+    with raises_code(InputError, "override.not_failed"):
+        release(write(failed.parent, "b", "SN-2", "passed", 2))
+
+
+def test_without_log_and_files_nobody_can_release(failed: Path) -> None:
+    other = write(failed.parent, "c", "SN-3", "failed", 3)
+    with raises_code(InputError, "override.no_files"):
+        release(other)

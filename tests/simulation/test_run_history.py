@@ -1,0 +1,67 @@
+"""A synthetic history is made of result files, and its index is rebuilt from them."""
+
+from pathlib import Path
+
+import pytest
+
+from calstation.quality import GaugePlan, summarise_quality
+from calstation.records.run_index import FILE, RunFilter
+from calstation.results import History, load_result
+from calstation.simulation.run_history import synthesise_runs
+
+RUNS = 2000
+
+
+def ignore(fraction: float, remaining_s: float | None = None, note: str = "") -> None:
+    assert 0.0 <= fraction <= 1.0
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A history of 2000 runs."""
+    folder = tmp_path_factory.mktemp("history")
+    synthesise_runs(ignore, folder, RUNS, 3)
+    return folder
+
+
+def test_the_history_is_the_same_for_a_seed_and_rebuilt_from_its_files(folder: Path, tmp_path: Path) -> None:
+    columns = History(folder).columns()
+    assert len(columns.names) == RUNS
+    assert History(folder).refresh() == 0
+    synthesise_runs(ignore, tmp_path, RUNS, 3)
+    (tmp_path / FILE).unlink()
+    rebuilt = History(tmp_path)
+    assert rebuilt.refresh() == RUNS
+    again = rebuilt.columns()
+    assert again.names == columns.names
+    assert again.values["gyro_bias_x"].tolist() == pytest.approx(columns.values["gyro_bias_x"].tolist(), nan_ok=True)
+    result = load_result(tmp_path / f"{columns.names[0]}.json")
+    assert result.started_utc is not None
+    assert result.started_utc.startswith("2025-11-03")
+
+
+def test_it_has_products_stations_operators_failures_and_repeated_units(folder: Path) -> None:
+    history = History(folder)
+    choices = history.choices()
+    assert (len(choices.products), len(choices.stations), len(choices.operators)) == (3, 4, 6)
+    assert {run.verdict for run in history.runs(limit=None)} == {"passed", "failed", "stopped"}
+    assert any(run.attempt > 1 for run in history.runs(limit=None))
+    assert history.count(RunFilter(search="GOLDEN-NAVA")) > 2
+
+
+def test_its_study_is_complete_and_its_drift_shows_in_the_runs_of_the_golden_unit(folder: Path) -> None:
+    plan = GaugePlan.load(folder / "studies" / "gauge.json")
+    found = plan.values(History(folder).columns())
+    assert len(found) == 30
+    assert found["gyro_bias_x"].shape == (10, 3, 3)
+    summary = summarise_quality(ignore, folder)
+    assert {each.product for each in summary.parameters} == {
+        "MEMS grade C",
+        "Navigation grade A",
+        "Tactical grade B",
+    }
+    assert len(summary.parameters) == 90
+    assert all(each.capability is not None and each.capability.ppk.value > 0.7 for each in summary.parameters)
+    golden = summarise_quality(ignore, folder, serial="GOLDEN-NAVA").golden
+    strays = {each.parameter: each.individuals.sigma for each in golden}
+    assert strays["gyro_bias_z"] > 3.0 * strays["gyro_bias_x"]
