@@ -94,8 +94,10 @@ def run(
         str | None,
         typer.Option(help="Badge of the operator, or a name where nobody signs in; default: the computer's user."),
     ] = None,
+    confirmed_by: ConfirmedByOption = None,
 ) -> None:
     """Calibrate the unit on the station: one click without a window."""
+    from calstation.cli.confirmation import confirm_override
     from calstation.cli.run import complete_request, run_command
     from calstation.config import RunRequest
 
@@ -113,7 +115,10 @@ def run(
         override_standard=override_standard,
         faults=faults,
     )
-    raise typer.Exit(run_command(complete_request(request), json, yes=yes, debug=bool(context.obj)))
+    request = complete_request(request)
+    if override_standard is not None:
+        request = confirm_override(request, confirmed_by)
+    raise typer.Exit(run_command(request, json, yes=yes, debug=bool(context.obj)))
 
 
 @app.command()

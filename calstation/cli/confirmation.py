@@ -9,6 +9,7 @@ from calstation.cli.show import check_json, ignore_progress, report, say
 from calstation.config import (
     Person,
     RegisterOperation,
+    RunRequest,
     access,
     computer_user,
     confirm,
@@ -45,6 +46,19 @@ def confirm_registers(operation: RegisterOperation, by: str | None, confirmed_by
     second = None if confirmed_by is None else ask_person(confirmed_by)
     people = confirm("registers", product, station, first, second)
     return replace(operation, request=replace(operation.request, operator=people.by), confirmed_by=people.confirmed_by)
+
+
+def confirm_override(request: RunRequest, confirmed_by: str | None) -> RunRequest:
+    """Return a request whose override of a check standard is confirmed as the product requires it.
+
+    Raises ConfigurationError.
+    """
+    station, product = load_station(request.station)[1], load_product(request.product)[1]
+    if not confirmation_required("override", product, station).second and confirmed_by is None:
+        return request
+    first = ask_person(request.operator or "")
+    second = None if confirmed_by is None else ask_person(confirmed_by)
+    return replace(request, overridden_by=confirm("override", product, station, first, second))
 
 
 def pin_command(badge: str) -> int:

@@ -5,7 +5,6 @@ from . import versions as versions
 from .blocks import arrange_entries as arrange_entries
 from .check_standards import CheckStandardSection as CheckStandardSection
 from .confirmation import Action as Action
-from .confirmation import Confirmation as Confirmation
 from .confirmation import ConfirmationRequired as ConfirmationRequired
 from .confirmation import Person as Person
 from .confirmation import confirm as confirm
@@ -30,6 +29,7 @@ from .library import pair_folder as pair_folder
 from .library import site_folder as site_folder
 from .pair import PairConfiguration as PairConfiguration
 from .pair import resolve_pair as resolve_pair
+from .request import Confirmation as Confirmation
 from .request import RegisterOperation as RegisterOperation
 from .request import RunRequest as RunRequest
 from .request import computer_user as computer_user

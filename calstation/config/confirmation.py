@@ -4,10 +4,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from calstation.config import access
+from calstation.config.request import Confirmation
 from calstation.config.station import ProductConfig, StationConfig
 from calstation.errors import ConfigurationError
 
-#: Release of a failed unit, a register write outside a run, or the issue of a certificate.
+#: Release of a failed unit or of production while a check standard is not in order, a register write outside a run, or
+#: the issue of a certificate.
 Action = Literal["override", "registers", "certificate"]
 
 
@@ -17,14 +19,6 @@ class Person:
 
     badge: str
     pin: str = field(default="", repr=False)
-
-
-@dataclass(frozen=True)
-class Confirmation:
-    """Badges of the person who acts and of the one who confirmed it, as the audit trail names them."""
-
-    by: str
-    confirmed_by: str | None = None
 
 
 @dataclass(frozen=True)

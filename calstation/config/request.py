@@ -8,6 +8,14 @@ from typing import Any, Literal
 
 
 @dataclass(frozen=True)
+class Confirmation:
+    """Badges of the person who acts and of the one who confirmed it, as the audit trail names them."""
+
+    by: str
+    confirmed_by: str | None = None
+
+
+@dataclass(frozen=True)
 class RunRequest:
     """Request of a run."""
 
@@ -28,6 +36,8 @@ class RunRequest:
     beyond_attempts: bool = False  #: Whether an engineer allows a unit that has used up its attempts.
     #: Reason why an engineer allows a run although a check standard or a certificate is not in order; None for none.
     override_standard: str | None = None
+    #: Who allows it; None for the operator, where the product requires no second person.
+    overridden_by: Confirmation | None = None
     faults: Path | None = None  #: Fault plan of the virtual bench; None for that of the station file.
     #: Action for an interrupted transfer of the unit's registers; with None the run is refused.
     unfinished: Literal["finish", "restore"] | None = None

@@ -8,7 +8,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from calstation.config import ResolvedConfiguration, RunRequest, prepare_run, site_folder
+from calstation.config import (
+    Confirmation,
+    ResolvedConfiguration,
+    RunRequest,
+    confirmation_required,
+    prepare_run,
+    site_folder,
+)
 from calstation.errors import ConfigurationError
 from calstation.messages import Text, os_reason
 from calstation.physics import INDEX
@@ -164,18 +171,23 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
 def _with_standards(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
     """Refuse production while a check standard or a certificate is not in order, or record why it is allowed.
 
-    Returns the configuration with the override only if it was needed. Raises ConfigurationError.
+    Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if the product
+    requires a second person who has not confirmed it.
     """
     found, request = require_standards(setup, history, datetime.now(UTC)), setup.request
     if not found:
         return replace(setup, request=replace(request, override_standard=None))
+    people = request.overridden_by or Confirmation(request.operator or "")
+    if confirmation_required("override", setup.product, setup.station).second and people.confirmed_by is None:
+        raise ConfigurationError("confirmation.second_missing", product=setup.product.name)
     values = {"serial": request.serial, "station": setup.station.name, "product": setup.product.name}
     overridden = [f"{due.reason} {due.name}" for due in found]
     append_audit(
         site_folder(),
         "standard_overridden",
-        request.operator or "",
+        people.by,
         request.override_standard or "",
+        confirmed_by=people.confirmed_by,
         overridden=overridden,
         **values,
     )

@@ -53,6 +53,11 @@ from calstation.gui.widgets import (
 from calstation.messages import Text
 from calstation.sequencer import Command
 
+#: Refusals of production that an engineer can override.
+_OVERRIDABLE = tuple(
+    f"quality.{code}" for code in ("standard_never", "standard_overdue", "standard_out", "certificate_overdue")
+)
+
 
 class OperatorPage(Page):
     """Page with everything an operator needs and without settings that an operator must not change."""
@@ -77,7 +82,7 @@ class OperatorPage(Page):
         self._message, self._badge = label(name="message_label", wrap=True), StateBadge(theme.SECTION)
         self._message.setFont(theme.font(theme.SECTION))
         self._stages.setFixedWidth(38 * theme.GRID)
-        right = column(self.closing, self.notice, (self._views, 1))
+        right = column(self.closing, self.notice, self._starting.people, (self._views, 1))
         foot = panel(row((column(self._message, self._shift, spacing=0), 1), self._badge))
         page_margins = (2 * theme.GRID, 0, 2 * theme.GRID, theme.GRID)
         content = QWidget()
@@ -231,12 +236,15 @@ class OperatorPage(Page):
     # ---- during the run
 
     def _acknowledge(self) -> None:
-        transfer, request = self.app.run.transfer, self.app.engine_link.request
-        self.app.run.acknowledge()
+        run, request = self.app.run, self.app.engine_link.request
+        transfer, fault = run.transfer, run.fault
+        run.acknowledge()
         self._starting.suggest()
         self.header.focus_scan()
         if transfer is not None and request is not None:
             self._starting.ask_transfer(request)
+        elif fault is not None and fault.code in _OVERRIDABLE and request is not None:
+            self._starting.ask_override(request, Text(fault.code, fault.values))
         else:
             self._starting.offer(self.app.run.serial)
 

@@ -8,11 +8,21 @@ from typing import Any
 
 from PySide6.QtCore import QObject
 
-from calstation.config import RunRequest, RunSummary, computer_user, library, load_product
+from calstation.config import (
+    Person,
+    RunRequest,
+    RunSummary,
+    computer_user,
+    confirm,
+    confirmation_required,
+    library,
+    load_product,
+    load_station,
+)
 from calstation.errors import CalstationError
 from calstation.gui.operator.header import RunHeader
 from calstation.gui.operator.questions import ask
-from calstation.gui.shell import AppContext
+from calstation.gui.shell import AppContext, PeoplePanel
 from calstation.gui.text import event_sentence, on_language_change
 from calstation.gui.widgets import JobWatch, NoticeBar
 from calstation.messages import Text
@@ -27,6 +37,8 @@ class RunStarter(QObject):
     def __init__(self, app: AppContext, header: RunHeader, notice: NoticeBar) -> None:
         super().__init__(header)
         self._app, self._header, self._notice = app, header, notice
+        #: Asks for the engineers who allow a run.
+        self.people = PeoplePanel("override")
         #: Summary of the next run; None while station and product cannot be used.
         self.run_summary: RunSummary | None = None
         #: Serial number that the virtual bench has suggested last.
@@ -183,6 +195,34 @@ class RunStarter(QObject):
             "finish": lambda: self.run(replace(request, unfinished="finish")),
         }
         self._ask(question, answers)
+
+    def ask_override(self, request: RunRequest, refusal: Text) -> None:
+        """Offer an engineer to calibrate although a check standard or a certificate is not in order."""
+        self._ask(refusal, {"override": lambda: self._ask_engineer(request)})
+
+    def _ask_engineer(self, request: RunRequest) -> None:
+        try:
+            files = load_product(request.product)[1], load_station(request.station)[1]
+        except CalstationError as error:
+            ask(self._notice, "caution", Text.of("question.cannot_run", why=error.as_text), {})
+            return
+        required = confirmation_required("override", *files)
+
+        def confirmed(reason: str, first: Person, second: Person | None) -> None:
+            try:
+                people = confirm("override", *files, first, second)
+            except CalstationError as error:
+                ask(self._notice, "bad", error.as_text, {})
+                self.people.retry()
+                return
+            self.people.hide()
+            self._notice.dismiss()
+            self.run(replace(request, override_standard=reason, overridden_by=people))
+
+        by = (self._app.badge if required.badge else self._app.operator or computer_user()) or ""
+        self.people.ask(
+            lambda: self.tr("Calibrate {0} nevertheless?").format(request.serial), required, confirmed, by=by
+        )
 
     # ---- interrupted runs
 

@@ -190,7 +190,7 @@
     <name>RunStarter</name>
     <message>
         <source>The run was not closed</source>
-        <extracomment>Summary of the next run; None while station and product cannot be used. Serial number that the virtual bench has suggested last.</extracomment>
+        <extracomment>Asks for the engineers who allow a run. Summary of the next run; None while station and product cannot be used. Serial number that the virtual bench has suggested last.</extracomment>
         <translation>这次标定未能结束</translation>
     </message>
     <message>
@@ -200,6 +200,10 @@
     <message>
         <source>accepted</source>
         <translation>已接受</translation>
+    </message>
+    <message>
+        <source>Calibrate {0} nevertheless?</source>
+        <translation>仍然标定 {0}？</translation>
     </message>
     <message>
         <source>Earlier runs were not closed or handed over</source>
