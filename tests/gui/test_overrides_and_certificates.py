@@ -1,0 +1,138 @@
+"""Production that is refused and overridden by engineers, and certificates, in the window by real clicks."""
+
+from datetime import date
+from pathlib import Path
+
+import pypdf
+import pytest
+from PySide6.QtCore import QUrl
+from PySide6.QtGui import QDesktopServices
+from PySide6.QtWidgets import QLineEdit
+
+from calstation.config import access
+from calstation.records import AuditEvent, audit_path, read_audit
+from calstation.results import load_result
+from tests.gui.conftest import SERIAL, Operator
+
+pytestmark = pytest.mark.timeout(240)
+ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+PINS = {"B0001": "1111", "B0002": "2222"}
+OVERDUE = [{"name": "Rate table A", "kind": "table", "due": date(2021, 3, 2)}]
+ONE_STAGE = {"stages": ["six_position"]}
+
+
+def fill(operator: Operator, panel: str, **texts: str) -> None:
+    """Type into the visible fields of a panel."""
+    for key, text in texts.items():
+        edit = operator.widget(f"{panel}_{key}_edit", QLineEdit)
+        assert edit.isVisible(), key
+        edit.clear()
+        operator.qtbot.keyClicks(edit, text)
+
+
+def events_of(operator: Operator) -> list[AuditEvent]:
+    return [*read_audit(audit_path(operator.site_folder.home)).events]
+
+
+def use(operator: Operator, product: dict[str, object], **station: object) -> None:
+    operator.site_folder.write({**ONE_STAGE, **product}, station)
+    operator.window.app.set_station(operator.site_folder.station)
+
+
+def refused(operator: Operator) -> None:
+    """Start a run that is refused, and acknowledge it."""
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.run.fault is not None)
+    operator.until_ended()
+    assert "the calibration of 'Rate table A' of station 'test bench' was due on 2021-03-02" in operator.says()
+    operator.press("acknowledge_button")
+    operator.press("override_choice")
+
+
+def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> None:
+    use(operator, {}, instruments=OVERDUE)
+    access.set_pin("", "0000")
+    refused(operator)
+    fill(operator, "override", reason="table is at the laboratory", badge="Li Na", pin="9999")
+    operator.press("override_confirm_button")
+    assert "PIN" in operator.says()
+    assert not operator.window.app.engine_link.running, "a wrong PIN starts nothing"
+    fill(operator, "override", pin="0000")
+    operator.press("override_confirm_button")
+    operator.until(lambda: operator.verdict)
+    assert operator.verdict == "PASS", operator.says()
+    operator.until_ended()
+    (result,) = operator.site_folder.runs.glob("*.json")
+    assert load_result(result).standard_override == "table is at the laboratory"
+    events = events_of(operator)
+    (event,) = [each for each in events if each.event == "standard_overridden"]
+    assert (event.by, event.confirmed_by) == ("Li Na", None)
+
+
+def test_a_second_engineer_confirms_it_where_the_product_requires_two(operator: Operator) -> None:
+    use(operator, {"confirmation": {"required_for": ["override"]}}, instruments=OVERDUE, sign_in=ENGINEERS)
+    access.set_pin("", "0000")
+    for badge, pin in PINS.items():
+        access.set_pin("0000", pin, badge)
+    edit = operator.widget("operator_edit", QLineEdit)
+    operator.qtbot.keyClicks(edit, "B0003\r")
+    refused(operator)
+    people = {"badge": "B0001", "pin": "1111", "second_badge": "B0001", "second_pin": "1111"}
+    fill(operator, "override", reason="table is at the laboratory", **people)
+    operator.press("override_confirm_button")
+    assert not operator.window.app.engine_link.running, "one engineer is not two"
+    fill(operator, "override", pin="1111", second_badge="B0002", second_pin="2222")
+    operator.press("override_confirm_button")
+    operator.until(lambda: operator.verdict)
+    assert operator.verdict == "PASS", operator.says()
+    operator.until_ended()
+    events = events_of(operator)
+    (event,) = [each for each in events if each.event == "standard_overridden"]
+    assert (event.by, event.confirmed_by) == ("B0001", "B0002")
+
+
+def test_a_certificate_from_the_verdict_and_from_the_history(
+    operator: Operator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[Path] = []
+    monkeypatch.setattr(QDesktopServices, "openUrl", lambda url: opened.append(Path(QUrl.toLocalFile(url))))
+    use(operator, {})
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    operator.until_ended()
+    operator.press("certificate_button")
+    operator.until(lambda: "The certificate was issued" in operator.says())
+    operator.press("certificate_open_button")
+    (pdf,) = opened
+    assert pdf.parent == operator.site_folder.runs.parent / "certificates"
+    assert SERIAL in pypdf.PdfReader(pdf).pages[0].extract_text()
+    before = pdf.read_bytes()
+    operator.window.show_page("history_page")
+    operator.until(lambda: operator.widget("history_certificate_button").isVisible())
+    operator.press("history_certificate_button")
+    operator.until(lambda: "The certificate was issued" in operator.says())
+    assert pdf.read_bytes() == before, "the same certificate again"
+    events = [each.event for each in events_of(operator)]
+    assert events.count("certificate") == 1
+
+
+def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
+    use(operator, {"confirmation": {"required_for": ["certificate"]}}, sign_in=ENGINEERS)
+    access.set_pin("", "0000")
+    for badge, pin in PINS.items():
+        access.set_pin("0000", pin, badge)
+    operator.qtbot.keyClicks(operator.widget("operator_edit", QLineEdit), "B0001\r")
+    operator.scan(SERIAL)
+    operator.press("start_button")
+    operator.until(lambda: operator.verdict)
+    operator.until_ended()
+    operator.press("certificate_button")
+    operator.until(lambda: operator.widget("certificate_button_panel").isVisible())
+    fill(operator, "certificate_button", badge="B0001", pin="1111", second_badge="B0002", second_pin="2222")
+    operator.press("certificate_button_confirm_button")
+    operator.until(lambda: "The certificate was issued" in operator.says())
+    events = events_of(operator)
+    (event,) = [each for each in events if each.event == "certificate"]
+    assert (event.by, event.confirmed_by) == ("B0001", "B0002")
