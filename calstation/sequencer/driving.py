@@ -128,11 +128,11 @@ class Driving:
         self.control_loop.patient = True
 
     def check_turns(self) -> None:
-        """Check the verification path from the current position against the limits. Raises ConfigurationError."""
+        """Check the verification path against the limits. Raises ConfigurationError."""
         if self._context.task.gimbal:  # its own turns are checked before each of them
             return
         own = self.control_loop.status.limits
-        for leg in self._path_from_here(compared=False).legs:
+        for leg in self._verification_path(compared=False).legs:
             check_limits(self._context.task.geometry.limits, leg.move)
             check_travel(own, leg.move)
 
@@ -176,16 +176,13 @@ class Driving:
         reference, self._reference, self._path = self._reference, None, None
         return replace(data, corrected=gimbal or corrected is not Output.NEVER, reference=reference)
 
-    def _path_from_here(self, *, compared: bool) -> VerificationPath:
-        span = self._context.slot.unit.span
+    def _verification_path(self, *, compared: bool) -> VerificationPath:
+        """Return the path of a capture from the load position, where the table must go in the end anyway."""
+        task, span = self._context.task, self._context.slot.unit.span
         ends = np.concatenate([span.high[:3], -span.low[:3]]) * self.acquisition.scale[0]
-        return verification_path(
-            self.runner.target or self.runner.position(),
-            self._context.task.geometry,
-            self.control_loop.status.limits,
-            _RANGE_FRACTION * float(ends.min()),
-            compared=compared,
-        )
+        limits = self.control_loop.status.limits
+        fastest = _RANGE_FRACTION * float(ends.min())
+        return verification_path(task.load_angle, task.geometry, limits, fastest, compared=compared)
 
     def _capture(self, code: str, *, is_reference: bool) -> VerificationData:
         """Capture the unit's output; if the unit restarts during the capture, begin again.
@@ -193,13 +190,14 @@ class Driving:
         `code` is the code of the error raised if the unit restarts during every attempt. The path is that of the
         reference, or a new one.
         """
-        there, path = self.runner.target is not None, self._path or self._path_from_here(compared=is_reference)
-        self._path = path
+        self._path = path = self._path or self._verification_path(compared=is_reference)
+        known = self.runner.target is not None
         for _ in range(_MAX_CAPTURES):
-            if not there:
-                # The polled angle differs from the commanded one; such a short move may end before the next poll.
+            if not (known and self.runner.arrived(path.start)):
                 first = path.legs[0].move
                 self.runner.drive(replace(first, outer=path.start[0], inner=path.start[1]))
+            if not known:
+                # The polled angle differs from the commanded one; such a short move may end before the next poll.
                 self.control_loop.rested(_SETTLED)
                 if self.stream.broken:
                     self.stream.restore()
@@ -207,7 +205,7 @@ class Driving:
                 return verification_data(self.runner, path, is_reference=is_reference)
             except Restarted:
                 self._context.emit(Message("look_repeated"))
-                there = False
+                known = False
         raise DeviceFaultError(code)
 
     def run_in_background(self, work: Callable[[], Any]) -> Any:
