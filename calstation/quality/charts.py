@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import lfilter
 
 from calstation.errors import InputError
@@ -233,8 +232,8 @@ def _one_sided(steps: FloatArray) -> FloatArray:
 
 def _recent(flags: BoolArray, least: int, length: int) -> BoolArray:
     """Return the points with at least `least` flags among the last `length` points, fewer at the beginning."""
-    padded = np.concatenate([np.zeros(length, dtype=bool), flags])
-    return np.asarray(sliding_window_view(padded, length)[1:].sum(axis=1) >= least)
+    total = np.cumsum(np.concatenate([np.zeros(length, dtype=np.int64), flags]))
+    return np.asarray(total[length:] - total[:-length] >= least)
 
 
 def _on_a_side(sides: tuple[BoolArray, BoolArray], least: int, length: int) -> BoolArray:

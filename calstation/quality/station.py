@@ -41,13 +41,12 @@ class StationQuality:
 def station_quality(
     report: ProgressCallback, folder: Path, station: Path | None, product: Path | None
 ) -> StationQuality:
-    """Job: read the state of a station for a product from the runs of a folder.
+    """Job: read the state of a station for a product from the runs of a folder, whose index is up to date.
 
     Raises ConfigurationError if the station or product file cannot be used.
     """
     (_, place), (_, unit) = load_station(station), load_product(product)
     now, history = datetime.now(UTC), History(folder)
-    history.refresh(lambda fraction: report(0.5 * fraction))
     found = []
     imu = load_imu_profile(library.find("imus", unit.imu)) if unit.check_standards else None
     for state in standard_states(place, unit, history, now):

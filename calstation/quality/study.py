@@ -23,16 +23,14 @@ class StudyState:
 
 
 def evaluate_study(report: ProgressCallback, folder: Path, path: Path, product: Path | None) -> StudyState:
-    """Job: read a plan and evaluate it from the runs of a folder.
+    """Job: read a plan and evaluate it from the runs of a folder, whose index is up to date.
 
     The tolerances are the widths of the limits of `product`; None for no tolerance. Raises InputError or
     ConfigurationError if the plan or the product cannot be used.
     """
     plan = GaugePlan.load(path)
     limits = None if product is None else load_product(product)[1]
-    history = History(folder)
-    history.refresh(report)
-    runs = history.columns()
+    runs = History(folder).columns()
     left = tuple(plan.remaining(runs))
     studies = {}
     for name, values in ({} if left else plan.values(runs)).items():

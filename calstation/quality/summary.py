@@ -128,7 +128,7 @@ def summarise_quality(
     Parameters
     ----------
     folder
-        Folder of the runs; its index is updated first.
+        Folder of the runs, whose index is up to date, see `calstation.results.refresh_history`.
     product
         Product file, whose limits apply; by default all products, with the limits of the product file of their name.
     serial
@@ -148,15 +148,13 @@ def summarise_quality(
         The product file is wrong.
     """
     chosen = None if product is None else load_product(product)[1]
-    history = History(folder)
-    history.refresh(lambda fraction: report(0.5 * fraction))
-    runs = history.columns(RunFilter(product="" if chosen is None else chosen.name))
+    runs = History(folder).columns(RunFilter(product="" if chosen is None else chosen.name))
     begin = -math.inf if since is None else since.timestamp()
     limits = dict(_products()) if chosen is None else {chosen.name: chosen}
     standards = {standard.serial for each in limits.values() for standard in each.check_standards}
     standards |= set() if serial is None else {serial}
     yields = count_yields(runs, begin, standards)
-    report(0.6)
+    report(0.4)
     found: list[ParameterQuality] = []
     golden: list[ParameterQuality] = []
     names = sorted({name for name in runs.products if name is not None})
@@ -166,7 +164,7 @@ def summarise_quality(
         found += _charts(runs, name, units, parameter, None if relative else limits.get(name), relative=relative)
         alone = [k for k in rows if runs.serials[k] == serial]
         golden += _charts(runs, name, alone, parameter, None, relative=relative)
-        report(0.6 + 0.4 * (done + 1) / len(names))
+        report(0.4 + 0.6 * (done + 1) / len(names))
     return QualitySummary(None if chosen is None else chosen.name, yields, tuple(found), serial, tuple(golden))
 
 
@@ -197,6 +195,7 @@ def _charts(
 ) -> Iterator[ParameterQuality]:
     """Yield charts and capability of the parameters that have enough values."""
     runs_of_product = np.array(rows, dtype=np.int64)
+    names = tuple(runs.names[k] for k in rows)
     for name, column in runs.values.items():
         index = runs_of_product[~np.isnan(column[runs_of_product])]
         unknown = name not in INDEX and further_parameter(name) is None  # of another version of the program
@@ -211,7 +210,7 @@ def _charts(
         yield ParameterQuality(
             product,
             name,
-            tuple(runs.names[k] for k in index),
+            names if len(index) == len(names) else tuple(runs.names[k] for k in index),
             runs.started[index],
             individuals_chart(values),
             ewma_chart(values),

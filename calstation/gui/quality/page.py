@@ -30,6 +30,7 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.quality import LEAST_VALUES, QualitySummary, StationQuality, station_quality, summarise_quality
+from calstation.results import refresh_history
 from calstation.sequencer import Event, Verdict
 
 #: Numbers of past days that can be chosen; None for all.
@@ -43,6 +44,7 @@ class QualityPage(Page):
         super().__init__(app)
         self.setObjectName("quality_page")
         self._summary: QualitySummary | None = None
+        self._refresher = JobWatch(self, self._refreshed)
         self._watch, self._station_watch = JobWatch(self, self._show), JobWatch(self, self._show_station)
         self.notice = NoticeBar("quality_notice")
         self.product, self.unit, self.period, self.shown_as = (
@@ -67,10 +69,10 @@ class QualityPage(Page):
         self.tabs.currentChanged.connect(lambda _: self._show_view())
         self.product.currentIndexChanged.connect(lambda _: self._offer_units())
         for combo in (self.unit, self.period, self.shown_as):
-            combo.currentIndexChanged.connect(lambda _: self.refresh())
+            combo.currentIndexChanged.connect(lambda _: self.read())
         for view in (self.control, self.standards):
             view.run_wanted.connect(self._open_run)
-        for watch in (self._watch, self._station_watch):
+        for watch in (self._refresher, self._watch, self._station_watch):
             self.notice.report_failures(watch, lambda: self.tr("The runs could not be read"), self.tabs.setFocus)
         app.engine_link.event.connect(self._follow)
         app.runs_folder_changed.connect(self._refresh_visible)
@@ -81,10 +83,10 @@ class QualityPage(Page):
     @property
     def busy(self) -> bool:
         """Whether the runs are being read."""
-        return any(watch.busy for watch in (self._watch, self._station_watch, self.study.watch))
+        return any(watch.busy for watch in (self._refresher, self._watch, self._station_watch, self.study.watch))
 
-    def refresh(self) -> None:
-        """Read the chosen runs, and show them."""
+    def read(self) -> None:
+        """Read the chosen runs from the index, and show them."""
         folder, product = self.app.runs_folder, self.product.currentData()
         self.study.show_product(product)
         if not folder.is_dir() or product is None:
@@ -162,8 +164,15 @@ class QualityPage(Page):
         self._refresh_visible()
 
     def _refresh_visible(self) -> None:
+        """Show the indexed runs immediately, and again if the folder has others."""
         if self.isVisible():
-            self.refresh()
+            self.read()
+            if self.app.runs_folder.is_dir():
+                self._refresher.watch(self.app.job_queue.submit(refresh_history, self.app.runs_folder))
+
+    def _refreshed(self, changed: int) -> None:
+        if changed:
+            self.read()
 
     def _follow(self, event: Event) -> None:
         if isinstance(event, Verdict):
