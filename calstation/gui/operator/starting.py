@@ -198,6 +198,7 @@ class RunStarter(QObject):
 
     def ask_override(self, request: RunRequest, refusal: Text) -> None:
         """Offer an engineer to calibrate although a check standard or a certificate is not in order."""
+        self._header.set_serial(request.serial)
         self._ask(refusal, {"override": lambda: self._ask_engineer(request)})
 
     def _ask_engineer(self, request: RunRequest) -> None:

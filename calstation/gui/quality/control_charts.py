@@ -17,7 +17,7 @@ Slow = Literal["ewma", "cusum"]
 #: Largest number of runs whose points are drawn one by one.
 _MOST_POINTS = 400
 #: Width of the left axes, px.
-_AXIS = 10 * theme.GRID
+_AXIS = 9 * theme.GRID
 
 
 @dataclass(frozen=True)
@@ -56,14 +56,15 @@ class ControlCharts(StackedPlots[Shown]):
         c, size = theme.colours(), data.size
         chart, ewma, cusum = data.charts.individuals, data.charts.ewma, data.charts.cusum
         top, middle, bottom = self.plots
-        top.setLabel("left", f"{data.quantity}, {data.unit}")
-        middle.setLabel("left", self.tr("range"))
+        top.setLabel("left", data.unit)
+        middle.setLabel("left", data.unit)
         bottom.setLabel("bottom", self.tr("run"))
         self._lines(top, size * chart.center, [size * chart.low, size * chart.high])
         self._values(top, size * chart.values, chart.signals.index)
         self._lines(middle, size * chart.range_center, [size * chart.range_high])
         self._values(middle, size * chart.ranges, chart.range_signals - 1, first=1)
         if self._slow == "ewma":
+            bottom.setLabel("left", data.unit)
             self._draw_ewma(bottom, ewma, size)
             slow = self.tr("EWMA, λ = {0:g}, L = {1:g}").format(ewma.weight, ewma.width)
         else:
@@ -73,12 +74,12 @@ class ControlCharts(StackedPlots[Shown]):
             for plot in self.plots:
                 mark = pg.InfiniteLine(self._chosen + 1, 90, pen=pg.mkPen(c.accent, width=1))
                 self.add(plot, mark, scaled=False)
-        texts = self.tr("Individuals, limits 3 σ, Nelson's rules"), self.tr("Moving range of two runs"), slow
+        individuals = self.tr("{0}: individuals, limits 3 σ, Nelson's rules").format(data.quantity)
+        texts = individuals, self.tr("Moving range of two runs"), slow
         for title, text in zip(self._titles, texts, strict=True):
             title.setText(text)
 
     def _draw_ewma(self, plot: ThemedPlot, chart: EwmaChart, size: float) -> None:
-        plot.setLabel("left", "EWMA")
         c = theme.colours()
         run = np.arange(1, len(chart.average) + 1)
         self._lines(plot, size * chart.center, [])
@@ -87,7 +88,7 @@ class ControlCharts(StackedPlots[Shown]):
         self._values(plot, size * chart.average, chart.signals)
 
     def _draw_cusum(self, plot: ThemedPlot, chart: CusumChart) -> None:
-        plot.setLabel("left", self.tr("CUSUM, σ"))
+        plot.setLabel("left", "σ")
         self._lines(plot, 0.0, [-chart.decision, chart.decision])
         self._values(plot, chart.upper, chart.signals_high)
         self._values(plot, -chart.lower, chart.signals_low)

@@ -59,7 +59,7 @@ class StandardsView(QWidget):
         column(titles[3], (self.errors, 1), on=middle)
         column(titles[4], (self.table, 1), on=right)
         column(
-            (split((left, 6), (middle, 5), (right, 6), handle=2 * theme.GRID), 1),
+            (split((left, 8), (middle, 6), (right, 6), handle=2 * theme.GRID), 1),
             on=self,
             margins=(0, theme.GRID, 0, 0),
         )

@@ -13,7 +13,7 @@ from calstation.quality import FailedCheck, Share, Yields
 from calstation.records import Check
 
 #: Largest number of failed checks drawn.
-_MOST_CHECKS = 8
+_MOST_CHECKS = 7
 #: Largest number of days that are drawn one by one.
 _MOST_DAYS = 60
 #: Smallest fraction shown on the axis of the yield.
@@ -49,7 +49,7 @@ class YieldView(QWidget):
             lambda: self.tr("Yield by day, or by week if there are many, with its 95 % interval"),
         )
         bind(titles[1], lambda: self.tr("Failed checks by frequency, and their cumulative share of the failed runs"))
-        column(titles[0], (self.days, 1), titles[1], (self.pareto, 1), on=plots, spacing=theme.GRID // 2)
+        column(titles[0], (self.days, 4), titles[1], (self.pareto, 5), on=plots, spacing=theme.GRID // 2)
         column(
             row(self.overall_label, 2 * theme.GRID, self.first_label, None),
             (split((plots, 5), (table, 4), handle=2 * theme.GRID), 1),

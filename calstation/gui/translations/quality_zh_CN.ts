@@ -51,10 +51,6 @@
 <context>
     <name>ControlCharts</name>
     <message>
-        <source>range</source>
-        <translation>极差</translation>
-    </message>
-    <message>
         <source>run</source>
         <translation>序号</translation>
     </message>
@@ -67,16 +63,12 @@
         <translation>CUSUM，k = {0:g} σ，h = {1:g} σ</translation>
     </message>
     <message>
-        <source>Individuals, limits 3 σ, Nelson&apos;s rules</source>
-        <translation>单值图，3 σ 控制限，Nelson 准则</translation>
+        <source>{0}: individuals, limits 3 σ, Nelson&apos;s rules</source>
+        <translation>{0}：单值图，3 σ 控制限，Nelson 准则</translation>
     </message>
     <message>
         <source>Moving range of two runs</source>
         <translation>相邻两次的移动极差</translation>
-    </message>
-    <message>
-        <source>CUSUM, σ</source>
-        <translation>CUSUM，σ</translation>
     </message>
 </context>
 <context>
