@@ -11,12 +11,12 @@ from calstation.gui.text import bind, on_language_change, parameter_text, say
 from calstation.gui.widgets import (
     CellTable,
     Column,
+    ElidedLabel,
     StackedPlots,
     ThemedPlot,
     Words,
     column,
     dashed,
-    label,
     split,
     theme,
 )
@@ -41,7 +41,7 @@ class StandardsView(QWidget):
         )
         self.errors, self.table = ErrorBars(), TableCharts()
         self._build_tables()
-        titles = [label(kind="muted") for _ in range(5)]
+        titles = [ElidedLabel("muted") for _ in range(5)]
         for title, words in zip(
             titles,
             (
