@@ -5,16 +5,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calstation.errors import InputError
 from calstation.estimation.common import RestResiduals, SampleBlock
 from calstation.jobs import ProgressCallback
 from calstation.messages import Text, entry, event_text, known, values_from_json
 from calstation.physics import FloatArray
 from calstation.records import Log
 from calstation.reports.budget import Budget, solve_again, uncertainty_budget
-from calstation.results import Result, StageChain, one_blas_thread, stage_diagnostics
+from calstation.results import (
+    Parameter,
+    Result,
+    StageChain,
+    judge,
+    one_blas_thread,
+    solved_parameters,
+    stage_diagnostics,
+)
 
 #: Fractions of the job's progress: after the first solution, and after the residuals.
 _SOLVED, _RESIDUALS = 0.2, 0.25
+#: Largest difference of a value between two computers or versions of the program, in sigmas.
+_ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
@@ -61,7 +72,10 @@ class _Watch:
 
 
 def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
-    """Solve the log of a result again, several times, and return what its samples show. Raises InputError."""
+    """Solve the log of a result again, several times, and return what its samples show.
+
+    Raises InputError, also if the log does not give the values or the verdict of the result.
+    """
     watch = _Watch(log, result)
 
     def look(done: float, stage: str) -> None:
@@ -70,6 +84,7 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
 
     chain = solve_again(log, result, log.meta, look, watch.chain, watch.see)
     watch.end()
+    _check(result, log, chain)
     with one_blas_thread():
         diagnosed = stage_diagnostics(log, chain, result.log.first_seq, result.log.last_seq)
     report(_RESIDUALS)
@@ -88,6 +103,25 @@ def analyse(report: ProgressCallback, log: Log, result: Result) -> Analysis:
         tuple(_warnings(log)),
         next((e["values"] for e in log.events if e.get("event") == "Message" and e.get("id") == "identified"), {}),
     )
+
+
+def _check(result: Result, log: Log, chain: StageChain) -> None:
+    """Raise InputError if a result differs from the solution of its log by more than rounding, or passes without it."""
+    solutions = tuple(chain.solutions)
+    solved = solved_parameters(solutions)
+    for name, row in result.parameters.items():
+        found = solved.get(name)
+        if found is None or not _agree(row, found):
+            raise InputError("report.other_values", file=log.path, parameter=name)
+    if result.passed and judge(log.meta, chain.prior, solutions).passed is False:
+        raise InputError("report.other_verdict", file=log.path)
+
+
+def _agree(row: Parameter, found: Parameter) -> bool:
+    """Whether value and sigma agree within a thousandth of sigma."""
+    tolerance = _ROUNDING * found.sigma
+    pairs = ((row.value, found.value), (row.sigma, found.sigma))
+    return all(np.isclose(a, b, rtol=0.0, atol=tolerance, equal_nan=True) for a, b in pairs)
 
 
 def _warnings(log: Log) -> Iterator[Text]:

@@ -27,6 +27,7 @@ from .judgement import cause_text as cause_text
 from .judgement import is_partial as is_partial
 from .judgement import judge as judge
 from .judgement import missing_state as missing_state
+from .judgement import solved_parameters as solved_parameters
 from .model_tests import ModelTests as ModelTests
 from .offline import drop_partial as drop_partial
 from .offline import export_log as export_log
