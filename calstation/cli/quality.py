@@ -71,6 +71,8 @@ def plan_command(
     check_json(json)
     named = [[part.strip() for part in (text or "").split(",") if part.strip()] for text in (units, appraisers)]
     kind = cast(Literal["operator", "station"], by)
+    if path.exists():
+        raise ConfigurationError("quality.plan_exists", file=path)
     plan = GaugePlan.random(kind, named[0], named[1], trials, seed, datetime.now(UTC).replace(microsecond=0))
     plan.save(path)
     emit_json(plan.model_dump(by_alias=True, mode="json"), json)
