@@ -101,7 +101,7 @@ def test_product_risks_are_the_integrals_of_jcgm_106(rule: str, spread: float, s
 def test_risks_of_a_precise_measurement_are_those_near_the_limits(
     rule: str, sigma: float, limits: tuple[float, float]
 ) -> None:
-    """To first order, the probability within (x, x + dx) of a limit is density · dx; E max(0, N(shift, sigma)) is dx."""
+    """To first order, the risk is density at the limit · sigma · E max(0, N(∓shift, 1))."""
     spread, shift = 0.4, 0.0 if rule == "simple" else 2.0
     density = sum(norm.pdf(limit, 0.0, spread) for limit in limits)
     beyond = norm.pdf(shift) - shift * norm.cdf(-shift)
