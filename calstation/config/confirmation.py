@@ -56,14 +56,14 @@ def confirm(
     Raises
     ------
     ConfigurationError : if a person is not an engineer of the station, a PIN is wrong or missing, the second person is
-        missing or is the first one, or the station names no engineers although the product requires two.
+        missing or is the first one, or the station names no engineers although two people are required or given.
     """
     needed = confirmation_required(action, product, station)
     if not first.badge.strip():
         raise ConfigurationError("confirmation.no_person")
     if not needed.pin and second is None:
         return Confirmation(first.badge)
-    if needed.second and not needed.badge:
+    if (needed.second or second is not None) and not needed.badge:  # one PIN of the site is no proof of two people
         raise ConfigurationError("confirmation.no_engineers", station=station.name, product=product.name)
     if needed.second and second is None:
         raise ConfigurationError("confirmation.second_missing", product=product.name)
