@@ -9,6 +9,7 @@ from .confirmation import ConfirmationRequired as ConfirmationRequired
 from .confirmation import Person as Person
 from .confirmation import confirm as confirm
 from .confirmation import confirmation_required as confirmation_required
+from .confirmation import pin_known as pin_known
 from .editing import check as check
 from .editing import detect_kind as detect_kind
 from .editing import edit_toml as edit_toml

@@ -39,6 +39,11 @@ def confirmation_required(action: Action, product: ProductConfig, station: Stati
     return ConfirmationRequired(second or action == "override", bool(_engineers(station)), second)
 
 
+def pin_known(station: StationConfig) -> bool:
+    """Whether somebody at a station can prove an identity: an engineer whom it names, or who knows the site's PIN."""
+    return bool(_engineers(station)) or access.has_pin()
+
+
 def confirm(
     action: Action, product: ProductConfig, station: StationConfig, first: Person, second: Person | None = None
 ) -> Confirmation:

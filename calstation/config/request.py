@@ -36,7 +36,7 @@ class RunRequest:
     beyond_attempts: bool = False  #: Whether an engineer allows a unit that has used up its attempts.
     #: Reason why an engineer allows a run although a check standard or a certificate is not in order; None for none.
     override_standard: str | None = None
-    #: Who allows it; None for the operator, where the product requires no second person.
+    #: Who allows it, see `calstation.config.confirm`; None for the operator, at a site without PINs.
     overridden_by: Confirmation | None = None
     faults: Path | None = None  #: Fault plan of the virtual bench; None for that of the station file.
     #: Action for an interrupted transfer of the unit's registers; with None the run is refused.

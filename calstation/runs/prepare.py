@@ -13,6 +13,7 @@ from calstation.config import (
     ResolvedConfiguration,
     RunRequest,
     confirmation_required,
+    pin_known,
     prepare_run,
     site_folder,
 )
@@ -171,13 +172,15 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
 def _with_standards(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
     """Refuse production while a check standard or a certificate is not in order, or record why it is allowed.
 
-    Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if the product
-    requires a second person who has not confirmed it.
+    Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if nobody has
+    proved his identity although the site has PINs, or the product requires a second person who has not confirmed it.
     """
     found, request = require_standards(setup, history, datetime.now(UTC)), setup.request
     if not found:
         return replace(setup, request=replace(request, override_standard=None))
     people = request.overridden_by or Confirmation(request.operator or "")
+    if request.overridden_by is None and pin_known(setup.station):
+        raise ConfigurationError("confirmation.standard_required", station=setup.station.name)
     if confirmation_required("override", setup.product, setup.station).second and people.confirmed_by is None:
         raise ConfigurationError("confirmation.second_missing", product=setup.product.name)
     values = {"serial": request.serial, "station": setup.station.name, "product": setup.product.name}
