@@ -34,6 +34,7 @@ from .request import Confirmation as Confirmation
 from .request import RegisterOperation as RegisterOperation
 from .request import RunRequest as RunRequest
 from .request import computer_user as computer_user
+from .request import plain_text as plain_text
 from .resolved import ManualRigError as ManualRigError
 from .resolved import ResolvedConfiguration as ResolvedConfiguration
 from .resolved import check_manual_rig as check_manual_rig

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from calstation.config import access
-from calstation.config.request import Confirmation
+from calstation.config.request import Confirmation, plain_text
 from calstation.config.station import ProductConfig, StationConfig
 from calstation.errors import ConfigurationError
 
@@ -19,6 +19,10 @@ class Person:
 
     badge: str
     pin: str = field(default="", repr=False)
+
+    def __post_init__(self) -> None:
+        """Remove control characters, which some badge readers send."""
+        object.__setattr__(self, "badge", plain_text(self.badge))
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,7 @@ def confirm(
         missing or is the first one, or the station names no engineers although two people are required or given.
     """
     needed = confirmation_required(action, product, station)
-    if not first.badge.strip():
+    if not first.badge:
         raise ConfigurationError("confirmation.no_person")
     if not needed.pin and second is None:
         return Confirmation(first.badge)

@@ -1,10 +1,19 @@
 """Requests to the engine, as plain values that can be passed between processes."""
 
 import getpass
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
+
+#: Control characters and others that XML, and so a digital certificate, cannot contain.
+_NOT_TEXT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]+")
+
+
+def plain_text(entered: str) -> str:
+    """Return a reason, badge or name as it was entered, with a blank in place of control characters."""
+    return _NOT_TEXT.sub(" ", entered).strip()
 
 
 @dataclass(frozen=True)
@@ -41,6 +50,13 @@ class RunRequest:
     faults: Path | None = None  #: Fault plan of the virtual bench; None for that of the station file.
     #: Action for an interrupted transfer of the unit's registers; with None the run is refused.
     unfinished: Literal["finish", "restore"] | None = None
+
+    def __post_init__(self) -> None:
+        """Remove control characters from what a person entered."""
+        for name in ("operator", "override_standard"):
+            entered = getattr(self, name)
+            if entered is not None:
+                object.__setattr__(self, name, plain_text(entered))
 
 
 @dataclass(frozen=True)
