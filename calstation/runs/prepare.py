@@ -150,13 +150,19 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     history = History(request.out)
     history.refresh()
     failures, allowed = history.failures(request.serial), setup.product.attempts_allowed
-    exempt = request.beyond_attempts or setup.check_standard is not None  # only an engineer may allow more
-    if allowed is not None and failures >= allowed and not exempt:
-        product, serial = setup.product.name, request.serial
-        raise ConfigurationError(
-            "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product
-        )
+    used_up = allowed is not None and failures >= allowed and setup.check_standard is None
+    attempts: dict[str, Any] = {
+        "serial": request.serial,
+        "failures": failures,
+        "allowed": allowed,
+        "product": setup.product.name,
+    }
+    if used_up and not request.beyond_attempts:  # only an engineer may allow more
+        raise ConfigurationError("run.attempts_used", **attempts)
     setup = _with_standards(setup, history)
+    if used_up:
+        station = setup.station.name
+        append_audit(site_folder(), "attempt_allowed", request.operator or "", station=station, **attempts)
     check_flash(setup, request.out, emit)
     check_interrupted(setup, request.out)
     emit = hooks.listener(setup, request.out, emit)

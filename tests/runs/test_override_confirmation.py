@@ -17,6 +17,7 @@ from calstation.runs.prepare import prepare
 from calstation.sequencer import Control
 from calstation.simulation import BenchHooks
 from tests.helpers import raises_code
+from tests.results.test_history import write
 from tests.site_folder import SiteFolder
 
 OVERDUE = {"name": "rate table", "kind": "table", "due": date(2020, 1, 2)}
@@ -93,3 +94,19 @@ def test_at_a_site_without_a_pin_the_reason_suffices(site_folder: SiteFolder, ho
     assert not asked
     (event,) = events(home, "standard_overridden")
     assert event.by == "tester"
+
+
+def test_an_attempt_beyond_the_allowed_ones_is_in_the_audit_trail(site_folder: SiteFolder, home: Path) -> None:
+    site_folder.write({"attempts_allowed": 1})
+    request = replace(site_folder.request(), beyond_attempts=True)
+    prepared(site_folder, request)
+    assert not events(home, "attempt_allowed"), "the first attempt needs no permission"
+    write(request.out, "a", request.serial, "failed", 1)
+    with raises_code(ConfigurationError, "run.attempts_used"):
+        prepared(site_folder, site_folder.request())
+    assert not events(home, "attempt_allowed")
+    prepared(site_folder, request)
+    (event,) = events(home, "attempt_allowed")
+    assert event.by == "tester"
+    about = {"serial": request.serial, "failures": 1, "allowed": 1, "product": "short", "station": "test bench"}
+    assert event.values == about
