@@ -16,6 +16,7 @@ from calstation.config import (
     confirmation_required,
     load_product,
     load_station,
+    pin_known,
 )
 from calstation.results import override_required, override_result
 
@@ -49,14 +50,15 @@ def confirm_registers(operation: RegisterOperation, by: str | None, confirmed_by
 
 
 def confirm_override(request: RunRequest, confirmed_by: str | None) -> RunRequest:
-    """Return a request whose override of a check standard is confirmed as the product requires it.
+    """Return a request whose override of a check standard is confirmed as product and site require it.
 
-    Raises ConfigurationError.
+    At a site without PINs the reason suffices. Raises ConfigurationError.
     """
     station, product = load_station(request.station)[1], load_product(request.product)[1]
-    if not confirmation_required("override", product, station).second and confirmed_by is None:
+    second_required = confirmation_required("override", product, station).second
+    if not (pin_known(station) or second_required or confirmed_by is not None):
         return request
-    first = ask_person(request.operator or "")
+    first = ask_person(request.operator or computer_user() or "")
     second = None if confirmed_by is None else ask_person(confirmed_by)
     return replace(request, overridden_by=confirm("override", product, station, first, second))
 

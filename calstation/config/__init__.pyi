@@ -9,6 +9,7 @@ from .confirmation import ConfirmationRequired as ConfirmationRequired
 from .confirmation import Person as Person
 from .confirmation import confirm as confirm
 from .confirmation import confirmation_required as confirmation_required
+from .confirmation import pin_known as pin_known
 from .editing import check as check
 from .editing import detect_kind as detect_kind
 from .editing import edit_toml as edit_toml
@@ -33,6 +34,7 @@ from .request import Confirmation as Confirmation
 from .request import RegisterOperation as RegisterOperation
 from .request import RunRequest as RunRequest
 from .request import computer_user as computer_user
+from .request import plain_text as plain_text
 from .resolved import ManualRigError as ManualRigError
 from .resolved import ResolvedConfiguration as ResolvedConfiguration
 from .resolved import check_manual_rig as check_manual_rig

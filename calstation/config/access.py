@@ -8,6 +8,8 @@ import hmac
 import json
 import os
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -18,7 +20,7 @@ from calstation.config import library
 from calstation.config.request import computer_user
 from calstation.errors import ConfigurationError
 from calstation.messages import os_reason
-from calstation.records import append_audit, write_atomic
+from calstation.records import append_audit, locked, write_atomic
 from calstation.schema import StrictModel, validate
 
 #: Minimum number of characters of a PIN.
@@ -29,6 +31,9 @@ _FREE_FAILURES = 2
 
 #: Maximum delay, s; delays start at one second and double.
 _LONGEST_DELAY = 300.0
+
+#: Longest time to wait for another program that checks or sets a PIN, s.
+_LOCKED_WITHIN = 10.0
 
 #: Cost of scrypt (RFC 7914): 8 MiB and about 20 ms.
 _N, _R, _P = 2**13, 8, 1
@@ -52,30 +57,38 @@ def has_pin(badge: str = "") -> bool:
 
 
 def set_pin(old: str, new: str, badge: str = "") -> None:
-    """Set a new PIN; an event of the audit trail. Raises ConfigurationError.
+    """Set a new PIN; an event of the audit trail, on disk before the PIN is. Raises ConfigurationError.
 
     `old` is the present PIN. It is ignored if the site has none; the first PIN of a badge needs the site's PIN.
     """
     if len(new) < SHORTEST:
         raise ConfigurationError("access.pin_too_short", shortest=SHORTEST)
-    event = "pin_changed" if has_pin(badge) else "pin_set"
-    owner = badge if has_pin(badge) else ""  # of the old PIN
-    if badge and not has_pin(owner):
-        raise ConfigurationError("access.no_site_pin")
-    if has_pin(owner) and not check(old, owner):
-        seconds = wait(owner)
-        if seconds:
-            raise ConfigurationError("access.wrong_pin_wait", seconds=seconds)
-        raise ConfigurationError("access.wrong_pin")
-    salt = os.urandom(16)
-    _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P), badge)
-    append_audit(library.site_folder(), event, computer_user() or "engineer", **({"badge": badge} if badge else {}))
+    with _locked(badge):
+        event = "pin_changed" if has_pin(badge) else "pin_set"
+        owner = badge if has_pin(badge) else ""  # of the old PIN
+        if badge and not has_pin(owner):
+            raise ConfigurationError("access.no_site_pin")
+        if has_pin(owner) and not _check(old, owner):
+            seconds = wait(owner)
+            if seconds:
+                raise ConfigurationError("access.wrong_pin_wait", seconds=seconds)
+            raise ConfigurationError("access.wrong_pin")
+        about = {"badge": badge} if badge else {}
+        append_audit(library.site_folder(), event, computer_user() or "engineer", **about)
+        salt = os.urandom(16)
+        _store(_Stored(salt=salt.hex(), hash=_hash(new, salt, _N, _R, _P).hex(), n=_N, r=_R, p=_P), badge)
 
 
 def check(pin: str, badge: str = "") -> bool:
     """Whether `pin` is correct; no PIN is accepted during the delay after wrong ones. Raises ConfigurationError."""
     if not has_pin(badge):
         return False
+    with _locked(badge):
+        return _check(pin, badge)
+
+
+def _check(pin: str, badge: str) -> bool:
+    """Check a PIN under the lock, because each of several checks at the same time must count."""
     stored = _load(badge)
     if _wait(stored) > 0.0:
         return False
@@ -105,6 +118,18 @@ def _hash(pin: str, salt: bytes, n: int, r: int, p: int) -> bytes:
     return hashlib.scrypt(pin.encode(), salt=salt, n=n, r=r, p=p, maxmem=2**27, dklen=32)
 
 
+@contextmanager
+def _locked(badge: str) -> Iterator[None]:
+    """Lock the PINs of the site. Raises ConfigurationError."""
+    folder = library.site_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with locked(folder / ".pin.lock", _LOCKED_WITHIN):
+            yield
+    except OSError as exc:
+        raise ConfigurationError("configuration.unwritable", file=_file(badge), reason=os_reason(exc)) from exc
+
+
 def _file(badge: str) -> Path:
     folder = library.site_folder()
     return folder / "engineers" / f"{quote(badge, safe='')}.json" if badge else folder / "engineer.json"
@@ -120,9 +145,7 @@ def _load(badge: str) -> _Stored:
 
 
 def _store(stored: _Stored, badge: str) -> None:
+    """Store a PIN. Raises OSError."""
     path = _file(badge)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(path, json.dumps(stored.model_dump()) + "\n", mode=0o600)
-    except OSError as exc:
-        raise ConfigurationError("configuration.unwritable", file=path, reason=os_reason(exc)) from exc
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(path, json.dumps(stored.model_dump()) + "\n", mode=0o600)

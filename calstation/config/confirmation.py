@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from calstation.config import access
-from calstation.config.request import Confirmation
+from calstation.config.request import Confirmation, plain_text
 from calstation.config.station import ProductConfig, StationConfig
 from calstation.errors import ConfigurationError
 
@@ -19,6 +19,10 @@ class Person:
 
     badge: str
     pin: str = field(default="", repr=False)
+
+    def __post_init__(self) -> None:
+        """Remove control characters, which some badge readers send."""
+        object.__setattr__(self, "badge", plain_text(self.badge))
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,11 @@ def confirmation_required(action: Action, product: ProductConfig, station: Stati
     return ConfirmationRequired(second or action == "override", bool(_engineers(station)), second)
 
 
+def pin_known(station: StationConfig) -> bool:
+    """Whether somebody at a station can prove an identity: an engineer whom it names, or who knows the site's PIN."""
+    return bool(_engineers(station)) or access.has_pin()
+
+
 def confirm(
     action: Action, product: ProductConfig, station: StationConfig, first: Person, second: Person | None = None
 ) -> Confirmation:
@@ -56,14 +65,14 @@ def confirm(
     Raises
     ------
     ConfigurationError : if a person is not an engineer of the station, a PIN is wrong or missing, the second person is
-        missing or is the first one, or the station names no engineers although the product requires two.
+        missing or is the first one, or the station names no engineers although two people are required or given.
     """
     needed = confirmation_required(action, product, station)
-    if not first.badge.strip():
+    if not first.badge:
         raise ConfigurationError("confirmation.no_person")
     if not needed.pin and second is None:
         return Confirmation(first.badge)
-    if needed.second and not needed.badge:
+    if (needed.second or second is not None) and not needed.badge:  # one PIN of the site is no proof of two people
         raise ConfigurationError("confirmation.no_engineers", station=station.name, product=product.name)
     if needed.second and second is None:
         raise ConfigurationError("confirmation.second_missing", product=product.name)

@@ -1,10 +1,19 @@
 """Requests to the engine, as plain values that can be passed between processes."""
 
 import getpass
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
+
+#: Control characters and others that XML, and so a digital certificate, cannot contain.
+_NOT_TEXT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]+")
+
+
+def plain_text(entered: str) -> str:
+    """Return a reason, badge or name as it was entered, with a blank in place of control characters."""
+    return _NOT_TEXT.sub(" ", entered).strip()
 
 
 @dataclass(frozen=True)
@@ -36,11 +45,18 @@ class RunRequest:
     beyond_attempts: bool = False  #: Whether an engineer allows a unit that has used up its attempts.
     #: Reason why an engineer allows a run although a check standard or a certificate is not in order; None for none.
     override_standard: str | None = None
-    #: Who allows it; None for the operator, where the product requires no second person.
+    #: Who allows it, see `calstation.config.confirm`; None for the operator, at a site without PINs.
     overridden_by: Confirmation | None = None
     faults: Path | None = None  #: Fault plan of the virtual bench; None for that of the station file.
     #: Action for an interrupted transfer of the unit's registers; with None the run is refused.
     unfinished: Literal["finish", "restore"] | None = None
+
+    def __post_init__(self) -> None:
+        """Remove control characters from what a person entered."""
+        for name in ("operator", "override_standard"):
+            entered = getattr(self, name)
+            if entered is not None:
+                object.__setattr__(self, name, plain_text(entered))
 
 
 @dataclass(frozen=True)

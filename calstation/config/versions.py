@@ -69,8 +69,8 @@ def sha256(content: str) -> str:
 def save(kind: str, name: str, content: str, author: str) -> Version:
     """Check a text and save it as the site's file with a name; a text equal to the current version is not saved again.
 
-    Every new version is an event of the audit trail. Raises ConfigurationError for the first problem of the text, or if
-    the site's folder cannot be written.
+    Every new version is an event of the audit trail, on disk before the file is. Raises ConfigurationError for the
+    first problem of the text, or if the site's folder cannot be written.
     """
     if kind not in editing.MODELS or not editing.is_name(name):
         raise ConfigurationError("configuration.bad_name", name=name)
@@ -86,8 +86,10 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
         versions = list_versions(kind, name)
         if versions and path.exists() and versions[0].sha256 == sha256(content):
             return versions[0]
+        version = _next(kind, name, content, author)
+        _audit("file_saved", version)
         path.parent.mkdir(parents=True, exist_ok=True)
-        version = _add(kind, name, content, author)
+        _add(version, content)
         try:
             write_atomic(path, content)
         except OSError:
@@ -97,7 +99,6 @@ def save(kind: str, name: str, content: str, author: str) -> Version:
             raise
     except OSError as exc:
         raise ConfigurationError("configuration.unwritable", file=path, reason=os_reason(exc)) from exc
-    _audit("file_saved", version)
     return version
 
 
@@ -133,21 +134,24 @@ def _save_present(kind: str, name: str, path: Path) -> None:
         return  # there is no file, or it is unusable
     versions = list_versions(kind, name)
     if not versions or versions[0].sha256 != sha256(present):
-        version = _add(kind, name, present, None)
+        version = _next(kind, name, present, None)
         if versions:
             _audit("file_changed_outside", version)
+        _add(version, present)
 
 
-def _add(kind: str, name: str, content: str, author: str | None) -> Version:
+def _next(kind: str, name: str, content: str, author: str | None) -> Version:
+    """Return the version that a text will be."""
+    number = 1 + max((int(p.stem) for p in _folder(kind, name).glob("*.toml") if p.stem.isdecimal()), default=0)
+    return Version(kind, name, number, datetime.now(UTC).isoformat(timespec="seconds"), author, sha256(content))
+
+
+def _add(version: Version, content: str) -> None:
     """Add a version. Its text is written first, so that a power failure leaves no version without text."""
-    folder = _folder(kind, name)
+    folder = _folder(version.kind, version.name)
     folder.mkdir(parents=True, exist_ok=True)
-    number = 1 + max((int(path.stem) for path in folder.glob("*.toml") if path.stem.isdecimal()), default=0)
-    now = datetime.now(UTC).isoformat(timespec="seconds")
-    version = Version(kind, name, number, now, author, sha256(content))
-    write_atomic(folder / f"{number:04d}.toml", content)
-    write_atomic(folder / f"{number:04d}.json", json.dumps(asdict(version), ensure_ascii=False) + "\n")
-    return version
+    write_atomic(folder / f"{version.number:04d}.toml", content)
+    write_atomic(folder / f"{version.number:04d}.json", json.dumps(asdict(version), ensure_ascii=False) + "\n")
 
 
 def _audit(event: str, version: Version) -> None:

@@ -38,6 +38,7 @@ from calstation.registers.journal import Purpose, Transfer, journal_folder
 from calstation.registers.preconditions import (
     check_flash,
     check_no_interrupted,
+    check_product,
     check_register_map,
     check_unit_model,
     register_map,
@@ -144,11 +145,13 @@ class _ActiveOperation:
             check_flash(setup, runs, emit)
             return cls(operation, setup, emit, None, operation.values, operation.source)
         if entry is not None and operation.transfer is None:
+            check_product(entry, setup)
             return cls(operation, setup, emit, entry, {}, "")
         if operation.what == "finish":
             raise InputError("transfer.nothing_to_finish", folder=str(site or runs), serial=serial)
         earlier = _earlier(runs, serial, operation.transfer, site)
         check_register_map(earlier, setup)
+        check_product(earlier, setup)
         check_flash(setup, runs, emit)
         return cls(operation, setup, emit, None, earlier.old, f"before {earlier.id}", earlier)
 

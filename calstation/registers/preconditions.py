@@ -57,6 +57,13 @@ def check_register_map(entry: Transfer, setup: ResolvedConfiguration) -> None:
         raise InputError("transfer.other_parameters", **about)
 
 
+def check_product(entry: Transfer, setup: ResolvedConfiguration) -> None:
+    """Check that a transfer was made with the product, which says who confirms register writes. Raises InputError."""
+    recorded, own = entry.unit_type.product, setup.product.name
+    if recorded and recorded != own:
+        raise InputError("transfer.other_product", id=entry.id, serial=entry.serial, recorded=recorded, product=own)
+
+
 def check_unit_model(entry: Transfer, model: str) -> None:
     """Raise DeviceFaultError if a transfer was to another unit model than that of the connected unit."""
     recorded = entry.unit_type.model

@@ -84,8 +84,8 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
     If its run wrote registers, these are returned, except for those that it kept. A result estimated from output
     corrected by registers is combined with the registers in its log.
 
-    Raises InputError if the log is needed but missing, the result has another IMU profile than the product, or
-    it was solved with states added for a trial.
+    Raises InputError if the log is needed but missing, the result has another IMU profile or product, or it was solved
+    with states added for a trial.
     """
     if result.states_added:
         raise InputError("transfer.result_of_trial", states=", ".join(result.states_added))
@@ -94,6 +94,8 @@ def wanted_registers(progress: ProgressCallback, request: RunRequest, result: Re
     if used is not None and used.name != own:
         names = {"profile": used.name, "product": setup.product.name, "own": own, "result_product": result.product}
         raise InputError("transfer.result_other_profile", **names)
+    if result.product and result.product != setup.product.name:
+        raise InputError("transfer.result_other_product", product=setup.product.name, result_product=result.product)
     found = {name: parameter.value for name, parameter in result.parameters.items()}
     registers = result.registers or Registers()
     written = registers.new if registers.verified else None

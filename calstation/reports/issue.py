@@ -16,6 +16,7 @@ from calstation.config import (
     confirm,
     confirmation_required,
     load_station,
+    plain_text,
     site_folder,
 )
 from calstation.errors import InputError
@@ -57,6 +58,11 @@ class ReportRequest:
     signing: Path | None = None  #: PKCS #12 file to sign both with; None for no signatures.
     first: Person | None = None  #: Who issues it; None for the computer's user.
     second: Person | None = None  #: Who confirms a new certificate, where the product requires it.
+
+    def __post_init__(self) -> None:
+        """Remove control characters from the reason."""
+        if self.revise is not None:
+            object.__setattr__(self, "revise", plain_text(self.revise))
 
 
 def station_request(station: Path, section: ReportSection | None, result_file: Path) -> ReportRequest:

@@ -25,8 +25,11 @@ from calstation.results.result import Conformity, ParameterConformity
 #: Lowest and highest value.
 Interval = tuple[float, float]
 
-#: Replaces an argument of 0 in the bivariate normal distribution, where Owen's formula divides by it.
+#: Replaces an argument or a sigma of 0, where a formula divides by it.
 _TINY = 1e-300
+
+#: √(1 − ρ²) below which ρ counts as 1. Rounding errors in Owen's formula are of the size of their quotient by it.
+_SMALLEST_ROOT = 1e-8
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Measurement:
     @property
     def response(self) -> float:
         """Change of the estimate with the true value, κ: from 0 for a useless measurement to 1."""
-        return 1.0 - (self.sigma / self.prior_sigma) ** 2
+        return max(0.0, 1.0 - (self.sigma / self.prior_sigma) ** 2)
 
 
 def probability_outside(measured: Measurement, limits: Interval, spread: float | None = None) -> float:
@@ -70,30 +73,34 @@ def product_risks(measured: Measurement, limits: Interval, spread: float, rule: 
     mean, kappa = _middle(limits), measured.response
     accepted = acceptance_interval(limits, measured.sigma, rule)
     within = [(bound - mean) / spread for bound in limits]
-    sigma = math.sqrt(kappa * (kappa * spread**2 + measured.sigma**2))
+    total = math.hypot(math.sqrt(kappa) * spread, measured.sigma)
+    sigma = math.sqrt(kappa) * total or _TINY
     expected = kappa * mean + (1.0 - kappa) * measured.prior_mean
     low, high = ((bound - expected) / sigma for bound in accepted)
     conforming = float(ndtr(within[1]) - ndtr(within[0]))
     if low > high:
         return 0.0, conforming
-    rho = kappa * spread / sigma
-    both = (
-        bivariate_normal(within[1], high, rho)
-        - bivariate_normal(within[0], high, rho)
-        - bivariate_normal(within[1], low, rho)
-        + bivariate_normal(within[0], low, rho)
-    )
+    rho, root = math.sqrt(kappa) * spread / total, measured.sigma / total
+    if root < _SMALLEST_ROOT:
+        both = max(0.0, float(ndtr(min(within[1], high)) - ndtr(max(within[0], low))))
+    else:
+        both = (
+            bivariate_normal(within[1], high, rho, root)
+            - bivariate_normal(within[0], high, rho, root)
+            - bivariate_normal(within[1], low, rho, root)
+            + bivariate_normal(within[0], low, rho, root)
+        )
     return max(0.0, float(ndtr(high) - ndtr(low)) - both), max(0.0, conforming - both)
 
 
-def bivariate_normal(h: float, k: float, rho: float) -> float:
-    """Return P(X ≤ h, Y ≤ k) of standard normal X and Y with correlation |rho| < 1.
+def bivariate_normal(h: float, k: float, rho: float, root: float) -> float:
+    """Return P(X ≤ h, Y ≤ k) of standard normal X and Y with correlation |rho| < 1, where root = √(1 − rho²).
 
     D. B. Owen, *Tables for computing bivariate normal probabilities*, Ann. Math. Statist. 27(4), 1956, eq. 2.1.
     """
     if math.isinf(h) or math.isinf(k):
         return float(ndtr(h) if k == math.inf else ndtr(k) if h == math.inf else 0.0)
-    h, k, root = h or _TINY, k or _TINY, math.sqrt((1.0 - rho) * (1.0 + rho))
+    h, k = h or _TINY, k or _TINY
     found = 0.5 * (ndtr(h) + ndtr(k)) - owens_t(h, (k - rho * h) / (h * root)) - owens_t(k, (h - rho * k) / (k * root))
     return float(found - (0.5 if (h > 0.0) != (k > 0.0) else 0.0))
 

@@ -16,6 +16,7 @@ from calstation.config import (
     confirm,
     confirmation_required,
     library,
+    plain_text,
     site_folder,
 )
 from calstation.errors import InputError
@@ -49,11 +50,12 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
     ConfigurationError : see `calstation.config.confirm`; or the audit trail or the result cannot be written
     """
     result = _failed(path)
-    if not why.strip():
+    why = plain_text(why)
+    if not why:
         raise InputError("override.no_reason")
     people = confirm("override", *run_files(result, path), first, second)
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    override = Override(by=people.by, confirmed_by=people.confirmed_by, why=why.strip(), utc=now)
+    override = Override(by=people.by, confirmed_by=people.confirmed_by, why=why, utc=now)
     about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256}
     append_audit(site_folder(), "override", people.by, override.why, confirmed_by=people.confirmed_by, **about)
     content = json.loads(path.read_text(encoding="utf-8"))

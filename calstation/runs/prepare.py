@@ -13,6 +13,7 @@ from calstation.config import (
     ResolvedConfiguration,
     RunRequest,
     confirmation_required,
+    pin_known,
     prepare_run,
     site_folder,
 )
@@ -149,13 +150,19 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
     history = History(request.out)
     history.refresh()
     failures, allowed = history.failures(request.serial), setup.product.attempts_allowed
-    exempt = request.beyond_attempts or setup.check_standard is not None  # only an engineer may allow more
-    if allowed is not None and failures >= allowed and not exempt:
-        product, serial = setup.product.name, request.serial
-        raise ConfigurationError(
-            "run.attempts_used", serial=serial, failures=failures, allowed=allowed, product=product
-        )
+    used_up = allowed is not None and failures >= allowed and setup.check_standard is None
+    attempts: dict[str, Any] = {
+        "serial": request.serial,
+        "failures": failures,
+        "allowed": allowed,
+        "product": setup.product.name,
+    }
+    if used_up and not request.beyond_attempts:  # only an engineer may allow more
+        raise ConfigurationError("run.attempts_used", **attempts)
     setup = _with_standards(setup, history)
+    if used_up:
+        station = setup.station.name
+        append_audit(site_folder(), "attempt_allowed", request.operator or "", station=station, **attempts)
     check_flash(setup, request.out, emit)
     check_interrupted(setup, request.out)
     emit = hooks.listener(setup, request.out, emit)
@@ -171,13 +178,15 @@ def prepare(request: RunRequest, emit: Emit, control: Control, hooks: RunHooks) 
 def _with_standards(setup: ResolvedConfiguration, history: History) -> ResolvedConfiguration:
     """Refuse production while a check standard or a certificate is not in order, or record why it is allowed.
 
-    Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if the product
-    requires a second person who has not confirmed it.
+    Returns the configuration with the override only if it was needed. Raises ConfigurationError, also if nobody has
+    proved his identity although the site has PINs, or the product requires a second person who has not confirmed it.
     """
     found, request = require_standards(setup, history, datetime.now(UTC)), setup.request
     if not found:
         return replace(setup, request=replace(request, override_standard=None))
     people = request.overridden_by or Confirmation(request.operator or "")
+    if request.overridden_by is None and pin_known(setup.station):
+        raise ConfigurationError("confirmation.standard_required", station=setup.station.name)
     if confirmation_required("override", setup.product, setup.station).second and people.confirmed_by is None:
         raise ConfigurationError("confirmation.second_missing", product=setup.product.name)
     values = {"serial": request.serial, "station": setup.station.name, "product": setup.product.name}

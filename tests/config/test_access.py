@@ -1,13 +1,16 @@
 """The engineer's PIN is set, checked and changed, never stored in plain text, and delayed after wrong PINs."""
 
+import json
 import stat
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
 from calstation.config import access
 from calstation.errors import ConfigurationError
+from calstation.records import audit_path, read_audit
 from tests.helpers import raises_code
 
 
@@ -53,7 +56,7 @@ def test_changing_a_pin_needs_the_present_one(home: Path) -> None:
     access.set_pin("2468", "ключ 密码")
     assert access.check("ключ 密码")
     assert not access.check("2468")
-    assert {path.name for path in home.iterdir()} == {"engineer.json", "audit.jsonl", ".audit.lock"}
+    assert {path.name for path in home.iterdir()} == {"engineer.json", "audit.jsonl", ".audit.lock", ".pin.lock"}
 
 
 def test_a_short_pin_is_refused() -> None:
@@ -96,6 +99,26 @@ def test_no_pin_is_accepted_during_the_delay(clock: Clock) -> None:
     assert caught.value.values == {"seconds": 1.0}
     clock.now += 1.0
     assert access.check("2468")
+
+
+def test_wrong_pins_tried_at_the_same_time_all_count(home: Path, clock: Clock) -> None:
+    access.set_pin("", "2468")
+    with ThreadPoolExecutor(8) as pool:
+        assert not any(pool.map(access.check, [f"{number:04d}" for number in range(16)]))
+    assert json.loads((home / "engineer.json").read_text("utf-8"))["failures"] == 3
+    assert access.wait() == 1.0
+
+
+def test_a_pin_is_not_set_without_the_audit_trail(home: Path) -> None:
+    access.set_pin("", "2468")
+    (home / "audit.jsonl").rename(home / "kept")
+    (home / "audit.jsonl").mkdir()
+    with raises_code(ConfigurationError, "audit.unwritable"):
+        access.set_pin("2468", "1357")
+    assert access.check("2468")
+    (home / "audit.jsonl").rmdir()
+    (home / "kept").rename(home / "audit.jsonl")
+    assert [each.event for each in read_audit(audit_path(home)).events] == ["pin_set"]
 
 
 def test_a_clock_set_back_costs_one_delay(clock: Clock) -> None:

@@ -77,6 +77,12 @@ def test_a_station_without_engineers_cannot_confirm_by_two() -> None:
         confirm("certificate", product("certificate"), station(), Person("wang", "0000"), Person("li", "0000"))
 
 
+@pytest.mark.parametrize("action", ["override", "registers", "certificate"])
+def test_two_names_with_the_pin_of_the_site_are_not_two_people(action: Any) -> None:
+    with raises_code(ConfigurationError, "confirmation.no_engineers"):
+        confirm(action, product(), station(), Person("wang", "0000"), Person("li", "0000"))
+
+
 def test_where_nothing_is_required_only_a_release_needs_a_pin() -> None:
     assert confirm("certificate", product(), station(), Person("wang")) == Confirmation("wang")
     assert confirm("registers", product("override"), station("B0001"), Person("wang")) == Confirmation("wang")

@@ -102,3 +102,11 @@ def test_a_modified_version_is_not_restored(home: Path) -> None:
     (home / "versions" / "products" / "nav_a" / "0001.toml").write_text(CHANGED, encoding="utf-8")
     with raises_code(ConfigurationError, "versions.changed"):
         versions.restore("products", "nav_a", 1, "li")
+
+
+def test_no_file_is_changed_without_the_audit_trail(home: Path) -> None:
+    (home / "audit.jsonl").mkdir(parents=True)
+    with raises_code(ConfigurationError, "audit.unwritable"):
+        versions.save("products", "nav_a", CHANGED, "wang")
+    assert not (home / "products").exists()
+    assert [version.author for version in versions.list_versions("products", "nav_a")] == [None]

@@ -5,11 +5,14 @@ from pathlib import Path
 
 import pytest
 
+from calstation.cli.app import run_app
+from calstation.config import RunRequest
 from calstation.config import site_folder as site
-from calstation.errors import ConfigurationError
+from calstation.errors import ConfigurationError, InputError
 from calstation.records import audit_path, read_audit
-from calstation.registers import journal
-from tests.helpers import raises_code
+from calstation.registers import journal, wanted_registers
+from calstation.results import Result
+from tests.helpers import ignore_progress, raises_code
 from tests.registers.operations import Errands
 from tests.site_folder import SiteFolder
 
@@ -41,3 +44,51 @@ def test_without_the_second_engineer_nothing_is_written(site_folder: SiteFolder)
     assert journal.history(request.out, SERIAL)[-1].closing == "done"
     (event,) = read_audit(audit_path(site())).events
     assert (event.by, event.confirmed_by) == ("B0001", "B0002")
+
+
+def another_product(site_folder: SiteFolder) -> Path:
+    """A product for the same units that requires no second engineer."""
+    own = site_folder.product.read_text(encoding="utf-8")
+    site_folder.write({"name": "lenient"})
+    lenient = site_folder.product.rename(site_folder.product.with_name("lenient.toml"))
+    site_folder.product.write_text(own, encoding="utf-8")
+    return lenient
+
+
+def test_another_product_does_not_spare_the_second_engineer(
+    site_folder: SiteFolder, capsys: pytest.CaptureFixture[str]
+) -> None:
+    site_folder.write({"confirmation": {"required_for": ["registers"]}})
+    request = site_folder.request()
+    Errands(request).do("write", VALUES, at_rest=True, confirmed_by="B0002")
+    lenient = another_product(site_folder)
+    with raises_code(InputError, "transfer.other_product"):
+        Errands(replace(request, product=lenient)).do("restore", at_rest=True)
+    files = ["--station", str(site_folder.station), "--product", str(lenient), "--out", str(request.out)]
+    assert run_app(["registers", "restore", SERIAL, *files, "--at-rest", "--yes"]) == InputError.exit_code
+    assert "was made with product 'short', not with 'lenient'" in capsys.readouterr().err
+    journal.begin(request.out, SERIAL, VALUES, VALUES, journal.Purpose("li", "run", "", transfer(request).unit_type))
+    for what in ("finish", "restore"):
+        with raises_code(InputError, "transfer.other_product"):
+            Errands(replace(request, product=lenient)).do(what, at_rest=True)
+    assert [event.event for event in read_audit(audit_path(site())).events] == ["registers"]
+
+
+def transfer(request: RunRequest) -> journal.Transfer:
+    return journal.history(request.out, SERIAL)[-1]
+
+
+def test_a_result_of_another_product_is_not_written(site_folder: SiteFolder) -> None:
+    result = {
+        "unit": {"serial": SERIAL},
+        "product": "short",
+        "parameters": {"gyro_bias_x": {"value": 1e-6, "sigma": 0.0}},
+        "schema": "calstation.result/1",
+        "stages": [],
+        "outcome": "passed",
+        "log": {"file": ""},
+    }
+    made, request = Result.from_json(result), site_folder.request()
+    assert wanted_registers(ignore_progress, request, made).serial == SERIAL
+    with raises_code(InputError, "transfer.result_other_product"):
+        wanted_registers(ignore_progress, replace(request, product=another_product(site_folder)), made)

@@ -65,12 +65,13 @@ def test_the_spread_replaces_the_prior_of_the_imu_profile() -> None:
 
 @pytest.mark.parametrize("rho", [-0.9, 0.0, 0.5, 0.99, 0.999999])
 def test_the_bivariate_normal_distribution_is_that_of_scipy(rho: float) -> None:
+    root = math.sqrt((1.0 - rho) * (1.0 + rho))
     for h in (-2.0, -0.3, 0.0, 0.7, math.inf):
         for k in (-1.5, 0.0, 0.31, 2.2, math.inf):
             expected = multivariate_normal([0.0, 0.0], [[1.0, rho], [rho, 1.0]]).cdf([h, k])
-            assert bivariate_normal(h, k, rho) == pytest.approx(expected, abs=1e-10)
-    assert bivariate_normal(0.0, 0.0, rho) == pytest.approx(0.25 + math.asin(rho) / (2.0 * math.pi), abs=1e-14)
-    assert bivariate_normal(-math.inf, 1.0, rho) == 0.0
+            assert bivariate_normal(h, k, rho, root) == pytest.approx(expected, abs=1e-10)
+    assert bivariate_normal(0.0, 0.0, rho, root) == pytest.approx(0.25 + math.asin(rho) / (2.0 * math.pi), abs=1e-14)
+    assert bivariate_normal(-math.inf, 1.0, rho, root) == 0.0
 
 
 @pytest.mark.parametrize("rule", ["simple", "guard_band"])
@@ -92,6 +93,32 @@ def test_product_risks_are_the_integrals_of_jcgm_106(rule: str, spread: float, s
     reject = integral(lambda y: norm.pdf(y, 0.0, spread) * (1.0 - accepted(y)), -1.0, 1.0)
     found = product_risks(Measurement(0.0, sigma), LIMITS, spread, rule)
     assert found == pytest.approx((accept, reject), rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("rule", ["simple", "guard_band"])
+@pytest.mark.parametrize("sigma", [1e-4, 1e-6, 1e-7, 1e-9, 1e-12, 1e-16, 1e-30])
+@pytest.mark.parametrize("limits", [LIMITS, (-math.inf, 0.0)])
+def test_risks_of_a_precise_measurement_are_those_near_the_limits(
+    rule: str, sigma: float, limits: tuple[float, float]
+) -> None:
+    """To first order, the risk is density at the limit · sigma · E max(0, N(∓shift, 1))."""
+    spread, shift = 0.4, 0.0 if rule == "simple" else 2.0
+    density = sum(norm.pdf(limit, 0.0, spread) for limit in limits)
+    beyond = norm.pdf(shift) - shift * norm.cdf(-shift)
+    accept, reject = product_risks(Measurement(0.0, sigma), limits, spread, rule)
+    assert accept == pytest.approx(density * sigma * beyond, rel=1e-2, abs=1e-8)
+    assert reject == pytest.approx(density * sigma * (beyond + shift), rel=1e-2, abs=1e-8)
+
+
+@pytest.mark.parametrize(("mean", "accepted"), [(0.2, True), (1.2, False)])
+@pytest.mark.parametrize("sigma", [0.5, 0.5 + 1e-16])
+def test_a_useless_measurement_always_gives_the_decision_on_its_prior(
+    mean: float, accepted: bool, sigma: float
+) -> None:
+    conforming = float(norm.cdf(1.0, 0.0, 0.4) - norm.cdf(-1.0, 0.0, 0.4))
+    expected = (1.0 - conforming, 0.0) if accepted else (0.0, conforming)
+    found = product_risks(Measurement(mean, sigma, mean, 0.5), LIMITS, 0.4, "simple")
+    assert found == pytest.approx(expected, abs=1e-12)
 
 
 def test_product_risks_of_an_estimate_with_a_prior_agree_with_a_simulation() -> None:

@@ -1,0 +1,112 @@
+"""What an engineer allows before a run is confirmed with a PIN where the site has one, and is in the audit trail."""
+
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tomli_w
+import typer
+
+from calstation.cli.confirmation import confirm_override
+from calstation.config import Confirmation, RunRequest, access
+from calstation.errors import ConfigurationError
+from calstation.records import AuditEvent, audit_path, read_audit
+from calstation.runs.prepare import prepare
+from calstation.sequencer import Control
+from calstation.simulation import BenchHooks
+from tests.helpers import raises_code
+from tests.results.test_history import write
+from tests.site_folder import SiteFolder
+
+OVERDUE = {"name": "rate table", "kind": "table", "due": date(2020, 1, 2)}
+ENGINEERS = {"badge_pattern": r"B\d{4}", "engineers": ["B0001", "B0002"]}
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Questions on the terminal, which are answered by the site's PIN."""
+    questions: list[str] = []
+
+    def prompt(question: str, **options: object) -> str:
+        questions.append(question)
+        return "0000"
+
+    monkeypatch.setattr(typer, "prompt", prompt)
+    return questions
+
+
+def overdue(site: SiteFolder, **station: Any) -> RunRequest:
+    """A run at a station whose table's certificate is overdue, with a reason to allow it."""
+    text = site.station.read_text(encoding="utf-8")
+    site.station.write_text(tomli_w.dumps({"instruments": [OVERDUE]}) + text + tomli_w.dumps(station), encoding="utf-8")
+    return replace(site.request(), override_standard="table is at the laboratory")
+
+
+def prepared(site: SiteFolder, request: RunRequest) -> None:
+    prepare(request, site.events.append, Control(), BenchHooks())
+
+
+def events(home: Path, name: str) -> list[AuditEvent]:
+    return [each for each in read_audit(audit_path(home)).events if each.event == name]
+
+
+def test_at_a_site_with_a_pin_a_reason_alone_does_not_allow_a_run(
+    site_folder: SiteFolder, home: Path, asked: list[str]
+) -> None:
+    access.set_pin("", "0000")
+    request = overdue(site_folder)
+    with raises_code(ConfigurationError, "confirmation.standard_required"):
+        prepared(site_folder, request)
+    assert not events(home, "standard_overridden")
+    confirmed = confirm_override(request, None)
+    assert asked == ["PIN of tester"]
+    assert confirmed.overridden_by == Confirmation("tester")
+    prepared(site_folder, confirmed)
+    (event,) = events(home, "standard_overridden")
+    assert (event.by, event.why) == ("tester", "table is at the laboratory")
+    access.set_pin("0000", "1111")
+    with raises_code(ConfigurationError, "confirmation.wrong_pin"):
+        confirm_override(request, None)
+
+
+def test_a_station_with_engineers_asks_for_the_pin_of_one(site_folder: SiteFolder, asked: list[str]) -> None:
+    request = overdue(site_folder, sign_in=ENGINEERS)
+    with raises_code(ConfigurationError, "confirmation.not_engineer"):
+        confirm_override(request, None)
+    request = replace(request, operator="B0001")
+    with raises_code(ConfigurationError, "confirmation.standard_required"):
+        prepared(site_folder, request)
+    access.set_pin("", "9999")
+    access.set_pin("9999", "0000", "B0001")
+    prepared(site_folder, confirm_override(request, None))
+
+
+def test_at_a_site_without_a_pin_the_reason_suffices(site_folder: SiteFolder, home: Path, asked: list[str]) -> None:
+    prepared(site_folder, confirm_override(overdue(site_folder), None))
+    assert not asked
+    (event,) = events(home, "standard_overridden")
+    assert event.by == "tester"
+
+
+def test_an_attempt_beyond_the_allowed_ones_is_in_the_audit_trail(site_folder: SiteFolder, home: Path) -> None:
+    site_folder.write({"attempts_allowed": 1})
+    request = replace(site_folder.request(), beyond_attempts=True)
+    prepared(site_folder, request)
+    assert not events(home, "attempt_allowed"), "the first attempt needs no permission"
+    write(request.out, "a", request.serial, "failed", 1)
+    with raises_code(ConfigurationError, "run.attempts_used"):
+        prepared(site_folder, site_folder.request())
+    assert not events(home, "attempt_allowed")
+    prepared(site_folder, request)
+    (event,) = events(home, "attempt_allowed")
+    assert event.by == "tester"
+    about = {"serial": request.serial, "failures": 1, "allowed": 1, "product": "short", "station": "test bench"}
+    assert event.values == about
