@@ -111,7 +111,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(request.source)
     certificate, record = _numbered(result, log, request)
-    people = None if record is None else _confirmed(result, request)
+    people = None if record is None else _confirmed(result, log.meta, request)
     analysis = analyse(lambda done, remaining_s=None, note="": report(_ANALYSED * done, note=note), log, result)
     certificate = replace(certificate, budget=analysis.budget)
     dcc = write_dcc(certificate, deviations(certificate, analysis))
@@ -136,17 +136,26 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
 
 def certificate_required(report: ProgressCallback, result_file: Path) -> ConfirmationRequired:
     """Job: return what issuing a certificate of a result requires. Raises InputError."""
-    return confirmation_required("certificate", *run_files(load_result(result_file), result_file))
+    result, log = load_source(result_file)
+    if not _has_product(log.meta):
+        return ConfirmationRequired(pin=False, badge=False, second=False)
+    return confirmation_required("certificate", *run_files(result, result_file, log.meta.profiles))
 
 
-def _confirmed(result: Result, request: ReportRequest) -> Confirmation:
-    """Return who issues a certificate. Raises ConfigurationError if one or two people must prove their identity."""
+def _confirmed(result: Result, meta: LogMeta, request: ReportRequest) -> Confirmation:
+    """Return who issues a certificate.
+
+    Raises ConfigurationError if one or two people must prove their identity, or InputError if that is unknown.
+    """
     first = request.first or Person(computer_user() or "-")
-    try:
-        files = run_files(result, request.source)
-    except InputError:  # a recording of a product that neither the log nor the site knows
+    if not _has_product(meta):
         return Confirmation(first.badge)
-    return confirm("certificate", *files, first, request.second)
+    return confirm("certificate", *run_files(result, request.source, meta.profiles), first, request.second)
+
+
+def _has_product(meta: LogMeta) -> bool:
+    """Whether a log is of a product; a recording of another program may be of none."""
+    return meta.product is not None or bool(meta.profiles)
 
 
 def attachments(certificate: Certificate) -> list[Attachment]:
