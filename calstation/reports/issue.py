@@ -29,6 +29,7 @@ from calstation.records import (
     append_report,
     open_log,
     read_reports,
+    reports_locked,
     write_atomic,
 )
 from calstation.reports.analysis import analyse
@@ -102,7 +103,7 @@ def _at(folder: Path, name: str) -> Path:
 
 
 def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificate:
-    """Job: write the report of a result or log and record it beside the log.
+    """Job: record the report of a result or log in the audit trail and beside the log, then write it.
 
     The same result gives the same bytes in one language, unless they are signed. A certificate that was issued keeps
     its number, revision and date; another result, date or reason needs a revision. Raises InputError or
@@ -110,7 +111,7 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     """
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(request.source)
-    certificate, record = _numbered(result, log, request)
+    certificate, last, record = _numbered(result, log, request)
     people = None if record is None else _confirmed(result, log.meta, request)
     analysis = analyse(lambda done, remaining_s=None, note="": report(_ANALYSED * done, note=note), log, result)
     certificate = replace(certificate, budget=analysis.budget)
@@ -119,17 +120,14 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     digital = Attachment(f"{certificate.identification}.xml", "application/xml", dcc, "alternative")
     files = [digital, *attachments(certificate)]
     pdf = typeset(certificate, analysis, request.language, files, request.templates)
-    _write(request.out, pdf if signer is None else sign_pdf(pdf, signer))
+    written = {request.out: pdf if signer is None else sign_pdf(pdf, signer)}
     if request.dcc is not None:
-        _write(request.dcc, dcc)
+        written[request.dcc] = dcc
+    missing = {path: content for path, content in written.items() if not _is_written(path, content)}
     if record is not None and people is not None:
-        about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
-        reason = record.reason or ""
-        append_audit(site_folder(), "certificate", people.by, reason, confirmed_by=people.confirmed_by, **about)
-        try:
-            append_report(log.path.absolute().parent, record)
-        except OSError as exc:
-            raise InputError("report.unwritable", file=log.path.parent, reason=os_reason(exc)) from exc
+        _record(log.path.absolute().parent, certificate, last, record, people)
+    for path, content in missing.items():
+        _write(path, content)
     report(1.0)
     return certificate
 
@@ -183,10 +181,12 @@ def load_source(path: Path) -> tuple[Result, Log]:
     return result.model_copy(update={"log": section}), log
 
 
-def _numbered(result: Result, log: Log, request: ReportRequest) -> tuple[Certificate, IssuedReport | None]:
-    """Return the certificate with its revision and date, and its record if it is not yet issued."""
+def _numbered(
+    result: Result, log: Log, request: ReportRequest
+) -> tuple[Certificate, IssuedReport | None, IssuedReport | None]:
+    """Return the certificate with its revision and date, the last record of it, and its own if it is not yet issued."""
     number, digest = certificate_number(result), _digest(result, log.meta)
-    same = [each for each in read_reports(log.path.absolute().parent) if each.number == number]
+    same = _issued(log.path.absolute().parent, number)
     last = same[-1] if same else None
     known = None if last is None else date.fromisoformat(last.issued)
     certificate = build_certificate(result, log.meta, issued=request.issued or known)
@@ -194,7 +194,7 @@ def _numbered(result: Result, log: Log, request: ReportRequest) -> tuple[Certifi
         asked = last.issued if request.issued is None else request.issued.isoformat()
         if (digest, asked) != (last.content_sha256, last.issued):
             raise InputError("report.already_issued", number=last.identification, date=last.issued)
-        return _revised(certificate, last, same[-2] if len(same) > 1 else None), None
+        return _revised(certificate, last, same[-2] if len(same) > 1 else None), last, None
     if request.revise is None:
         issued, reason, revision = certificate.issued, None, 0
     elif last is None:
@@ -203,7 +203,33 @@ def _numbered(result: Result, log: Log, request: ReportRequest) -> tuple[Certifi
         # A revision is made today, not on the day of the run.
         issued, reason, revision = request.issued or datetime.now(UTC).date(), request.revise, last.revision + 1
     record = IssuedReport(number, revision, issued.isoformat(), reason, digest, __version__)
-    return _revised(certificate, record, last), record
+    return _revised(certificate, record, last), last, record
+
+
+def _issued(folder: Path, number: str) -> list[IssuedReport]:
+    return [each for each in read_reports(folder) if each.number == number]
+
+
+def _record(
+    folder: Path, certificate: Certificate, last: IssuedReport | None, record: IssuedReport, people: Confirmation
+) -> None:
+    """Write the issue of a certificate to the audit trail, then to the record of issued reports.
+
+    Raises InputError if another program has issued the next revision since `last`, or ConfigurationError.
+    """
+    reason, result = record.reason or "", certificate.result
+    about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
+    try:
+        with reports_locked(folder):
+            now = next(reversed(_issued(folder, record.number)), None)
+            if now == record and record.reason is None:
+                return  # the same first issue
+            if now != last:
+                raise InputError("report.issued_meanwhile", number=record.number)
+            append_audit(site_folder(), "certificate", people.by, reason, confirmed_by=people.confirmed_by, **about)
+            append_report(folder, record)
+    except OSError as exc:
+        raise InputError("report.unwritable", file=folder, reason=os_reason(exc)) from exc
 
 
 def _revised(certificate: Certificate, record: IssuedReport, before: IssuedReport | None) -> Certificate:
@@ -221,13 +247,20 @@ def _digest(result: Result, meta: LogMeta) -> str:
     return hashlib.sha256(content.encode()).hexdigest()
 
 
-def _write(path: Path, content: bytes) -> None:
-    """Write a file unless it has this content already. Raises InputError if it has another one."""
+def _is_written(path: Path, content: bytes) -> bool:
+    """Whether a file exists with this content. Raises InputError if it has another one."""
     try:
-        if path.exists():
-            if path.read_bytes() != content:
-                raise InputError("report.exists", file=path)
-            return
+        if not path.exists():
+            return False
+        if path.read_bytes() != content:
+            raise InputError("report.exists", file=path)
+    except OSError as exc:
+        raise InputError("report.unwritable", file=path, reason=os_reason(exc)) from exc
+    return True
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
         write_atomic(path, content)
     except OSError as exc:
         raise InputError("report.unwritable", file=path, reason=os_reason(exc)) from exc

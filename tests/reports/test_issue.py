@@ -14,8 +14,10 @@ import tomli_w
 
 from calstation.cli.app import run_app
 from calstation.config import resolve_configuration
-from calstation.records import read_reports, reports_path
+from calstation.records import audit_path, read_reports, reports_path
+from calstation.reports import issue
 from calstation.reports.content import certificate_number
+from calstation.reports.pdf import typeset
 from calstation.results import Result
 from calstation.runs import automatic_report
 from calstation.runs.automatic_report import start_report
@@ -80,6 +82,55 @@ def test_another_date_needs_a_revision_which_names_what_it_replaces(
     assert report(gimbal.result_file, "-o", gimbal.folder / "r2.pdf", "--revise", "Once more") == 0
     last = read_reports(gimbal.result_file.parent)[-1]
     assert (last.revision, last.issued) == (2, datetime.now(UTC).date().isoformat())
+
+
+@pytest.mark.parametrize("reason", ["Wrong customer", "Wrong address"])
+def test_of_two_revisions_at_a_time_one_is_refused(
+    gimbal: Made, reason: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The second one begins and ends while the first one is being typeset."""
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
+    slow, fast = gimbal.folder / "slow.pdf", gimbal.folder / "fast.pdf"
+
+    def interrupted(*arguments: Any) -> bytes:
+        monkeypatch.setattr(issue, "typeset", typeset)
+        assert report(gimbal.result_file, "-o", fast, "--revise", "Wrong customer") == 0
+        return typeset(*arguments)
+
+    monkeypatch.setattr(issue, "typeset", interrupted)
+    assert report(gimbal.result_file, "-o", slow, "--revise", reason) == 2
+    assert "was issued by another program" in " ".join(capsys.readouterr().err.split())
+    assert fast.exists()
+    assert not slow.exists()
+    assert [each.revision for each in read_reports(gimbal.result_file.parent)] == [0, 1]
+    assert report(gimbal.result_file, "-o", slow, "--revise", reason) == 0
+    assert f"{gimbal.result_file.stem}-R2" in first_page(slow)
+
+
+def test_the_same_first_issue_twice_at_a_time_is_recorded_once(gimbal: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    slow, fast = gimbal.folder / "slow.pdf", gimbal.folder / "fast.pdf"
+
+    def interrupted(*arguments: Any) -> bytes:
+        monkeypatch.setattr(issue, "typeset", typeset)
+        assert report(gimbal.result_file, "-o", fast) == 0
+        return typeset(*arguments)
+
+    monkeypatch.setattr(issue, "typeset", interrupted)
+    assert report(gimbal.result_file, "-o", slow) == 0
+    assert slow.read_bytes() == fast.read_bytes()
+    assert len(read_reports(gimbal.result_file.parent)) == 1
+
+
+def test_nothing_is_issued_without_its_audit_event(
+    gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, home = gimbal.folder / "first.pdf", gimbal.folder / "home"
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    audit_path(home).mkdir(parents=True)  # unwritable
+    assert report(gimbal.result_file, "-o", out) == 2
+    assert "audit" in capsys.readouterr().err
+    assert not out.exists()
+    assert not read_reports(gimbal.result_file.parent)
 
 
 def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
