@@ -33,7 +33,7 @@ from calstation.records import (
     write_atomic,
 )
 from calstation.reports.analysis import analyse
-from calstation.reports.content import Certificate, build_certificate, certificate_number
+from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue
 from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
 from calstation.reports.pdf import Attachment, typeset
@@ -51,7 +51,7 @@ class ReportRequest:
     source: Path  #: Result JSON, or a log.
     out: Path  #: PDF to write.
     language: Language = "en"
-    issued: date | None = None  #: Date of issue; None for the day on which the result was made.
+    issued: date | None = None  #: Date of issue; None for the day of `earliest_issue`.
     revise: str | None = None  #: Reason for a new revision.
     templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
     dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
@@ -189,6 +189,11 @@ def _numbered(
     same = _issued(log.path.absolute().parent, number)
     last = same[-1] if same else None
     known = None if last is None else date.fromisoformat(last.issued)
+    earliest = earliest_issue(result)
+    if request.issued is not None and earliest is not None and request.issued < earliest:
+        raise InputError("report.issued_too_early", date=request.issued.isoformat(), earliest=earliest.isoformat())
+    if request.revise is not None and not request.revise.strip():
+        raise InputError("report.no_reason")
     certificate = build_certificate(result, log.meta, issued=request.issued or known)
     if request.revise is None and last is not None:
         asked = last.issued if request.issued is None else request.issued.isoformat()
@@ -201,7 +206,9 @@ def _numbered(
         raise InputError("report.nothing_to_revise", number=number)
     else:
         # A revision is made today, not on the day of the run.
-        issued, reason, revision = request.issued or datetime.now(UTC).date(), request.revise, last.revision + 1
+        today = datetime.now(UTC).date()
+        issued = request.issued or max(today, earliest or today)
+        reason, revision = request.revise.strip(), last.revision + 1
     record = IssuedReport(number, revision, issued.isoformat(), reason, digest, __version__)
     return _revised(certificate, record, last), last, record
 

@@ -149,6 +149,36 @@ def test_every_other_ending_has_a_certificate(made: Made, kind: str) -> None:
 
 
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_a_check_standard_that_disagrees_is_named(made: Made) -> None:
+    verdict = {"passed": False, "e_n": {}, "e_n_limit": 1.0, "t_squared": 9.0, "t_squared_limit": 1.0}
+    changes = {"outcome": "failed", "passed": False, "check_standard": {**verdict, "degrees": 1, "false_alarm": 0.01}}
+    result = Result.from_json({**made.certificate.result.to_json(), **changes})
+    certificate = build_certificate(result, made.certificate.meta, budget=made.analysis.budget)
+    text = " ".join(
+        pypdf.PdfReader(io.BytesIO(printed(replace(made, certificate=certificate)))).pages[0].extract_text().split()
+    )
+    assert "FAIL" in text
+    assert "disagree with its reference values" in text
+    assert "Not conforming: 0" not in text
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_a_risk_is_that_of_the_decision(made: Made) -> None:
+    """A value within its limits whose sigma is too large fails; the risk of accepting the value is not that of this."""
+    before = {q.name: q for q in made.certificate.quantities}["gyro_bias_x"]
+    assert before.decision == "passed"
+    assert before.risk is not None
+    data = made.certificate.result.to_json()
+    for row, check in zip(data["checks"], made.certificate.result.checks, strict=True):
+        row["passed"] &= (check.subject, check.kind) != ("gyro_bias_x", "sigma_below")
+    result = Result.from_json({**data, "outcome": "failed", "passed": False})
+    after = {q.name: q for q in build_certificate(result, made.certificate.meta).quantities}["gyro_bias_x"]
+    assert (after.decision, after.risk) == ("failed", None)
+    stopped = Result.from_json({**data, "outcome": "stopped", "passed": False})
+    assert all(q.risk is None for q in build_certificate(stopped, made.certificate.meta).quantities)
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_the_file_is_a_pdf_a_3b_with_the_result_attached(made: Made) -> None:
     reader = pypdf.PdfReader(io.BytesIO(printed(made)))
     root: Any = reader.trailer["/Root"]

@@ -133,6 +133,24 @@ def test_nothing_is_issued_without_its_audit_event(
     assert not read_reports(gimbal.result_file.parent)
 
 
+def test_no_certificate_is_dated_before_its_run_or_release(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    out = gimbal.folder / "first.pdf"
+    assert report(gimbal.result_file, "-o", out, "--issued", "2001-01-01") == 2
+    assert "cannot be issued on 2001-01-01" in " ".join(capsys.readouterr().err.split())
+    result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
+    release = {"by": "B0001", "why": "shock test", "utc": "2031-05-06T07:08:09+00:00"}
+    gimbal.result_file.write_text(json.dumps({**result, "override": release}), encoding="utf-8")
+    assert report(gimbal.result_file, "-o", out, "--issued", "2030-01-01") == 2
+    assert "2031-05-06" in capsys.readouterr().err
+    assert report(gimbal.result_file, "-o", out) == 0
+    assert read_reports(gimbal.result_file.parent)[0].issued == "2031-05-06"
+    assert report(gimbal.result_file, "-o", gimbal.folder / "r1.pdf", "--revise", "  ") == 2
+    assert "The revision has no reason" in capsys.readouterr().err
+    assert report(gimbal.result_file, "-o", gimbal.folder / "r1.pdf", "--revise", " Wrong customer ") == 0
+    (_, last) = read_reports(gimbal.result_file.parent)
+    assert (last.issued, last.reason) == ("2031-05-06", "Wrong customer")
+
+
 def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
     result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
