@@ -48,6 +48,8 @@ def _of_end(result: Result) -> Iterator[Text]:
     if result.override is not None:
         people = ", ".join(filter(None, (result.override.by, result.override.confirmed_by)))
         yield Text.of("certificate.d_released", by=people, date=result.override.utc[:10], why=result.override.why)
+    if result.standard_override is not None:
+        yield Text.of("certificate.d_standard_override", why=result.standard_override)
     if result.resumed_from is not None:
         yield Text.of("certificate.d_resumed", log=result.resumed_from)
     if result.attempt > 1:
