@@ -23,7 +23,7 @@ class IssuedReport:
     revision: int  #: 0 for the first issue.
     issued: str  #: Date of issue, ISO 8601.
     reason: str | None  #: Reason for a revision.
-    content_sha256: str  #: Digest of the result and of the log's configuration.
+    content_sha256: str  #: Digest of result, configuration, program version and templates.
     software: str  #: Version of the program.
 
     @property

@@ -117,9 +117,13 @@ def build_certificate(
 
 
 def certificate_number(result: Result) -> str:
-    """Return the number of a certificate, which is the name of its log without ending."""
+    """Return the number of a certificate, which is the name of its log without ending.
+
+    The name of a recording of another program may not be unique, so that digits of its digest are added.
+    """
     name = PureWindowsPath(result.log.file).name
-    return next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
+    name = next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
+    return name if result.started_utc is not None else f"{name}-{result.log.sha256[:8]}"
 
 
 def earliest_issue(result: Result) -> date | None:

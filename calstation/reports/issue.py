@@ -36,7 +36,7 @@ from calstation.reports.analysis import analyse
 from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue
 from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
-from calstation.reports.pdf import Attachment, typeset
+from calstation.reports.pdf import Attachment, templates, typeset
 from calstation.reports.signing import load_signer, sign_pdf, sign_xml
 from calstation.results import Result, find_log, load_result, resolve, run_files, stored_result
 
@@ -185,7 +185,7 @@ def _numbered(
     result: Result, log: Log, request: ReportRequest
 ) -> tuple[Certificate, IssuedReport | None, IssuedReport | None]:
     """Return the certificate with its revision and date, the last record of it, and its own if it is not yet issued."""
-    number, digest = certificate_number(result), _digest(result, log.meta)
+    number, digest = certificate_number(result), _digest(result, log.meta, request.templates)
     same = _issued(log.path.absolute().parent, number)
     last = same[-1] if same else None
     known = None if last is None else date.fromisoformat(last.issued)
@@ -249,9 +249,13 @@ def _revised(certificate: Certificate, record: IssuedReport, before: IssuedRepor
     )
 
 
-def _digest(result: Result, meta: LogMeta) -> str:
-    content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json()
-    return hashlib.sha256(content.encode()).hexdigest()
+def _digest(result: Result, meta: LogMeta, folder: Path | None) -> str:
+    """Return the digest of all that a certificate is made of: result, configuration, program and templates."""
+    content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json() + __version__
+    digest = hashlib.sha256(content.encode())
+    for name, template in sorted(templates(folder).items()):
+        digest.update(name.encode() + hashlib.sha256(template).digest())
+    return digest.hexdigest()
 
 
 def _is_written(path: Path, content: bytes) -> bool:

@@ -14,7 +14,8 @@ import tomli_w
 
 from calstation.cli.app import run_app
 from calstation.config import resolve_configuration
-from calstation.records import audit_path, read_reports, reports_path
+from calstation.config.library import shipped_folder
+from calstation.records import audit_path, open_log, read_reports, reports_path
 from calstation.reports import issue
 from calstation.reports.content import certificate_number
 from calstation.reports.pdf import typeset
@@ -157,7 +158,23 @@ def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: p
     result["operator"] = "somebody else"
     gimbal.result_file.write_text(json.dumps(result), encoding="utf-8")
     assert report(gimbal.result_file, "-o", gimbal.folder / "second.pdf") == 2
-    assert "with another result or date" in capsys.readouterr().err
+    assert "with another result, date, template" in " ".join(capsys.readouterr().err.split())
+
+
+def test_other_templates_or_another_version_need_a_revision(
+    gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
+    folder, other = gimbal.folder / "templates", gimbal.folder / "other.pdf"
+    folder.mkdir()
+    texts = (shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8")
+    (folder / "texts.toml").write_text(texts.replace("Calibration certificate", "Works certificate"), encoding="utf-8")
+    assert report(gimbal.result_file, "-o", other, "--templates", folder) == 2
+    assert '--revise "REASON"' in capsys.readouterr().err
+    monkeypatch.setattr(issue, "__version__", "99.0")
+    assert report(gimbal.result_file, "-o", other) == 2
+    assert '--revise "REASON"' in capsys.readouterr().err
+    assert not other.exists()
 
 
 def test_a_recording_is_solved_and_certified(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
@@ -178,6 +195,8 @@ def test_a_recording_is_solved_and_certified(gimbal: Made, capsys: pytest.Captur
     assert report(other / "recording.csv", "-o", gimbal.folder / "undated.pdf") == 2
     assert "--issued YYYY-MM-DD" in capsys.readouterr().err
     assert report(other / "recording.csv", "-o", gimbal.folder / "dated.pdf", "--issued", "2026-01-02") == 0
+    digest = open_log(other / "recording.csv").facts().sha256
+    assert read_reports(other)[0].number == f"recording-{digest[:8]}"
 
 
 @pytest.mark.parametrize(
@@ -229,13 +248,17 @@ def test_the_number_is_the_name_of_the_log(file: str, number: str) -> None:
             "stages": [],
             "parameters": {},
             "outcome": "passed",
-            "log": {"file": file},
+            "log": {"file": file, "sha256": "0123456789abcdef"},
+            "started_utc": "2026-11-23T06:30:00+00:00",
         }
     )
     assert certificate_number(result) == number
+    assert certificate_number(result.model_copy(update={"started_utc": None})) == f"{number}-01234567"
 
 
-def test_a_station_asks_for_reports_of_its_verdicts(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_station_asks_for_reports_of_its_verdicts(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     started: list[Any] = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
     start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
@@ -243,6 +266,10 @@ def test_a_station_asks_for_reports_of_its_verdicts(site_folder: SiteFolder, mon
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
     start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
     automatic_report._started.clear()
+    site_folder.write({"confirmation": {"required_for": ["certificate"]}})
+    with_laboratory(site_folder, report={"folder": "reports"})
+    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
+    assert "a second person must confirm its certificate" in caplog.text
     ((_, _, _, *command),) = started
     folder = site_folder.folder
     assert command == [
