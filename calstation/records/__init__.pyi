@@ -79,6 +79,7 @@ from .raw_read import step_labels as step_labels
 from .reports import IssuedReport as IssuedReport
 from .reports import append_report as append_report
 from .reports import read_reports as read_reports
+from .reports import reports_locked as reports_locked
 from .reports import reports_path as reports_path
 from .resolves import OnlineDifference as OnlineDifference
 from .resolves import ResolveRecord as ResolveRecord

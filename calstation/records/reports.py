@@ -1,5 +1,6 @@
 """Record of issued reports beside the runs: one file, to which each report appends a checked line."""
 
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from calstation.messages import os_reason
 from calstation.records.checked_lines import DamagedLineError, append_line, read_lines
 from calstation.records.files import locked
 
-#: Longest time to wait for another program that appends a line, s.
+#: Longest time to wait for another program that issues a report, s.
 _LOCKED_WITHIN = 5.0
 
 
@@ -22,7 +23,7 @@ class IssuedReport:
     revision: int  #: 0 for the first issue.
     issued: str  #: Date of issue, ISO 8601.
     reason: str | None  #: Reason for a revision.
-    content_sha256: str  #: Digest of the result and of the log's configuration.
+    content_sha256: str  #: Digest of result, configuration, program version and templates.
     software: str  #: Version of the program.
 
     @property
@@ -39,10 +40,14 @@ def reports_path(folder: Path) -> Path:
     return folder / "reports.jsonl"
 
 
+def reports_locked(folder: Path) -> AbstractContextManager[None]:
+    """Lock the reports of a folder for other programs. Raises OSError, also if another program keeps them locked."""
+    return locked(folder / ".reports.lock", _LOCKED_WITHIN)
+
+
 def append_report(folder: Path, report: IssuedReport) -> None:
-    """Append a report to the file of a folder. Raises OSError, also if another program keeps the file locked."""
-    with locked(folder / ".reports.lock", _LOCKED_WITHIN):
-        append_line(reports_path(folder), asdict(report))
+    """Append a report to the file of a folder, which the caller has locked. Raises OSError."""
+    append_line(reports_path(folder), asdict(report))
 
 
 def read_reports(folder: Path) -> list[IssuedReport]:

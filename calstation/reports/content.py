@@ -1,5 +1,6 @@
 """Content of a calibration certificate, built from a result and the configuration in its log alone."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
@@ -12,7 +13,7 @@ from calstation.errors import InputError
 from calstation.physics import INDEX, PARAMETERS, FloatArray, compose, further_parameter
 from calstation.records import InstrumentSection, LaboratorySection, Limit, LogMeta
 from calstation.reports.budget import Budget
-from calstation.results import Result
+from calstation.results import ParameterConformity, Result
 
 #: Coverage factor of expanded uncertainties: a coverage of about 95 % for a normal distribution.
 COVERAGE_FACTOR = 2.0
@@ -41,7 +42,7 @@ class Quantity:
     as_found: float | None
     as_left: float | None
     decision: Decision
-    #: Probability that the decision about the value is wrong: false accept or false reject; None without limits.
+    #: Probability that the decision is wrong: false accept or false reject; None if limits of the value do not decide.
     risk: float | None = None
 
 
@@ -69,6 +70,12 @@ class Certificate:
         """Number and, from the first revision on, revision."""
         return f"{self.number}-R{self.revision}" if self.revision else self.number
 
+    @property
+    def days(self) -> tuple[date, date]:
+        """First and last day (UTC) of the calibration; the date of issue if they are unknown."""
+        period = performed(self.result)
+        return (self.issued, self.issued) if period is None else (period[0].date(), period[1].date())
+
 
 def build_certificate(
     result: Result,
@@ -82,18 +89,21 @@ def build_certificate(
 ) -> Certificate:
     """Build the certificate of a result; `meta` is the configuration in its log.
 
-    By default it is issued on the day (UTC) on which the run ended. Raises InputError if that day is unknown, or if the
-    result has no parameters.
+    By default it is issued on `earliest_issue`. Raises InputError if that day is unknown, or if the result has no
+    parameters.
     """
     if not result.parameters:
         raise InputError("report.no_parameters", log=result.log.file)
+    issued = issued or earliest_issue(result)
+    if issued is None:
+        raise InputError("report.no_date", log=result.log.file)
     quantities = tuple(_quantities(result, meta))
     return Certificate(
         number=certificate_number(result),
         revision=revision,
         supersedes=supersedes,
         reason=reason,
-        issued=issued or performed(result)[1],
+        issued=issued,
         result=result,
         meta=meta,
         laboratory=meta.laboratory,
@@ -107,19 +117,32 @@ def build_certificate(
 
 
 def certificate_number(result: Result) -> str:
-    """Return the number of a certificate, which is the name of its log without ending."""
+    """Return the number of a certificate, which is the name of its log without ending.
+
+    The name of a recording of another program may not be unique, so that digits of its digest are added.
+    """
     name = PureWindowsPath(result.log.file).name
-    return next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
+    name = next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
+    return name if result.started_utc is not None else f"{name}-{result.log.sha256[:8]}"
 
 
-def performed(result: Result) -> tuple[date, date]:
-    """Return the first and the last day (UTC) of the calibration. Raises InputError if they are unknown."""
+def earliest_issue(result: Result) -> date | None:
+    """Return the day (UTC) on which the run ended or, if later, its unit was released; None if the run has no date."""
+    period = performed(result)
+    if period is None:
+        return None
+    ended = period[1].date()
+    return ended if result.override is None else max(ended, date.fromisoformat(result.override.utc[:10]))
+
+
+def performed(result: Result) -> tuple[datetime, datetime] | None:
+    """Return begin and end (UTC) of the calibration, None if they are unknown."""
     if result.started_utc is None:
-        raise InputError("report.no_date", log=result.log.file)
+        return None
     # The cycle includes the parts of a run that are not recorded, such as warm-up and transfer.
     seconds = sum(part.seconds for part in result.cycle) or result.duration_s
     begin = datetime.fromisoformat(result.started_utc).astimezone(UTC)
-    return begin.date(), (begin + timedelta(seconds=seconds)).date()
+    return begin, begin + timedelta(seconds=seconds if math.isfinite(seconds) else 0.0)
 
 
 def _verdict(result: Result) -> Verdict:
@@ -141,6 +164,7 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
     rows = []
     for name, found in result.parameters.items():
         limit = limits.get(name, limits.get(group_of(name), Limit()))
+        decision = decisions.get(name, "not_judged") if result.judged else "not_judged"
         rows.append(
             Quantity(
                 name=name,
@@ -153,11 +177,18 @@ def _quantities(result: Result, meta: LogMeta) -> list[Quantity]:
                 sigma_limit=limit.sigma_limit(found.stage),
                 as_found=before.get(name),
                 as_left=after.get(name),
-                decision=decisions.get(name, "not_judged") if result.judged else "not_judged",
-                risk=judged[name].probability if name in judged else None,
+                decision=decision,
+                risk=_risk(decision, judged.get(name)),
             )
         )
     return rows
+
+
+def _risk(decision: Decision, judged: ParameterConformity | None) -> float | None:
+    """Return the probability that a decision is wrong; None if it does not follow from the value's own limits."""
+    if judged is None or decision != ("passed" if judged.accepted else "failed"):
+        return None
+    return judged.probability
 
 
 def group_of(name: str) -> str:

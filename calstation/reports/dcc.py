@@ -6,7 +6,6 @@ English and Chinese, whatever the language of the report.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from datetime import date
 from functools import partial
 from itertools import compress, groupby
 
@@ -18,7 +17,7 @@ from calstation import __version__
 from calstation.messages import Language, Text, known, parameter_name, render, term
 from calstation.physics import INDEX, pair_name
 from calstation.records import InstrumentSection, context_from_meta
-from calstation.reports.content import Certificate, Quantity, group_of, performed
+from calstation.reports.content import Certificate, Quantity, group_of
 from calstation.reports.dsi import dsi_unit, joint_list, real, real_list
 
 SCHEMA_VERSION = "3.3.0"
@@ -70,7 +69,7 @@ def _administrative_data(certificate: Certificate, deviations: Iterable[Text]) -
 
 def _core_data(certificate: Certificate) -> etree._Element:
     laboratory, log = certificate.laboratory, certificate.result.log
-    begin, end = _performed(certificate)
+    begin, end = certificate.days
     core = _DCC("coreData", _DCC("countryCodeISO3166_1", (laboratory and laboratory.country) or _NO_COUNTRY))
     core.extend(_DCC("usedLangCodeISO639_1", code) for code in _LANGUAGES)
     core.append(_DCC("mandatoryLangCodeISO639_1", "en"))
@@ -87,13 +86,6 @@ def _core_data(certificate: Certificate) -> etree._Element:
         replaced = _DCC("replacedUniqueIdentifier", _token(previous))
         core.append(_DCC("reportAmendedSubstituted", change, replaced))
     return core
-
-
-def _performed(certificate: Certificate) -> tuple[date, date]:
-    """Return first and last day of the calibration, UTC."""
-    if certificate.result.started_utc is None:
-        return certificate.issued, certificate.issued
-    return performed(certificate.result)
 
 
 def _items(certificate: Certificate) -> Iterable[etree._Element]:

@@ -2,7 +2,6 @@
 
 import tomllib
 from collections.abc import Iterator, Sequence
-from datetime import date, datetime
 
 from calstation.errors import CalstationError
 from calstation.messages import Text
@@ -49,6 +48,8 @@ def _of_end(result: Result) -> Iterator[Text]:
     if result.override is not None:
         people = ", ".join(filter(None, (result.override.by, result.override.confirmed_by)))
         yield Text.of("certificate.d_released", by=people, date=result.override.utc[:10], why=result.override.why)
+    if result.standard_override is not None:
+        yield Text.of("certificate.d_standard_override", why=result.standard_override)
     if result.resumed_from is not None:
         yield Text.of("certificate.d_resumed", log=result.resumed_from)
     if result.attempt > 1:
@@ -97,7 +98,7 @@ def _of_data(result: Result, analysis: Analysis) -> Iterator[Text]:
 
 
 def _of_traceability(certificate: Certificate) -> Iterator[Text]:
-    day = _performed(certificate)
+    day = certificate.days[0]
     for instrument in certificate.instruments:
         if instrument.due is not None and instrument.due < day:
             yield Text.of("certificate.d_overdue", name=instrument.name, due=instrument.due.isoformat())
@@ -105,11 +106,6 @@ def _of_traceability(certificate: Certificate) -> Iterator[Text]:
     tables = [i for i in certificate.instruments if i.kind == "table" and i.certificate is not None]
     if with_table and not tables:
         yield Text("certificate.d_no_table")
-
-
-def _performed(certificate: Certificate) -> date:
-    started = certificate.result.started_utc
-    return certificate.issued if started is None else datetime.fromisoformat(started).date()
 
 
 def _names(names: Sequence[str]) -> list[Text | str]:

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from datetime import datetime, timedelta
 from itertools import groupby
 from typing import Any
 
@@ -22,7 +21,7 @@ from calstation.physics import (
 from calstation.records import Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
-from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity, group_of
+from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity, group_of, performed
 from calstation.reports.deviations import deviations, is_simulated
 from calstation.reports.numbers import NONE, check_unit, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain
@@ -95,6 +94,8 @@ class _Document:
             return Text.of("certificate.partial", stages=result.stages)
         if verdict == "failed":
             failed = result.failed_checks
+            if not failed and result.check_standard is not None:
+                return Text("certificate.failed_standard")
             names = [self._check_text(check) for check in failed[:_MOST_NAMED]]
             between = "；" if self._language == "zh_CN" else "; "
             text = between.join(names) + (" …" if len(failed) > _MOST_NAMED else "")
@@ -105,12 +106,10 @@ class _Document:
         return Text("certificate.not_complete" if limits else "certificate.no_limits")
 
     def _performed(self) -> dict[str, str]:
-        result = self._result
-        if result.started_utc is None:
+        period = performed(self._result)
+        if period is None:
             return {"date": NONE, "begin": NONE, "end": NONE}
-        begin = datetime.fromisoformat(result.started_utc)
-        seconds = sum(part.seconds for part in result.cycle) or result.duration_s
-        end = begin + timedelta(seconds=seconds if math.isfinite(seconds) else 0.0)
+        begin, end = period
         return {"date": f"{begin:%Y-%m-%d}", "begin": f"{begin:%Y-%m-%d %H:%M}", "end": f"{end:%Y-%m-%d %H:%M}"}
 
     def _group(self, group: str, rows: Sequence[Quantity]) -> dict[str, Any]:

@@ -30,13 +30,14 @@ from calstation.records import (
     append_report,
     open_log,
     read_reports,
+    reports_locked,
     write_atomic,
 )
 from calstation.reports.analysis import analyse
-from calstation.reports.content import Certificate, build_certificate, certificate_number
+from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue
 from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
-from calstation.reports.pdf import Attachment, typeset
+from calstation.reports.pdf import Attachment, templates, typeset
 from calstation.reports.signing import load_signer, sign_pdf, sign_xml
 from calstation.results import Result, find_log, load_result, resolve, run_files, stored_result
 
@@ -51,7 +52,7 @@ class ReportRequest:
     source: Path  #: Result JSON, or a log.
     out: Path  #: PDF to write.
     language: Language = "en"
-    issued: date | None = None  #: Date of issue; None for the day on which the result was made.
+    issued: date | None = None  #: Date of issue; None for the day of `earliest_issue`.
     revise: str | None = None  #: Reason for a new revision.
     templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
     dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
@@ -108,7 +109,7 @@ def _at(folder: Path, name: str) -> Path:
 
 
 def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificate:
-    """Job: write the report of a result or log and record it beside the log.
+    """Job: record the report of a result or log in the audit trail and beside the log, then write it.
 
     The same result gives the same bytes in one language, unless they are signed. A certificate that was issued keeps
     its number, revision and date; another result, date or reason needs a revision. Raises InputError or
@@ -116,8 +117,8 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     """
     signer = None if request.signing is None else load_signer(request.signing)
     result, log = load_source(request.source)
-    certificate, record = _numbered(result, log, request)
-    people = None if record is None else _confirmed(result, request)
+    certificate, last, record = _numbered(result, log, request)
+    people = None if record is None else _confirmed(result, log.meta, request)
     analysis = analyse(lambda done, remaining_s=None, note="": report(_ANALYSED * done, note=note), log, result)
     certificate = replace(certificate, budget=analysis.budget)
     dcc = write_dcc(certificate, deviations(certificate, analysis))
@@ -125,34 +126,40 @@ def issue_report(report: ProgressCallback, request: ReportRequest) -> Certificat
     digital = Attachment(f"{certificate.identification}.xml", "application/xml", dcc, "alternative")
     files = [digital, *attachments(certificate)]
     pdf = typeset(certificate, analysis, request.language, files, request.templates)
-    _write(request.out, pdf if signer is None else sign_pdf(pdf, signer))
+    written = {request.out: pdf if signer is None else sign_pdf(pdf, signer)}
     if request.dcc is not None:
-        _write(request.dcc, dcc)
+        written[request.dcc] = dcc
+    missing = {path: content for path, content in written.items() if not _is_written(path, content)}
     if record is not None and people is not None:
-        about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
-        reason = record.reason or ""
-        append_audit(site_folder(), "certificate", people.by, reason, confirmed_by=people.confirmed_by, **about)
-        try:
-            append_report(log.path.absolute().parent, record)
-        except OSError as exc:
-            raise InputError("report.unwritable", file=log.path.parent, reason=os_reason(exc)) from exc
+        _record(log.path.absolute().parent, certificate, last, record, people)
+    for path, content in missing.items():
+        _write(path, content)
     report(1.0)
     return certificate
 
 
 def certificate_required(report: ProgressCallback, result_file: Path) -> ConfirmationRequired:
     """Job: return what issuing a certificate of a result requires. Raises InputError."""
-    return confirmation_required("certificate", *run_files(load_result(result_file), result_file))
+    result, log = load_source(result_file)
+    if not _has_product(log.meta):
+        return ConfirmationRequired(pin=False, badge=False, second=False)
+    return confirmation_required("certificate", *run_files(result, result_file, log.meta.profiles))
 
 
-def _confirmed(result: Result, request: ReportRequest) -> Confirmation:
-    """Return who issues a certificate. Raises ConfigurationError if one or two people must prove their identity."""
+def _confirmed(result: Result, meta: LogMeta, request: ReportRequest) -> Confirmation:
+    """Return who issues a certificate.
+
+    Raises ConfigurationError if one or two people must prove their identity, or InputError if that is unknown.
+    """
     first = request.first or Person(computer_user() or "-")
-    try:
-        files = run_files(result, request.source)
-    except InputError:  # a recording of a product that neither the log nor the site knows
+    if not _has_product(meta):
         return Confirmation(first.badge)
-    return confirm("certificate", *files, first, request.second)
+    return confirm("certificate", *run_files(result, request.source, meta.profiles), first, request.second)
+
+
+def _has_product(meta: LogMeta) -> bool:
+    """Whether a log is of a product; a recording of another program may be of none."""
+    return meta.product is not None or bool(meta.profiles)
 
 
 def attachments(certificate: Certificate) -> list[Attachment]:
@@ -180,27 +187,62 @@ def load_source(path: Path) -> tuple[Result, Log]:
     return result.model_copy(update={"log": section}), log
 
 
-def _numbered(result: Result, log: Log, request: ReportRequest) -> tuple[Certificate, IssuedReport | None]:
-    """Return the certificate with its revision and date, and its record if it is not yet issued."""
-    number, digest = certificate_number(result), _digest(result, log.meta)
-    same = [each for each in read_reports(log.path.absolute().parent) if each.number == number]
+def _numbered(
+    result: Result, log: Log, request: ReportRequest
+) -> tuple[Certificate, IssuedReport | None, IssuedReport | None]:
+    """Return the certificate with its revision and date, the last record of it, and its own if it is not yet issued."""
+    number, digest = certificate_number(result), _digest(result, log.meta, request.templates)
+    same = _issued(log.path.absolute().parent, number)
     last = same[-1] if same else None
     known = None if last is None else date.fromisoformat(last.issued)
+    earliest = earliest_issue(result)
+    if request.issued is not None and earliest is not None and request.issued < earliest:
+        raise InputError("report.issued_too_early", date=request.issued.isoformat(), earliest=earliest.isoformat())
+    if request.revise is not None and not request.revise.strip():
+        raise InputError("report.no_reason")
     certificate = build_certificate(result, log.meta, issued=request.issued or known)
     if request.revise is None and last is not None:
         asked = last.issued if request.issued is None else request.issued.isoformat()
         if (digest, asked) != (last.content_sha256, last.issued):
             raise InputError("report.already_issued", number=last.identification, date=last.issued)
-        return _revised(certificate, last, same[-2] if len(same) > 1 else None), None
+        return _revised(certificate, last, same[-2] if len(same) > 1 else None), last, None
     if request.revise is None:
         issued, reason, revision = certificate.issued, None, 0
     elif last is None:
         raise InputError("report.nothing_to_revise", number=number)
     else:
         # A revision is made today, not on the day of the run.
-        issued, reason, revision = request.issued or datetime.now(UTC).date(), request.revise, last.revision + 1
+        today = datetime.now(UTC).date()
+        issued = request.issued or max(today, earliest or today)
+        reason, revision = request.revise.strip(), last.revision + 1
     record = IssuedReport(number, revision, issued.isoformat(), reason, digest, __version__)
-    return _revised(certificate, record, last), record
+    return _revised(certificate, record, last), last, record
+
+
+def _issued(folder: Path, number: str) -> list[IssuedReport]:
+    return [each for each in read_reports(folder) if each.number == number]
+
+
+def _record(
+    folder: Path, certificate: Certificate, last: IssuedReport | None, record: IssuedReport, people: Confirmation
+) -> None:
+    """Write the issue of a certificate to the audit trail, then to the record of issued reports.
+
+    Raises InputError if another program has issued the next revision since `last`, or ConfigurationError.
+    """
+    reason, result = record.reason or "", certificate.result
+    about = {"serial": result.serial, "certificate": certificate.identification, "verdict": certificate.verdict}
+    try:
+        with reports_locked(folder):
+            now = next(reversed(_issued(folder, record.number)), None)
+            if now == record and record.reason is None:
+                return  # the same first issue
+            if now != last:
+                raise InputError("report.issued_meanwhile", number=record.number)
+            append_audit(site_folder(), "certificate", people.by, reason, confirmed_by=people.confirmed_by, **about)
+            append_report(folder, record)
+    except OSError as exc:
+        raise InputError("report.unwritable", file=folder, reason=os_reason(exc)) from exc
 
 
 def _revised(certificate: Certificate, record: IssuedReport, before: IssuedReport | None) -> Certificate:
@@ -213,18 +255,29 @@ def _revised(certificate: Certificate, record: IssuedReport, before: IssuedRepor
     )
 
 
-def _digest(result: Result, meta: LogMeta) -> str:
-    content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json()
-    return hashlib.sha256(content.encode()).hexdigest()
+def _digest(result: Result, meta: LogMeta, folder: Path | None) -> str:
+    """Return the digest of all that a certificate is made of: result, configuration, program and templates."""
+    content = json.dumps(result.to_json(), sort_keys=True) + meta.to_json() + __version__
+    digest = hashlib.sha256(content.encode())
+    for name, template in sorted(templates(folder).items()):
+        digest.update(name.encode() + hashlib.sha256(template).digest())
+    return digest.hexdigest()
+
+
+def _is_written(path: Path, content: bytes) -> bool:
+    """Whether a file exists with this content. Raises InputError if it has another one."""
+    try:
+        if not path.exists():
+            return False
+        if path.read_bytes() != content:
+            raise InputError("report.exists", file=path)
+    except OSError as exc:
+        raise InputError("report.unwritable", file=path, reason=os_reason(exc)) from exc
+    return True
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write a file unless it has this content already. Raises InputError if it has another one."""
     try:
-        if path.exists():
-            if path.read_bytes() != content:
-                raise InputError("report.exists", file=path)
-            return
         write_atomic(path, content)
     except OSError as exc:
         raise InputError("report.unwritable", file=path, reason=os_reason(exc)) from exc

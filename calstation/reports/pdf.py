@@ -59,7 +59,7 @@ def typeset(
     import typst
 
     data = json.dumps(document(certificate, analysis, language), ensure_ascii=False, sort_keys=True)
-    files = _templates(folder)
+    files = templates(folder)
     chinese = _chinese_font(language, data)
     inputs = {
         "data": data,
@@ -90,7 +90,7 @@ def typeset(
     return pdf
 
 
-def _templates(folder: Path | None) -> dict[str, bytes]:
+def templates(folder: Path | None) -> dict[str, bytes]:
     """Return the files of the templates by name. Raises InputError."""
     files: dict[str, bytes] = {}
     for place in (library.shipped_folder() / FOLDER, library.site_folder() / FOLDER, folder):

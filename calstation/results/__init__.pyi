@@ -60,6 +60,7 @@ from .resolving import warm_up as warm_up
 from .result import CyclePhase as CyclePhase
 from .result import Override as Override
 from .result import Parameter as Parameter
+from .result import ParameterConformity as ParameterConformity
 from .result import Registers as Registers
 from .result import Result as Result
 from .result import StandardVerdict as StandardVerdict

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TypeVar
@@ -31,7 +32,7 @@ T = TypeVar("T", bound=BaseModel)
 
 def override_required(report: ProgressCallback, path: Path) -> ConfirmationRequired:
     """Job: return what the release of the unit of a result requires. Raises InputError if it cannot be released."""
-    return confirmation_required("override", *run_files(_failed(path), path))
+    return confirmation_required("override", *_files(_failed(path), path))
 
 
 def override_result(report: ProgressCallback, path: Path, why: str, first: Person, second: Person | None) -> Override:
@@ -53,7 +54,7 @@ def override_result(report: ProgressCallback, path: Path, why: str, first: Perso
     why = plain_text(why)
     if not why:
         raise InputError("override.no_reason")
-    people = confirm("override", *run_files(result, path), first, second)
+    people = confirm("override", *_files(result, path), first, second)
     now = datetime.now(UTC).isoformat(timespec="seconds")
     override = Override(by=people.by, confirmed_by=people.confirmed_by, why=why, utc=now)
     about = {"serial": result.serial, "result": path.name, "log_sha256": result.log.sha256}
@@ -73,13 +74,16 @@ def _failed(path: Path) -> Result:
     return result
 
 
-def run_files(result: Result, path: Path) -> tuple[ProductConfig, StationConfig]:
+def _files(result: Result, path: Path) -> tuple[ProductConfig, StationConfig]:
+    log = find_log(result, path)
+    return run_files(result, path, {} if log is None else open_log(log).meta.profiles)
+
+
+def run_files(result: Result, path: Path, texts: Mapping[str, str]) -> tuple[ProductConfig, StationConfig]:
     """Return product and station of a run: the product as it was then, the station as it is now if the site has it.
 
-    Raises InputError if they are neither in the log nor at the site.
+    `texts` are those of the files in its log, by kind. Raises InputError if a file is neither there nor at the site.
     """
-    log = find_log(result, path)
-    texts = {} if log is None else open_log(log).meta.profiles
     product = _file("product", ProductConfig, result, path, texts.get("product"))
     station = result.configuration.get("station")
     known = station is not None and station.name in library.names("stations")

@@ -5,7 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from calstation.config import ResolvedConfiguration
+from calstation.config import ResolvedConfiguration, confirmation_required
 from calstation.reports import station_request
 
 #: Processes that may outlive the engine; without a reference, Python would warn of them.
@@ -15,9 +15,15 @@ logger = logging.getLogger(__name__)
 
 
 def start_report(setup: ResolvedConfiguration, result_file: Path) -> None:
-    """Start the report of a result if the station asks for one; its errors are in the application log."""
+    """Start the report of a result if the station asks for one; its errors are in the application log.
+
+    A certificate that a second person must confirm is not made automatically.
+    """
     section, source = setup.station.report, setup.sources.get("station")
     if section is None or section.folder is None or source is None:
+        return
+    if confirmation_required("certificate", setup.product, setup.station).second:
+        logger.warning("no automatic report of %s: a second person must confirm its certificate", result_file)
         return
     request = station_request(source.path, section, result_file)
     out = request.out

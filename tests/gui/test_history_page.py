@@ -259,6 +259,12 @@ def test_details_give_the_reason(page: HistoryPage, runs: dict[str, Path], qtbot
     assert not button(page, "history_close_button").isVisible()
 
 
+def test_details_say_that_a_check_standard_was_overridden(page: HistoryPage, folder: Path, qtbot: QtBot) -> None:
+    write_run(folder, "SN-000005", "passed", timedelta(minutes=3), standard_override="golden unit is away")
+    shown(page, qtbot)
+    qtbot.waitUntil(lambda: "in order: golden unit is away" in page.details.reason_label.text(), timeout=WAIT)
+
+
 def test_result_and_log_are_opened_on_other_pages(
     page: HistoryPage, runs: dict[str, Path], app: AppContext, qtbot: QtBot
 ) -> None:

@@ -123,6 +123,7 @@ OTHERS: dict[str, tuple[dict[str, Any], str]] = {
         {"outcome": "resolved", "passed": None, "lacking": {"rate": "No rest."}},
         "The data lack a part that the limits need",
     ),
+    "standard overridden": ({"standard_override": "golden unit is away"}, "not in order: golden unit is away"),
     "gaps": (
         {
             "log": {"file": "x.h5", "gaps": 3, "damaged": [{"rows": 5, "seq": "1"}]},
@@ -140,12 +141,43 @@ def test_every_other_ending_has_a_certificate(made: Made, kind: str) -> None:
     changes, words = OTHERS[kind]
     result = Result.from_json({**made.certificate.result.to_json(), **changes})
     certificate = build_certificate(result, made.certificate.meta, budget=made.analysis.budget)
-    assert certificate.verdict == ("passed" if kind == "gaps" else "not_judged")
+    passed = kind in ("gaps", "standard overridden")
+    assert certificate.verdict == ("passed" if passed else "not_judged")
     other = replace(made, certificate=certificate)
     text = " ".join("".join(p.extract_text() for p in pypdf.PdfReader(io.BytesIO(printed(other))).pages).split())
     assert words in text
-    assert ("NOT JUDGED" in text) == (kind != "gaps")
+    assert ("NOT JUDGED" in text) == (not passed)
     assert printed(other, "zh_CN").startswith(b"%PDF")
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_a_check_standard_that_disagrees_is_named(made: Made) -> None:
+    verdict = {"passed": False, "e_n": {}, "e_n_limit": 1.0, "t_squared": 9.0, "t_squared_limit": 1.0}
+    changes = {"outcome": "failed", "passed": False, "check_standard": {**verdict, "degrees": 1, "false_alarm": 0.01}}
+    result = Result.from_json({**made.certificate.result.to_json(), **changes})
+    certificate = build_certificate(result, made.certificate.meta, budget=made.analysis.budget)
+    text = " ".join(
+        pypdf.PdfReader(io.BytesIO(printed(replace(made, certificate=certificate)))).pages[0].extract_text().split()
+    )
+    assert "FAIL" in text
+    assert "disagree with its reference values" in text
+    assert "Not conforming: 0" not in text
+
+
+@pytest.mark.parametrize("made", ["passed"], indirect=True)
+def test_a_risk_is_that_of_the_decision(made: Made) -> None:
+    """A value within its limits whose sigma is too large fails; the risk of accepting the value is not that of this."""
+    before = {q.name: q for q in made.certificate.quantities}["gyro_bias_x"]
+    assert before.decision == "passed"
+    assert before.risk is not None
+    data = made.certificate.result.to_json()
+    for row, check in zip(data["checks"], made.certificate.result.checks, strict=True):
+        row["passed"] &= (check.subject, check.kind) != ("gyro_bias_x", "sigma_below")
+    result = Result.from_json({**data, "outcome": "failed", "passed": False})
+    after = {q.name: q for q in build_certificate(result, made.certificate.meta).quantities}["gyro_bias_x"]
+    assert (after.decision, after.risk) == ("failed", None)
+    stopped = Result.from_json({**data, "outcome": "stopped", "passed": False})
+    assert all(q.risk is None for q in build_certificate(stopped, made.certificate.meta).quantities)
 
 
 @pytest.mark.parametrize("made", ["passed"], indirect=True)

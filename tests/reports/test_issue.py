@@ -14,8 +14,11 @@ import tomli_w
 
 from calstation.cli.app import run_app
 from calstation.config import resolve_configuration
-from calstation.records import read_reports, reports_path
+from calstation.config.library import shipped_folder
+from calstation.records import audit_path, open_log, read_reports, reports_path
+from calstation.reports import issue
 from calstation.reports.content import certificate_number
+from calstation.reports.pdf import typeset
 from calstation.results import Result
 from calstation.runs import automatic_report
 from calstation.runs.automatic_report import start_report
@@ -82,13 +85,96 @@ def test_another_date_needs_a_revision_which_names_what_it_replaces(
     assert (last.revision, last.issued) == (2, datetime.now(UTC).date().isoformat())
 
 
+@pytest.mark.parametrize("reason", ["Wrong customer", "Wrong address"])
+def test_of_two_revisions_at_a_time_one_is_refused(
+    gimbal: Made, reason: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The second one begins and ends while the first one is being typeset."""
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
+    slow, fast = gimbal.folder / "slow.pdf", gimbal.folder / "fast.pdf"
+
+    def interrupted(*arguments: Any) -> bytes:
+        monkeypatch.setattr(issue, "typeset", typeset)
+        assert report(gimbal.result_file, "-o", fast, "--revise", "Wrong customer") == 0
+        return typeset(*arguments)
+
+    monkeypatch.setattr(issue, "typeset", interrupted)
+    assert report(gimbal.result_file, "-o", slow, "--revise", reason) == 2
+    assert "was issued by another program" in " ".join(capsys.readouterr().err.split())
+    assert fast.exists()
+    assert not slow.exists()
+    assert [each.revision for each in read_reports(gimbal.result_file.parent)] == [0, 1]
+    assert report(gimbal.result_file, "-o", slow, "--revise", reason) == 0
+    assert f"{gimbal.result_file.stem}-R2" in first_page(slow)
+
+
+def test_the_same_first_issue_twice_at_a_time_is_recorded_once(gimbal: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    slow, fast = gimbal.folder / "slow.pdf", gimbal.folder / "fast.pdf"
+
+    def interrupted(*arguments: Any) -> bytes:
+        monkeypatch.setattr(issue, "typeset", typeset)
+        assert report(gimbal.result_file, "-o", fast) == 0
+        return typeset(*arguments)
+
+    monkeypatch.setattr(issue, "typeset", interrupted)
+    assert report(gimbal.result_file, "-o", slow) == 0
+    assert slow.read_bytes() == fast.read_bytes()
+    assert len(read_reports(gimbal.result_file.parent)) == 1
+
+
+def test_nothing_is_issued_without_its_audit_event(
+    gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, home = gimbal.folder / "first.pdf", gimbal.folder / "home"
+    monkeypatch.setenv("CALSTATION_HOME", str(home))
+    audit_path(home).mkdir(parents=True)  # unwritable
+    assert report(gimbal.result_file, "-o", out) == 2
+    assert "audit" in capsys.readouterr().err
+    assert not out.exists()
+    assert not read_reports(gimbal.result_file.parent)
+
+
+def test_no_certificate_is_dated_before_its_run_or_release(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
+    out = gimbal.folder / "first.pdf"
+    assert report(gimbal.result_file, "-o", out, "--issued", "2001-01-01") == 2
+    assert "cannot be issued on 2001-01-01" in " ".join(capsys.readouterr().err.split())
+    result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
+    release = {"by": "B0001", "why": "shock test", "utc": "2031-05-06T07:08:09+00:00"}
+    gimbal.result_file.write_text(json.dumps({**result, "override": release}), encoding="utf-8")
+    assert report(gimbal.result_file, "-o", out, "--issued", "2030-01-01") == 2
+    assert "2031-05-06" in capsys.readouterr().err
+    assert report(gimbal.result_file, "-o", out) == 0
+    assert read_reports(gimbal.result_file.parent)[0].issued == "2031-05-06"
+    assert report(gimbal.result_file, "-o", gimbal.folder / "r1.pdf", "--revise", "  ") == 2
+    assert "The revision has no reason" in capsys.readouterr().err
+    assert report(gimbal.result_file, "-o", gimbal.folder / "r1.pdf", "--revise", " Wrong customer ") == 0
+    (_, last) = read_reports(gimbal.result_file.parent)
+    assert (last.issued, last.reason) == ("2031-05-06", "Wrong customer")
+
+
 def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
     result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
     result["operator"] = "somebody else"
     gimbal.result_file.write_text(json.dumps(result), encoding="utf-8")
     assert report(gimbal.result_file, "-o", gimbal.folder / "second.pdf") == 2
-    assert "with another result or date" in capsys.readouterr().err
+    assert "with another result, date, template" in " ".join(capsys.readouterr().err.split())
+
+
+def test_other_templates_or_another_version_need_a_revision(
+    gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
+    folder, other = gimbal.folder / "templates", gimbal.folder / "other.pdf"
+    folder.mkdir()
+    texts = (shipped_folder() / "reports" / "texts.toml").read_text(encoding="utf-8")
+    (folder / "texts.toml").write_text(texts.replace("Calibration certificate", "Works certificate"), encoding="utf-8")
+    assert report(gimbal.result_file, "-o", other, "--templates", folder) == 2
+    assert '--revise "REASON"' in capsys.readouterr().err
+    monkeypatch.setattr(issue, "__version__", "99.0")
+    assert report(gimbal.result_file, "-o", other) == 2
+    assert '--revise "REASON"' in capsys.readouterr().err
+    assert not other.exists()
 
 
 def test_a_recording_is_solved_and_certified(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
@@ -109,6 +195,8 @@ def test_a_recording_is_solved_and_certified(gimbal: Made, capsys: pytest.Captur
     assert report(other / "recording.csv", "-o", gimbal.folder / "undated.pdf") == 2
     assert "--issued YYYY-MM-DD" in capsys.readouterr().err
     assert report(other / "recording.csv", "-o", gimbal.folder / "dated.pdf", "--issued", "2026-01-02") == 0
+    digest = open_log(other / "recording.csv").facts().sha256
+    assert read_reports(other)[0].number == f"recording-{digest[:8]}"
 
 
 @pytest.mark.parametrize(
@@ -160,13 +248,17 @@ def test_the_number_is_the_name_of_the_log(file: str, number: str) -> None:
             "stages": [],
             "parameters": {},
             "outcome": "passed",
-            "log": {"file": file},
+            "log": {"file": file, "sha256": "0123456789abcdef"},
+            "started_utc": "2026-11-23T06:30:00+00:00",
         }
     )
     assert certificate_number(result) == number
+    assert certificate_number(result.model_copy(update={"started_utc": None})) == f"{number}-01234567"
 
 
-def test_a_station_asks_for_reports_of_its_verdicts(site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_station_asks_for_reports_of_its_verdicts(
+    site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     started: list[Any] = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
     start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
@@ -174,6 +266,10 @@ def test_a_station_asks_for_reports_of_its_verdicts(site_folder: SiteFolder, mon
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
     start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
     automatic_report._started.clear()
+    site_folder.write({"confirmation": {"required_for": ["certificate"]}})
+    with_laboratory(site_folder, report={"folder": "reports"})
+    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
+    assert "a second person must confirm its certificate" in caplog.text
     ((_, _, _, *command),) = started
     folder = site_folder.folder
     assert command == [

@@ -213,7 +213,10 @@ class RunDetails(QFrame):
             return
         self._serial.setText(run.serial)
         self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.badge))
-        self.reason_label.setText(self._reason(run))
+        override = None if result is None else result.standard_override
+        words = self.tr("Calibrated although a check standard or an instrument was not in order: {0}")
+        started = [] if override is None else [words.format(override)]
+        self.reason_label.setText("\n".join(filter(None, (*started, self._reason(run)))))
         lines = []
         if result is not None and result.judged:
             failed = result.failed_checks

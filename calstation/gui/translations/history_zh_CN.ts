@@ -364,6 +364,10 @@
         <translation>接着做</translation>
     </message>
     <message>
+        <source>Calibrated although a check standard or an instrument was not in order: {0}</source>
+        <translation>标准件核查或仪器校准未处于正常状态时放行标定：{0}</translation>
+    </message>
+    <message>
         <source>Released by {0}, {1}: {2}</source>
         <translation>由 {0} 放行，{1}：{2}</translation>
     </message>

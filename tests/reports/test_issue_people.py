@@ -1,0 +1,93 @@
+"""Where the product requires two people for a certificate, no copy or export of a run gets one without them."""
+
+import json
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+import tomli_w
+
+from calstation.cli.app import run_app
+from calstation.config import ConfirmationRequired
+from calstation.reports import certificate_required
+from calstation.sequencer.events import Verdict
+from tests.shared_runs import SharedRuns
+from tests.site_folder import SiteFolder
+
+
+@pytest.fixture
+def result_file(shared_runs: SharedRuns, tmp_path: Path) -> Path:
+    """The result of a run, beside its log, whose product requires a second person."""
+
+    def make(site: SiteFolder) -> Verdict:
+        site.write({"stages": ["six_position"], "confirmation": {"required_for": ["certificate"]}})
+        return site.run()
+
+    return Path(shared_runs.copy("certificate-by-two", tmp_path / "site", make).result_file)
+
+
+def original(result_file: Path) -> Path:
+    return result_file
+
+
+def copy_of_the_result(result_file: Path) -> Path:
+    """A copy of another name, whose log is found by the path in it alone."""
+    result = json.loads(result_file.read_text(encoding="utf-8"))
+    result["log"]["file"] = str(result_file.with_suffix(".h5"))
+    copy = result_file.with_name("copy.json")
+    copy.write_text(json.dumps(result), encoding="utf-8")
+    return copy
+
+
+def exported(result_file: Path) -> Path:
+    """An export of the log."""
+    csv = result_file.with_name("export.csv")
+    assert run_app(["export", str(result_file.with_suffix(".h5")), "-o", str(csv)]) == 0
+    return csv
+
+
+def exported_without_files(result_file: Path) -> Path:
+    """An export that lacks the product file, but has its limits."""
+    csv = exported(result_file)
+    toml = csv.with_suffix(".toml")
+    meta = tomllib.loads(toml.read_text(encoding="utf-8"))
+    del meta["profiles"]
+    toml.write_text(tomli_w.dumps(meta), encoding="utf-8")
+    return csv
+
+
+@pytest.mark.parametrize(
+    ("source", "message"),
+    [
+        (original, "station 'test bench' names no engineers"),
+        (copy_of_the_result, "station 'test bench' names no engineers"),
+        (exported, "station 'test bench' names no engineers"),
+        (exported_without_files, "it is unknown who may release the unit or issue its certificate"),
+    ],
+)
+def test_no_copy_or_export_gets_a_certificate_without_the_second_person(
+    result_file: Path, source: Callable[[Path], Path], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = result_file.with_name("out.pdf")
+    assert run_app(["report", str(source(result_file)), "-o", str(out)]) == 2
+    assert message in " ".join(capsys.readouterr().err.split())
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("source", [original, copy_of_the_result, exported])
+def test_the_window_asks_for_the_second_person_for_each_of_them(
+    result_file: Path, source: Callable[[Path], Path]
+) -> None:
+    assert certificate_required(lambda *args, **more: None, source(result_file)).second
+
+
+def test_a_recording_of_no_product_needs_nobody(result_file: Path) -> None:
+    csv = exported_without_files(result_file)
+    toml = csv.with_suffix(".toml")
+    meta = tomllib.loads(toml.read_text(encoding="utf-8"))
+    del meta["product"]
+    toml.write_text(tomli_w.dumps(meta), encoding="utf-8")
+    nobody = ConfirmationRequired(pin=False, badge=False, second=False)
+    assert certificate_required(lambda *args, **more: None, csv) == nobody
+    assert run_app(["report", str(csv), "-o", str(csv.with_suffix(".pdf"))]) == 0
