@@ -14,7 +14,7 @@ from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError
 from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.messages import local_time
-from calstation.quality import Due, StandardState, TableChart, due_certificates, standard_states, table_charts
+from calstation.quality import BASELINE, Due, StandardState, TableChart, due_certificates, standard_states, table_charts
 from calstation.results import History
 from calstation.simulation import golden_demo
 
@@ -83,6 +83,7 @@ def _due_row(due: Due) -> dict[str, Any]:
 def _chart_row(chart: TableChart) -> Mapping[str, Any]:
     return {
         **{"runs": len(chart.values), "center": chart.center, "sigma": chart.sigma, "last": float(chart.values[-1])},
+        "baseline": chart.baseline,
         "alarms": [chart.started_utc[k] for k in chart.alarms],
     }
 
@@ -103,6 +104,8 @@ def _state_line(state: StandardState) -> str:
 def _chart_line(name: str, chart: TableChart) -> str:
     arcsec = {key: 3600.0 * degrees(getattr(chart, key)) for key in ("center", "sigma")}
     values = {"quantity": name, "runs": len(chart.values), "last": 3600.0 * degrees(float(chart.values[-1])), **arcsec}
+    if len(chart.values) == chart.baseline:
+        return say("cli.table_baseline", **values, baseline=BASELINE)
     alarmed = [local_time(chart.started_utc[k]) for k in chart.alarms]
     return say("cli.table_chart", **values, alarms=len(alarmed), when=alarmed[-1] if alarmed else "")
 

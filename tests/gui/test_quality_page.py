@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
@@ -13,7 +14,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QLineEdit, QPushBu
 from calstation.config import library
 from calstation.gui.quality import QualityPage, study_view
 from calstation.gui.text import language
-from calstation.quality import GaugePlan
+from calstation.quality import BASELINE, GaugePlan, StationQuality, TableChart
 from calstation.simulation import synthesise_runs
 from tests.gui.conftest import Operator
 from tests.site_folder import BENCH, STATION
@@ -158,6 +159,19 @@ def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operat
         "All units, the last run of each",
         "Check standard GOLD-1",
     ]
+
+
+@pytest.mark.parametrize("later", [0, 20])
+def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: QualityPage, later: int) -> None:
+    values = np.append(np.zeros(BASELINE), np.full(later, 2e-4))
+    alarms = tuple(BASELINE + k for k in (5, 11)[: later // 10])
+    chart = TableChart(("2026-11-01T08:00:00+00:00",) * len(values), values, 0.0, 1e-4, BASELINE, alarms)
+    click_tab(operator, "Check standards")
+    page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
+    assert "after a baseline of 100 runs" in operator.says()
+    low, high, average = page.standards.table.plots[0].listDataItems()[1:4]
+    for item in (low, high, average):
+        assert list(item.xData if later else []) == list(range(BASELINE + 1, BASELINE + later + 1))
 
 
 def test_a_study_from_its_plan_to_its_verdict(
