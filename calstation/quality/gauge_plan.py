@@ -56,12 +56,13 @@ class GaugePlan(BaseModel):
         """Return a plan in random order: in every trial, each appraiser measures all units in an order of their own.
 
         AIAG, *Measurement Systems Analysis*, 4th ed., chapter III section B. Raises InputError for a plan with fewer
-        than two units, appraisers or trials.
+        than two units, appraisers or trials, or with a unit or appraiser that is named twice.
         """
-        if min(len(set(units)), len(set(appraisers)), trials) < 2:
-            raise InputError(
-                "quality.small_study", parts=len(set(units)), appraisers=len(set(appraisers)), trials=trials
-            )
+        twice = [name for names in (units, appraisers) for name, count in Counter(names).items() if count > 1]
+        if twice:
+            raise InputError("quality.named_twice", names=", ".join(twice))
+        if min(len(units), len(appraisers), trials) < 2:
+            raise InputError("quality.small_study", parts=len(units), appraisers=len(appraisers), trials=trials)
         generator = np.random.default_rng(seed)
         order = [
             Measurement(trial=trial, appraiser=appraisers[who], unit=units[k])

@@ -189,6 +189,12 @@ def test_a_study_from_its_plan_to_its_verdict(
     until_read(operator, page)
     plan = GaugePlan.load(new)
     assert (plan.units, plan.appraisers, plan.trials) == (("A-1", "A-2"), ("Li", "Wang"), 3)
+    operator.press("study_new_button")
+    operator.press("study_save_button")
+    again = GaugePlan.load(new)
+    assert again.seed != plan.seed, "every plan has an order of its own"
+    until_read(operator, page)
+    plan = again
     first = plan.order[0]
     assert f"12 of 12 runs are missing. Next: {first.appraiser} calibrates unit {first.unit}." in operator.says()
     assert [row[4] for row in cells(operator, "study_order_table")] == ["next", *["waiting"] * 11]
