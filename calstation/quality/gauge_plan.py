@@ -110,15 +110,18 @@ class GaugePlan(BaseModel):
                 left.append(each)
         return left
 
+    def check_complete(self, left: Sequence[Measurement]) -> None:
+        """Raise InputError if runs of the plan are left."""
+        if left:
+            following = f"{left[0].unit}, {left[0].appraiser}"
+            raise InputError("quality.study_incomplete", missing=len(left), runs=len(self.order), next=following)
+
     def values(self, runs: RunColumns) -> Mapping[str, FloatArray]:
         """Return the measured values by parameter, SI, shape (units, appraisers, trials).
 
         A parameter that a run of the study lacks is left out. Raises InputError while runs of the plan are missing.
         """
-        left = self.remaining(runs)
-        if left:
-            following = f"{left[0].unit}, {left[0].appraiser}"
-            raise InputError("quality.study_incomplete", missing=len(left), runs=len(self.order), next=following)
+        self.check_complete(self.remaining(runs))
         rows = self._measurements(runs)
         found = {}
         for name, column in runs.values.items():

@@ -21,14 +21,12 @@ from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, chi_square_quantile
 from calstation.physics import INDEX, group_indices, parameter_vector
-from calstation.records import RunFilter, RunRecord, covariance_from
+from calstation.records import COVERAGE_FACTOR, RunFilter, RunRecord, covariance_from
 from calstation.results import History, Result, StandardVerdict
 
 #: Probability that a run fails although neither station nor unit changed beyond their stated uncertainties.
 FALSE_ALARM = 0.0027
 
-#: Coverage factor of the expanded uncertainties in the normalised error.
-_COVERAGE = 2.0
 _YEAR = timedelta(days=365.25)
 _MOUNTING = frozenset(group_indices("outer_lever"))
 
@@ -85,9 +83,9 @@ def judge_standard(
     variance = np.array([r.sigma**2 for r in reference]) + imu.change_sigmas(years)[at] ** 2
     difference = found.mean[at] - np.array([r.value for r in reference])
     covariance = found.covariance[np.ix_(at, at)] + np.diag(variance)
-    errors = difference / (_COVERAGE * np.sqrt(np.diag(covariance)))
+    errors = difference / (COVERAGE_FACTOR * np.sqrt(np.diag(covariance)))
     count, each = len(names), 0.5 * FALSE_ALARM
-    limit = float(np.sqrt(chi_square_quantile(1.0 - each / max(count, 1), 1))) / _COVERAGE
+    limit = float(np.sqrt(chi_square_quantile(1.0 - each / max(count, 1), 1))) / COVERAGE_FACTOR
     t_squared = float(difference @ np.linalg.solve(covariance, difference)) if count else 0.0
     t_squared_limit = float(chi_square_quantile(1.0 - each, max(count, 1)))
     return StandardVerdict(
