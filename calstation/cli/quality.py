@@ -14,7 +14,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from calstation.cli.show import check_json, emit_json, ignore_progress, say, show_line
-from calstation.config import load_product
 from calstation.errors import ConfigurationError, InputError
 from calstation.jobs import ProgressCallback
 from calstation.physics import NAMES, display, further_parameter, number
@@ -28,11 +27,10 @@ from calstation.quality import (
     ParameterQuality,
     QualitySummary,
     Share,
-    gauge_study,
-    limit_interval,
+    evaluate_study,
     summarise_quality,
 )
-from calstation.results import History, refresh_history
+from calstation.results import refresh_history
 from calstation.simulation import synthesise_runs
 
 #: Width of the tables, characters.
@@ -93,15 +91,10 @@ def study_command(path: Path, product: Path | None, parameter: str | None, out: 
     _check_folder(out)
     _check_parameter(parameter)
     check_json(json)
-    plan = GaugePlan.load(path)
-    limits = None if product is None else load_product(product)[1]
     refresh_history(ignore_progress, out)
-    values = plan.values(History(out).columns())
-    studies = {}
-    for name, measured in values.items():
-        if _known(name) and parameter in (None, name):
-            interval = None if limits is None else limit_interval(limits, name)
-            studies[name] = gauge_study(measured, None if interval is None else interval[1] - interval[0])
+    state = evaluate_study(ignore_progress, out, path, product)
+    state.plan.check_complete(state.left)
+    studies = {name: study for name, study in state.studies.items() if parameter in (None, name)}
     if not studies:
         raise InputError("quality.not_measured")
     rows = {
@@ -110,7 +103,7 @@ def study_command(path: Path, product: Path | None, parameter: str | None, out: 
     }
     emit_json({"schema": "calstation.gauge_study/1", "plan": path.name, "parameters": rows}, json)
     if json != "-":
-        _show_study(Console(file=sys.stdout, width=_WIDTH), plan, studies)
+        _show_study(Console(file=sys.stdout, width=_WIDTH), state.plan, studies)
     return 1 if any(study.verdict == "unacceptable" for study in studies.values()) else 0
 
 
@@ -120,7 +113,7 @@ def history_command(folder: Path, runs: int, seed: int) -> int:
         raise ConfigurationError("cli.folder_not_empty", folder=folder)
     with _progress("making runs") as progress:
         plan = synthesise_runs(progress, folder, runs, seed)
-    show_line(Console(stderr=True), f"{folder}: {runs} runs; plan of a study in {plan}")
+    show_line(Console(stderr=True), say("quality.history_made", folder=folder, runs=runs, plan=plan))
     return 0
 
 
@@ -157,9 +150,9 @@ def _show_summary(console: Console, summary: QualitySummary) -> None:
     if yields.overall is None:
         show_line(console, say("quality.no_runs"))
     else:
-        show_line(console, f"passed: {_share(yields.overall)} runs")
+        show_line(console, say("quality.yield_runs", share=_share(yields.overall)))
     if yields.first_pass is not None:
-        show_line(console, f"passed in the first run: {_share(yields.first_pass)} units")
+        show_line(console, say("quality.yield_first", share=_share(yields.first_pass)))
     groups = _table("yield", "", "", "passed", "runs", "%", "95 % interval")
     for kind in ("products", "stations", "operators"):
         for name, share in getattr(yields, kind).items():
@@ -226,7 +219,7 @@ def _table(title: str, *headings: str) -> Table:
 
 
 def _share(share: Share) -> str:
-    return f"{100 * share.value:.1f} % ({_bounds(share)}) of {share.count}"
+    return f"{100 * share.value:.1f} % ({_bounds(share)}), n = {share.count}"
 
 
 def _bounds(share: Share) -> str:

@@ -1,7 +1,7 @@
 """`quality standards` and `quality golden-demo`: state of check standards, and charts of the table on the bench."""
 
 from collections.abc import Mapping
-from datetime import UTC, datetime
+from datetime import datetime
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -9,13 +9,13 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from calstation.cli.show import check_json, report, say
+from calstation.cli.show import check_json, ignore_progress, report, say
 from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError
 from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.messages import local_time
-from calstation.quality import Due, StandardState, TableChart, due_certificates, standard_states, table_charts
-from calstation.results import History
+from calstation.quality import BASELINE, Due, StandardState, TableChart, station_quality
+from calstation.results import refresh_history
 from calstation.simulation import golden_demo
 
 
@@ -25,11 +25,10 @@ def standards_command(station: Path | None, product: Path | None, out: Path, jso
     Returns 1 if one of them refuses production, otherwise 0.
     """
     check_json(json)
-    (_, place), (_, unit), now = load_station(station), load_product(product), datetime.now(UTC)
-    history = History(out)
-    history.refresh()
-    states, overdue = standard_states(place, unit, history, now), due_certificates(place, now)
-    charts = table_charts(place, unit, history)
+    (_, place), (_, unit) = load_station(station), load_product(product)
+    refresh_history(ignore_progress, out)
+    found = station_quality(ignore_progress, out, station, product)
+    states, overdue, charts = [each.state for each in found.standards], found.overdue, found.table
     row = {
         **{"station": place.name, "product": unit.name},
         "standards": [_state_row(state) for state in states],
@@ -83,6 +82,7 @@ def _due_row(due: Due) -> dict[str, Any]:
 def _chart_row(chart: TableChart) -> Mapping[str, Any]:
     return {
         **{"runs": len(chart.values), "center": chart.center, "sigma": chart.sigma, "last": float(chart.values[-1])},
+        "baseline": chart.baseline,
         "alarms": [chart.started_utc[k] for k in chart.alarms],
     }
 
@@ -103,6 +103,8 @@ def _state_line(state: StandardState) -> str:
 def _chart_line(name: str, chart: TableChart) -> str:
     arcsec = {key: 3600.0 * degrees(getattr(chart, key)) for key in ("center", "sigma")}
     values = {"quantity": name, "runs": len(chart.values), "last": 3600.0 * degrees(float(chart.values[-1])), **arcsec}
+    if len(chart.values) == chart.baseline:
+        return say("cli.table_baseline", **values, baseline=BASELINE)
     alarmed = [local_time(chart.started_utc[k]) for k in chart.alarms]
     return say("cli.table_chart", **values, alarms=len(alarmed), when=alarmed[-1] if alarmed else "")
 

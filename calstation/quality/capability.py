@@ -38,12 +38,12 @@ class Capability:
     mean: float
     sigma_within: float  #: Standard deviation in the short term, from the mean moving range.
     sigma_overall: float  #: Standard deviation of all values.
-    low: float | None  #: Lower limit; None without one.
-    high: float | None  #: Upper limit; None without one.
+    low: float  #: Lower limit.
+    high: float  #: Upper limit.
     confidence: float
-    cp: Interval | None  #: Width of the limits over 6 sigma within; None for a limit on one side.
+    cp: Interval  #: Width of the limits over 6 sigma within.
     cpk: Interval  #: Distance of the nearer limit over 3 sigma within.
-    pp: Interval | None  #: As `cp`, overall.
+    pp: Interval  #: As `cp`, overall.
     ppk: Interval  #: As `cpk`, overall.
     outside: int  #: Values outside the limits.
     #: p-value of the Anderson-Darling test of the normal distribution that the indices assume, from 0.01 (or less) to
@@ -56,7 +56,7 @@ class Capability:
         return self.normality_p >= 0.05
 
 
-def capability(values: FloatArray, low: float | None, high: float | None, *, confidence: float = 0.95) -> Capability:
+def capability(values: FloatArray, low: float, high: float, *, confidence: float = 0.95) -> Capability:
     """Return the capability of values in the order of their time, in the unit of the limits.
 
     The intervals of Cp and Pp are those of a standard deviation (chi-square), the intervals of Cpk and Ppk Bissell's.
@@ -67,7 +67,7 @@ def capability(values: FloatArray, low: float | None, high: float | None, *, con
     values
         Shape (n,).
     low, high
-        Limits; None without one, but not both.
+        Limits.
     confidence
         Probability of the intervals.
 
@@ -84,9 +84,7 @@ def capability(values: FloatArray, low: float | None, high: float | None, *, con
         raise InputError("quality.no_spread", count=count)
     within = float(np.mean(np.abs(np.diff(values)))) / D2
     dof = moving_range_dof(count)
-    below, above = (-math.inf if low is None else low), (math.inf if high is None else high)
-    side = min(mean - below, above - mean)
-    width = None if low is None or high is None else high - low
+    side, width = min(mean - low, high - mean), high - low
     return Capability(
         count=count,
         mean=mean,
@@ -95,11 +93,11 @@ def capability(values: FloatArray, low: float | None, high: float | None, *, con
         low=low,
         high=high,
         confidence=confidence,
-        cp=None if width is None else cp_interval(width / (6.0 * within), dof, confidence),
+        cp=cp_interval(width / (6.0 * within), dof, confidence),
         cpk=cpk_interval(side / (3.0 * within), count, dof, confidence),
-        pp=None if width is None else cp_interval(width / (6.0 * overall), count - 1, confidence),
+        pp=cp_interval(width / (6.0 * overall), count - 1, confidence),
         ppk=cpk_interval(side / (3.0 * overall), count, count - 1, confidence),
-        outside=int(np.count_nonzero((values < below) | (values > above))),
+        outside=int(np.count_nonzero((values < low) | (values > high))),
         normality_p=float(stats.anderson(values, "norm", method="interpolate").pvalue),  # type: ignore[call-overload]
     )
 

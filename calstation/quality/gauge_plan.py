@@ -56,12 +56,13 @@ class GaugePlan(BaseModel):
         """Return a plan in random order: in every trial, each appraiser measures all units in an order of their own.
 
         AIAG, *Measurement Systems Analysis*, 4th ed., chapter III section B. Raises InputError for a plan with fewer
-        than two units, appraisers or trials.
+        than two units, appraisers or trials, or with a unit or appraiser that is named twice.
         """
-        if min(len(set(units)), len(set(appraisers)), trials) < 2:
-            raise InputError(
-                "quality.small_study", parts=len(set(units)), appraisers=len(set(appraisers)), trials=trials
-            )
+        twice = [name for names in (units, appraisers) for name, count in Counter(names).items() if count > 1]
+        if twice:
+            raise InputError("quality.named_twice", names=", ".join(twice))
+        if min(len(units), len(appraisers), trials) < 2:
+            raise InputError("quality.small_study", parts=len(units), appraisers=len(appraisers), trials=trials)
         generator = np.random.default_rng(seed)
         order = [
             Measurement(trial=trial, appraiser=appraisers[who], unit=units[k])
@@ -109,15 +110,18 @@ class GaugePlan(BaseModel):
                 left.append(each)
         return left
 
+    def check_complete(self, left: Sequence[Measurement]) -> None:
+        """Raise InputError if runs of the plan are left."""
+        if left:
+            following = f"{left[0].unit}, {left[0].appraiser}"
+            raise InputError("quality.study_incomplete", missing=len(left), runs=len(self.order), next=following)
+
     def values(self, runs: RunColumns) -> Mapping[str, FloatArray]:
         """Return the measured values by parameter, SI, shape (units, appraisers, trials).
 
         A parameter that a run of the study lacks is left out. Raises InputError while runs of the plan are missing.
         """
-        left = self.remaining(runs)
-        if left:
-            following = f"{left[0].unit}, {left[0].appraiser}"
-            raise InputError("quality.study_incomplete", missing=len(left), runs=len(self.order), next=following)
+        self.check_complete(self.remaining(runs))
         rows = self._measurements(runs)
         found = {}
         for name, column in runs.values.items():

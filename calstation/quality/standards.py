@@ -9,7 +9,7 @@ Control*, 7th ed., 2013, 11.3). It shows small changes of many parameters and us
 contain what the unit may have changed since the reference, from the stability in the IMU profile.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 from typing import Literal
@@ -21,19 +21,17 @@ from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, chi_square_quantile
 from calstation.physics import INDEX, group_indices, parameter_vector
-from calstation.records import RunFilter, RunRecord, covariance_from
+from calstation.records import COVERAGE_FACTOR, RunFilter, RunRecord, covariance_from
 from calstation.results import History, Result, StandardVerdict
 
 #: Probability that a run fails although neither station nor unit changed beyond their stated uncertainties.
 FALSE_ALARM = 0.0027
 
-#: Coverage factor of the expanded uncertainties in the normalised error.
-_COVERAGE = 2.0
 _YEAR = timedelta(days=365.25)
 _MOUNTING = frozenset(group_indices("outer_lever"))
 
-#: Why production is refused: no run passed, the last one that passed is too old, the last run failed, or the date of an
-#: instrument's next calibration has passed.
+#: Why production is refused: no run passed, the last one that passed is too old, the last run failed or disagreed, or
+#: the date of an instrument's next calibration has passed.
 Reason = Literal["never", "overdue", "out", "certificate"]
 
 
@@ -70,23 +68,24 @@ class StandardState:
 
 
 def judge_standard(
-    standard: CheckStandardSection, imu: ImuProfile, started: datetime, found: Belief, estimated: Sequence[str]
+    standard: CheckStandardSection, imu: ImuProfile, started: datetime, found: Belief, determined: Collection[str]
 ) -> StandardVerdict:
     """Compare a run of a check standard with its reference.
 
-    `found` is the estimate of the run that began at `started`. Of its parameters, those `estimated` are compared as far
-    as the reference contains them; a run without any of these fails.
+    `found` is the estimate of the run that began at `started`. Of its parameters, those `determined` by its data are
+    compared as far as the reference contains them; a run without any of these fails. One that is not determined keeps
+    the large sigma of the prior: it could not fail, but would widen both limits for the others.
     """
-    names = [name for name in standard.reference if name in estimated and INDEX[name] not in _MOUNTING]
+    names = [name for name in standard.reference if name in determined and INDEX[name] not in _MOUNTING]
     at = [INDEX[name] for name in names]
     reference = [standard.reference[name] for name in names]
     years = 0.0 if standard.date is None else max((started.date() - standard.date) / _YEAR, 0.0)
     variance = np.array([r.sigma**2 for r in reference]) + imu.change_sigmas(years)[at] ** 2
     difference = found.mean[at] - np.array([r.value for r in reference])
     covariance = found.covariance[np.ix_(at, at)] + np.diag(variance)
-    errors = difference / (_COVERAGE * np.sqrt(np.diag(covariance)))
+    errors = difference / (COVERAGE_FACTOR * np.sqrt(np.diag(covariance)))
     count, each = len(names), 0.5 * FALSE_ALARM
-    limit = float(np.sqrt(chi_square_quantile(1.0 - each / max(count, 1), 1))) / _COVERAGE
+    limit = float(np.sqrt(chi_square_quantile(1.0 - each / max(count, 1), 1))) / COVERAGE_FACTOR
     t_squared = float(difference @ np.linalg.solve(covariance, difference)) if count else 0.0
     t_squared_limit = float(chi_square_quantile(1.0 - each, max(count, 1)))
     return StandardVerdict(
@@ -101,12 +100,16 @@ def judge_standard(
 
 
 def judge_result(standard: CheckStandardSection, imu: ImuProfile, result: Result) -> StandardVerdict:
-    """Compare the stored result of a check standard with its reference as it is now."""
+    """Compare the stored result of a check standard with its reference as it is now.
+
+    Raises InputError if the result has no time of start.
+    """
     rows = {name: row for name, row in result.parameters.items() if name in INDEX}
     sigma = parameter_vector({name: row.sigma for name, row in rows.items()})
     mean = parameter_vector({name: row.value for name, row in rows.items()})
     started = _time(result.started_utc or "")
-    return judge_standard(standard, imu, started, Belief(mean, covariance_from(sigma, result.correlation)), list(rows))
+    belief = Belief(mean, covariance_from(sigma, result.correlation))
+    return judge_standard(standard, imu, started, belief, rows.keys() - set(result.unobservable))
 
 
 def standard_states(
@@ -114,13 +117,24 @@ def standard_states(
 ) -> list[StandardState]:
     """Return the state of every check standard of a product at a station, whose runs are in `history`.
 
-    Only whole runs count. The last one must agree with the reference as it is now; the last one that passed must not be
-    older than the standard's interval.
+    Only `whole_runs` count. The last one must have passed and agree with the reference as it is now; the last such run
+    must not be older than the standard's interval.
     """
     if not product.check_standards:
         return []
     imu = load_imu_profile(library.find("imus", product.imu))
     return [_state(standard, imu, station, product, history, now) for standard in product.check_standards]
+
+
+def whole_runs(
+    standard: CheckStandardSection, station: StationConfig, product: ProductConfig, history: History, now: datetime
+) -> list[RunRecord]:
+    """Return the whole runs of a check standard at a station that passed or failed, the latest first.
+
+    A run without a readable start, or with one after `now`, does not count: it would hide all later ones.
+    """
+    wanted = RunFilter(search=standard.serial, station=station.name, product=product.name)
+    return [run for run in history.runs(wanted, limit=None) if _counts(run, standard, now)]
 
 
 def due_standards(station: StationConfig, product: ProductConfig, history: History, now: datetime) -> list[Due]:
@@ -167,16 +181,13 @@ def _state(
     history: History,
     now: datetime,
 ) -> StandardState:
-    wanted = RunFilter(search=standard.serial, station=station.name, product=product.name)
-    runs = [run for run in history.runs(wanted, limit=None) if _counts(run, standard)]
+    runs = whole_runs(standard, station, product, history, now)
     last = next(iter(runs), None)
     passed = next((run for run in runs if run.outcome == "passed" and _agrees(run, standard, imu, history)), None)
-    if passed is None and last is None:
-        return StandardState(standard, None, None, Due(standard.serial, "never", None))
     last_passed = None if passed is None else _time(passed.started_utc)
     due = None if last_passed is None else last_passed + timedelta(days=standard.interval_days)
     wrong = None
-    if last is not None and last != passed and not _agrees(last, standard, imu, history):
+    if last is not None and last != passed:
         wrong = Due(standard.serial, "out", _time(last.started_utc))
     elif due is None:
         wrong = Due(standard.serial, "never", None)
@@ -185,8 +196,12 @@ def _state(
     return StandardState(standard, last_passed, due, wrong)
 
 
-def _counts(run: RunRecord, standard: CheckStandardSection) -> bool:
-    return run.serial == standard.serial and not run.partial and run.outcome in ("passed", "failed")
+def _counts(run: RunRecord, standard: CheckStandardSection, now: datetime) -> bool:
+    judged = run.serial == standard.serial and not run.partial and run.outcome in ("passed", "failed")
+    try:
+        return judged and _time(run.started_utc) <= now
+    except InputError:
+        return False
 
 
 def _agrees(run: RunRecord, standard: CheckStandardSection, imu: ImuProfile, history: History) -> bool:
@@ -198,7 +213,10 @@ def _agrees(run: RunRecord, standard: CheckStandardSection, imu: ImuProfile, his
 
 
 def _time(text: str) -> datetime:
-    return datetime.fromisoformat(text).astimezone(UTC)
+    try:
+        return datetime.fromisoformat(text).astimezone(UTC)
+    except (ValueError, OverflowError) as exc:
+        raise InputError("quality.no_start", text=text) from exc
 
 
 def _midnight(day: date) -> datetime:

@@ -1,17 +1,23 @@
 """What is known of a station: its check standards with their runs, its instruments, and the charts of its table."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from calstation.config import InstrumentSection, library, load_product, load_station
+from calstation.config import InstrumentSection, ProductConfig, StationConfig, library, load_product, load_station
 from calstation.devices.profiles import load_imu_profile
 from calstation.errors import InputError
 from calstation.jobs import ProgressCallback
-from calstation.quality.standards import Due, StandardState, due_certificates, judge_result, standard_states
+from calstation.quality.standards import (
+    Due,
+    StandardState,
+    due_certificates,
+    judge_result,
+    standard_states,
+    whole_runs,
+)
 from calstation.quality.table_chart import TableChart, table_charts
-from calstation.records import RunFilter
 from calstation.results import History, StandardVerdict
 
 #: Largest number of runs of a check standard that are judged again, the latest.
@@ -47,16 +53,18 @@ def station_quality(
     """
     (_, place), (_, unit) = load_station(station), load_product(product)
     now, history = datetime.now(UTC), History(folder)
-    found = []
-    imu = load_imu_profile(library.find("imus", unit.imu)) if unit.check_standards else None
-    for state in standard_states(place, unit, history, now):
-        assert imu is not None
-        wanted = RunFilter(search=state.standard.serial, station=place.name, product=unit.name)
-        runs = [
-            run
-            for run in history.runs(wanted, _MOST_RUNS)
-            if run.serial == state.standard.serial and not run.partial and run.outcome in ("passed", "failed")
-        ]
+    standards = tuple(_standard_histories(place, unit, history, now))
+    report(0.8)
+    charts = table_charts(place, unit, history)
+    return StationQuality(standards, tuple(place.instruments), tuple(due_certificates(place, now)), charts)
+
+
+def _standard_histories(
+    station: StationConfig, product: ProductConfig, history: History, now: datetime
+) -> Iterator[StandardHistory]:
+    for state in standard_states(station, product, history, now):
+        imu = load_imu_profile(library.find("imus", product.imu))
+        runs = whole_runs(state.standard, station, product, history, now)[:_MOST_RUNS]
         rows = []
         for run in reversed(runs):
             try:
@@ -64,7 +72,4 @@ def station_quality(
             except InputError:  # a result that cannot be read is not a run that can be shown
                 continue
         names, started = tuple(run.log.stem for run, _ in rows), tuple(run.started_utc for run, _ in rows)
-        found.append(StandardHistory(state, names, started, tuple(verdict for _, verdict in rows)))
-    report(0.8)
-    charts = table_charts(place, unit, history)
-    return StationQuality(tuple(found), tuple(place.instruments), tuple(due_certificates(place, now)), charts)
+        yield StandardHistory(state, names, started, tuple(verdict for _, verdict in rows))

@@ -10,9 +10,9 @@ from calstation.devices import Imu
 from calstation.devices.imu import Entry, RegisterMap, Transferred, flash_registers, transfer
 from calstation.estimation import Solution
 from calstation.estimation.common import Belief
-from calstation.physics import EFFECT_PARAMETERS, INDEX, NAMES, compose
+from calstation.physics import EFFECT_PARAMETERS, NAMES, compose
 from calstation.quality import judge_standard
-from calstation.records import context_from_meta, estimated_stage
+from calstation.records import context_from_meta, estimated_stage, unobservable
 from calstation.registers import (
     AppliedRegisters,
     Purpose,
@@ -109,9 +109,9 @@ class Finalization:
         run, standard = self._run, self._setup.check_standard
         if standard is None:
             return None
-        estimated = [name for name in estimated_stage(solutions) if name in INDEX]
+        determined = estimated_stage(solutions).keys() - set(unobservable(run.chain.prior, solutions))
         started = run.prepared.started
-        run.standard = verdict = judge_standard(standard, self._setup.imu, started, solutions[-1].belief, estimated)
+        run.standard = verdict = judge_standard(standard, self._setup.imu, started, solutions[-1].belief, determined)
         worst = max(verdict.e_n, key=lambda name: abs(verdict.e_n[name]), default="")
         values = {
             "serial": run.serial,

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 
+import numpy as np
 import pytest
 import tomli_w
 from PySide6.QtCore import Qt
@@ -13,7 +14,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QLineEdit, QPushBu
 from calstation.config import library
 from calstation.gui.quality import QualityPage, study_view
 from calstation.gui.text import language
-from calstation.quality import GaugePlan
+from calstation.quality import BASELINE, GaugePlan, StationQuality, TableChart
 from calstation.simulation import synthesise_runs
 from tests.gui.conftest import Operator
 from tests.site_folder import BENCH, STATION
@@ -160,6 +161,19 @@ def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operat
     ]
 
 
+@pytest.mark.parametrize("later", [0, 20])
+def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: QualityPage, later: int) -> None:
+    values = np.append(np.zeros(BASELINE), np.full(later, 2e-4))
+    alarms = tuple(BASELINE + k for k in (5, 11)[: later // 10])
+    chart = TableChart(("2026-11-01T08:00:00+00:00",) * len(values), values, 0.0, 1e-4, BASELINE, alarms)
+    click_tab(operator, "Check standards")
+    page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
+    assert "after a baseline of 100 runs" in operator.says()
+    low, high, average = page.standards.table.plots[0].listDataItems()[1:4]
+    for item in (low, high, average):
+        assert list(item.xData if later else []) == list(range(BASELINE + 1, BASELINE + later + 1))
+
+
 def test_a_study_from_its_plan_to_its_verdict(
     operator: Operator, page: QualityPage, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -175,6 +189,12 @@ def test_a_study_from_its_plan_to_its_verdict(
     until_read(operator, page)
     plan = GaugePlan.load(new)
     assert (plan.units, plan.appraisers, plan.trials) == (("A-1", "A-2"), ("Li", "Wang"), 3)
+    operator.press("study_new_button")
+    operator.press("study_save_button")
+    again = GaugePlan.load(new)
+    assert again.seed != plan.seed, "every plan has an order of its own"
+    until_read(operator, page)
+    plan = again
     first = plan.order[0]
     assert f"12 of 12 runs are missing. Next: {first.appraiser} calibrates unit {first.unit}." in operator.says()
     assert [row[4] for row in cells(operator, "study_order_table")] == ["next", *["waiting"] * 11]

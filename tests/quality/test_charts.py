@@ -215,3 +215,12 @@ def test_false_alarm_rates_are_those_published() -> None:
         arl, error = run_length(found_first, length)
         # the exact first limits of the EWMA are narrower than the asymptotic ones of the published value, by 2 %
         assert arl == pytest.approx(published, abs=3.0 * error + 0.02 * published)
+
+
+def test_the_moving_range_signals_more_often_than_the_other_charts() -> None:
+    """Average run length of docs/how-to/quality.md; a single range exceeds D4 once in 1 / P(|x| > D4 d2 / sqrt 2)."""
+    random, length = np.random.default_rng(12), 2000
+    found = [individuals_chart(random.standard_normal(length), center=0.0, sigma=1.0) for _ in range(3000)]
+    first = [int(chart.range_signals[0]) if len(chart.range_signals) else None for chart in found]
+    arl, error = run_length(first, length)
+    assert arl == pytest.approx(120.0, abs=3.0 * error + 2.0)

@@ -22,6 +22,7 @@ from calstation.quality import FALSE_ALARM, judge_result, judge_standard, standa
 from calstation.quality.standards import due_certificates, due_standards
 from calstation.records import audit_path, open_log, read_audit
 from calstation.results import History, load_result
+from calstation.runs import finalize
 from calstation.runs.prepare import prepare
 from calstation.sequencer import Control, Message
 from calstation.simulation import BenchHooks
@@ -242,6 +243,21 @@ def test_a_check_standard_off_its_reference_fails_and_stops_production(site: Sit
     assert not result.check_standard.passed
     assert "standard_differs" in [event.id for event in site.events_of(Message)]
     refused(site, "quality.standard_out")
+
+
+@pytest.mark.long
+def test_the_end_of_a_run_compares_no_parameter_that_its_data_do_not_determine(
+    site: SiteFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(site, off=0.01)
+    monkeypatch.setattr(finalize, "unobservable", lambda *_: ["gyro_scale_x"])
+    request = replace(site.request(), serial=GOLDEN)
+    site.request = lambda *stages, **more: request  # type: ignore[method-assign,assignment]
+    result = load_result(Path(site.run().result_file))
+    assert result.check_standard is not None
+    assert result.check_standard.passed
+    assert "gyro_scale_x" not in result.check_standard.e_n
+    assert "gyro_scale_y" in result.check_standard.e_n
 
 
 def open_result(log: str) -> Any:

@@ -106,5 +106,13 @@ def test_an_incomplete_study_says_what_comes_next() -> None:
 
 def test_a_study_needs_two_of_everything() -> None:
     with pytest.raises(InputError) as caught:
-        GaugePlan.random("operator", UNITS, ("A", "A"), 3, 1, BEGIN)
+        GaugePlan.random("operator", UNITS, ("A",), 3, 1, BEGIN)
     assert caught.value.code == "quality.small_study"
+
+
+@pytest.mark.parametrize(("units", "who"), [((*UNITS, "SN-3"), WHO), (UNITS, (*WHO, "B"))])
+def test_a_plan_that_names_something_twice_is_refused(units: tuple[str, ...], who: tuple[str, ...]) -> None:
+    """Its runs would never be complete: those of the second name count for the first."""
+    with pytest.raises(InputError) as caught:
+        GaugePlan.random("operator", units, who, 3, 1, BEGIN)
+    assert caught.value.code == "quality.named_twice"

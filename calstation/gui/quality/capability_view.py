@@ -96,7 +96,7 @@ class CapabilityView(QWidget):
         found = self._found[name].capability
         assert found is not None
         indices = (("Cp", found.cp), ("Cpk", found.cpk), ("Pp", found.pp), ("Ppk", found.ppk))
-        lines = [f"{key}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for key, i in indices if i is not None]
+        lines = [f"{key}: {i.low:.2f} … {i.value:.2f} … {i.high:.2f}" for key, i in indices]
         return "\n".join([*lines, self.tr("Normal distribution: p = {0:.2g}").format(found.normality_p)])
 
     def _choose(self, line: int) -> None:
@@ -136,10 +136,9 @@ class Histogram(ThemedPlot):
         density = np.exp(-0.5 * ((x - mean) / sigma) ** 2) / (sigma * np.sqrt(2.0 * np.pi)) * len(values) * width
         self.addItem(pg.PlotDataItem(x, density, pen=pg.mkPen(c.text, width=1)))
         for limit in (found.low, found.high):
-            if limit is not None:
-                self.addItem(pg.InfiniteLine(size * limit, 90, pen=dashed(c.bad)))
-                self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=None))
+            self.addItem(pg.InfiniteLine(size * limit, 90, pen=dashed(c.bad)))
+            self.addItem(pg.PlotDataItem([size * limit], [0.0], pen=None))
 
 
-def _index(index: Interval | None) -> str:
-    return "–" if index is None else f"{index.value:.2f}"
+def _index(index: Interval) -> str:
+    return f"{index.value:.2f}"

@@ -22,7 +22,7 @@ from calstation.gui.widgets import (
 )
 from calstation.messages import local_time
 from calstation.physics import ARCSECOND
-from calstation.quality import WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
+from calstation.quality import BASELINE, WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
 
 #: Quantities of the table's geometry in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
@@ -49,7 +49,9 @@ class StandardsView(QWidget):
                 lambda: self.tr("Runs of the selected one, the latest first"),
                 lambda: self.tr("Instruments of the station"),
                 lambda: self.tr("Normalised errors Eₙ of the selected run, and their limit"),
-                lambda: self.tr("Geometry of the table, from every run of the product: EWMA and its limits"),
+                lambda: self.tr("Geometry of the table: EWMA and its limits after a baseline of {} runs").format(
+                    BASELINE
+                ),
             ),
             strict=True,
         ):
@@ -236,9 +238,11 @@ class TableCharts(StackedPlots[Mapping[str, TableChart]]):
             if name not in data:
                 continue
             found = data[name]
-            chart = ewma_chart(found.values, weight=WEIGHT, width=WIDTH, center=found.center, sigma=found.sigma)
-            run, alarms = np.arange(1, len(found.values) + 1), np.array(found.alarms, dtype=np.int64)
-            values = pg.ScatterPlotItem(run, found.values / ARCSECOND, size=4, pen=None, brush=c.line)
+            tested = found.values[found.baseline :]
+            chart = ewma_chart(tested, weight=WEIGHT, width=WIDTH, center=found.center, sigma=found.sigma)
+            every = np.arange(1, len(found.values) + 1)
+            run, alarms = every[found.baseline :], np.array(found.alarms, dtype=np.int64) - found.baseline
+            values = pg.ScatterPlotItem(every, found.values / ARCSECOND, size=4, pen=None, brush=c.line)
             self.add(plot, values)
             for limit in (chart.low, chart.high):
                 self.add(plot, pg.PlotDataItem(run, limit / ARCSECOND, pen=dashed(c.bad)))

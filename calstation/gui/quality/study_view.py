@@ -1,5 +1,6 @@
 """Repeatability study: its plan, the runs that are still missing, and the analysis of variance at the end."""
 
+import secrets
 from collections import Counter
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -37,7 +38,6 @@ from calstation.quality import GaugePlan, StudyState, Variation, evaluate_study
 _STATES = {"acceptable": "good", "marginal": "caution", "unacceptable": "bad"}
 #: Components in the order of the table.
 _COMPONENTS = ("repeatability", "reproducibility", "interaction", "gauge", "part", "total")
-_SEED = 1
 
 
 class StudyView(QWidget):
@@ -271,7 +271,7 @@ class PlanForm(QWidget):
         by: Literal["operator", "station"] = self._by.currentData()
         now = datetime.now(UTC).replace(microsecond=0)
         try:
-            plan = GaugePlan.random(by, units, names, self._trials.value(), _SEED, now)
+            plan = GaugePlan.random(by, units, names, self._trials.value(), secrets.randbits(32), now)
         except CalstationError as error:
             show_text(self._problem, error_text(error).sentences)
             return

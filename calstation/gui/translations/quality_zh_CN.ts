@@ -260,8 +260,8 @@
         <translation>选中标定的归一化误差 Eₙ 及其限值</translation>
     </message>
     <message>
-        <source>Geometry of the table, from every run of the product: EWMA and its limits</source>
-        <translation>转台几何量（取自该产品的每次标定）：EWMA 及其控制限</translation>
+        <source>Geometry of the table: EWMA and its limits after a baseline of {} runs</source>
+        <translation>转台几何量：{} 次标定的基线之后的 EWMA 及其控制限</translation>
     </message>
     <message>
         <source>Check standards</source>

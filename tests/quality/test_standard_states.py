@@ -1,0 +1,94 @@
+"""State of a check standard from stored runs: the latest whole run decides, and odd results do no harm."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calstation.config import CheckStandardSection, library, load_product, load_station
+from calstation.devices.profiles import load_imu_profile
+from calstation.errors import InputError
+from calstation.estimation.common import Belief
+from calstation.physics import COUNT
+from calstation.quality import StandardState, judge_result, judge_standard, standard_states, station_quality
+from calstation.results import Result
+from tests.results.test_history import refreshed, write
+from tests.site_folder import SiteFolder
+
+NOW = datetime(2026, 11, 23, tzinfo=UTC)
+STANDARD = CheckStandardSection.model_validate(
+    {
+        "serial": "GOLD",
+        "interval_days": 7,
+        "reference": {name: {"value": 0.0, "sigma": 1.0} for name in ("gyro_bias_x", "gyro_bias_y")},
+    }
+)
+IMU = load_imu_profile(library.find("imus", "bench_nav"))
+
+
+@pytest.fixture
+def runs(site_folder: SiteFolder) -> Path:
+    """A folder for runs, whose latest run so far passed and agrees."""
+    site_folder.write({"check_standards": [STANDARD.model_dump(exclude_none=True)]})
+    folder = site_folder.folder / "runs"
+    folder.mkdir()
+    store(folder, "first", 20, "passed")
+    return folder
+
+
+def store(folder: Path, name: str, day: int, outcome: str, **more: Any) -> Path:
+    made = {"station": "test bench", "product": "short", "values": {"gyro_bias_x": 0.5}, **more}
+    return write(folder, name, "GOLD", outcome, day, **made)
+
+
+def state(runs: Path) -> StandardState:
+    (_, station), (_, product) = load_station(runs.parent / "station.toml"), load_product(runs.parent / "product.toml")
+    (found,) = standard_states(station, product, refreshed(runs), NOW)
+    return found
+
+
+def test_a_latest_run_that_failed_stops_production_even_if_its_values_agree(runs: Path) -> None:
+    assert state(runs).wrong is None
+    store(runs, "second", 21, "failed")
+    found = state(runs)
+    assert found.wrong is not None
+    assert (found.wrong.reason, found.wrong.since) == ("out", datetime(2026, 11, 21, 8, tzinfo=UTC))
+    assert found.last_passed == datetime(2026, 11, 20, 8, tzinfo=UTC)
+    store(runs, "third", 22, "passed")
+    assert state(runs).wrong is None
+
+
+def test_a_run_with_a_start_in_the_future_does_not_count(runs: Path) -> None:
+    store(runs, "second", 21, "failed")
+    store(runs, "future", 1, "passed", started_utc="2036-11-22T08:00:00+00:00")
+    found = state(runs)
+    assert found.wrong is not None
+    assert found.wrong.reason == "out"
+
+
+@pytest.mark.parametrize("started", [None, "", "yesterday"])
+def test_a_result_without_a_time_of_start_stops_nothing(runs: Path, started: str | None) -> None:
+    path = store(runs, "odd", 21, "failed", started_utc=started)
+    assert state(runs).wrong is None
+    station, product = runs.parent / "station.toml", runs.parent / "product.toml"
+    (shown,) = station_quality(lambda *_, **__: None, runs, station, product).standards
+    assert shown.names == ("first",)
+    result = Result.model_validate_json(path.read_text(encoding="utf-8"))
+    with pytest.raises(InputError) as caught:
+        judge_result(STANDARD, IMU, result)
+    assert caught.value.code == "quality.no_start"
+
+
+def test_parameters_that_the_data_do_not_determine_are_not_compared(runs: Path) -> None:
+    values = {"gyro_bias_x": 0.5, "gyro_bias_y": 0.0}
+    path = store(runs, "second", 21, "passed", values=values, unobservable=["gyro_bias_y"])
+    result = Result.model_validate_json(path.read_text(encoding="utf-8"))
+    verdict = judge_result(STANDARD, IMU, result)
+    alone = judge_standard(STANDARD, IMU, NOW, Belief(0.5 * np.ones(COUNT), np.eye(COUNT)), ["gyro_bias_x"])
+    assert verdict.degrees == 1
+    assert verdict.e_n.keys() == {"gyro_bias_x"}
+    assert (verdict.e_n_limit, verdict.t_squared_limit) == (alone.e_n_limit, alone.t_squared_limit)
+    none = result.model_copy(update={"unobservable": list(values)})
+    assert not judge_result(STANDARD, IMU, none).passed
