@@ -1,5 +1,6 @@
 """Content of a calibration certificate, built from a result and the configuration in its log alone."""
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -119,11 +120,18 @@ def build_certificate(
 def certificate_number(result: Result) -> str:
     """Return the number of a certificate, which is the name of its log without ending.
 
-    The name of a recording of another program may not be unique, so that digits of its digest are added.
+    The name of a recording of another program may not be unique, so that digits of its digest are added. A log that was
+    solved again has a number of its own for every range, choice of stages and states, and version of the program.
     """
     name = PureWindowsPath(result.log.file).name
     name = next((name.removesuffix(end) for end in _SUFFIXES if name.endswith(end)), name)
-    return name if result.started_utc is not None else f"{name}-{result.log.sha256[:8]}"
+    if result.started_utc is None:
+        return f"{name}-{result.log.sha256[:8]}"
+    if result.outcome != "resolved":
+        return name
+    version = "" if result.software is None else result.software.version
+    solved = (result.log.first_seq, result.log.last_seq, *result.stages, *result.states_added, version)
+    return f"{name}-S{hashlib.sha256(repr(solved).encode()).hexdigest()[:8]}"
 
 
 def earliest_issue(result: Result) -> date | None:

@@ -40,7 +40,8 @@ def _of_end(result: Result) -> Iterator[Text]:
         yield Text.of("certificate.d_stopped", reason=result.stop_reason)
     if result.outcome == "resolved":
         software = result.software.version if result.software is not None else "–"
-        yield Text.of("certificate.d_resolved", software=software)
+        span = {"first": result.log.first_seq, "last": result.log.last_seq}
+        yield Text.of("certificate.d_resolved", software=software, stages=result.stages, **span)
     elif result.registers is None or result.registers.new is None:
         yield Text("certificate.d_registers_kept")
     elif not result.registers.verified:

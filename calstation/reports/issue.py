@@ -202,10 +202,11 @@ def _numbered(
         raise InputError("report.no_reason")
     certificate = build_certificate(result, log.meta, issued=request.issued or known)
     if request.revise is None and last is not None:
-        asked = last.issued if request.issued is None else request.issued.isoformat()
-        if (digest, asked) != (last.content_sha256, last.issued):
-            raise InputError("report.already_issued", number=last.identification, date=last.issued)
-        return _revised(certificate, last, same[-2] if len(same) > 1 else None), last, None
+        asked = None if request.issued is None else request.issued.isoformat()
+        for each, before in zip(reversed(same), [*reversed(same[:-1]), None], strict=True):
+            if each.content_sha256 == digest and asked in (None, each.issued):
+                return _revised(certificate, each, before), last, None
+        raise InputError("report.already_issued", number=last.identification, date=last.issued)
     if request.revise is None:
         issued, reason, revision = certificate.issued, None, 0
     elif last is None:
