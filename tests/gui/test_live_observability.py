@@ -1,7 +1,5 @@
 """The observability of the run in progress, drawn step by step on the engineer page."""
 
-from types import SimpleNamespace
-
 from PySide6.QtCore import QEvent, QPointF
 from PySide6.QtGui import QHelpEvent
 from PySide6.QtWidgets import QApplication, QLabel, QToolTip
@@ -9,6 +7,7 @@ from pytestqt.qtbot import QtBot
 
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
+from calstation.gui.shell import AppContext
 from calstation.gui.text import language
 from calstation.sequencer import StageRanked, StateChanged, StepStarted
 
@@ -54,7 +53,7 @@ def test_a_run_replaces_what_was_shown_and_a_result_the_run(qtbot: QtBot) -> Non
 
 
 def test_an_opened_result_is_shown_until_a_stage_reports(qtbot: QtBot) -> None:
-    analysis = ResultAnalysis(SimpleNamespace())
+    analysis = ResultAnalysis(AppContext())
     view = analysis.observability.view
     qtbot.addWidget(analysis.observability)
     states = {"gyro_bias_x": {"step": None, "by_step": [1.0]}}
@@ -70,7 +69,7 @@ def test_an_opened_result_is_shown_until_a_stage_reports(qtbot: QtBot) -> None:
 
 
 def test_steps_are_named_by_their_moves(qtbot: QtBot) -> None:
-    analysis = ResultAnalysis(SimpleNamespace())
+    analysis = ResultAnalysis(AppContext())
     view = analysis.observability.view
     qtbot.addWidget(analysis.observability)
     analysis.observability.resize(900, 600)

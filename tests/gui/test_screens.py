@@ -86,7 +86,7 @@ def test_the_window_fits_the_screen_with_stop_and_status_on_every_page(
     assert seen["scale"] == scale
     assert fits(seen)
     assert seen["tabs"] >= seen["wanted_tabs"]
-    assert len(seen["pages"]) == 10
+    assert len(seen["pages"]) == 12
     for page, stop, status in seen["pages"]:
         for part in (stop, *status):
             assert part is not None, page

@@ -1,6 +1,7 @@
 """`calstation report` embeds the digital calibration certificate, writes it by itself, and signs both."""
 
 import io
+import json
 import subprocess
 from dataclasses import replace
 from pathlib import Path
@@ -28,8 +29,12 @@ from tests.site_folder import SiteFolder
 
 @pytest.fixture
 def result_file(tmp_path: Path, shared_runs: SharedRuns) -> Path:
-    """The result of a run."""
-    return Path(shared_runs.passed(tmp_path / "run", "six_position").result_file)
+    """The result of a run, which names the log beside it."""
+    path = Path(shared_runs.passed(tmp_path / "run", "six_position").result_file)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["log"]["file"] = str(path.with_suffix(".h5"))
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
 
 
 @pytest.fixture

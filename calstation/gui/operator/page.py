@@ -244,7 +244,7 @@ class OperatorPage(Page):
         if transfer is not None and request is not None:
             self._starting.ask_transfer(request)
         elif fault is not None and fault.code in _OVERRIDABLE and request is not None:
-            self._starting.ask_override(request, Text(fault.code, fault.values))
+            self._starting.ask_override(request, CalstationError(fault.code, **fault.values).as_text)
         else:
             self._starting.offer(self.app.run.serial)
 
