@@ -21,7 +21,7 @@ class SharedRuns:
     def copy(self, name: str, folder: Path, make: Callable[[SiteFolder], Verdict]) -> Verdict:
         """Copy a run to `folder`; its result still names the log where it was made."""
         verdict = self._made(name, make)
-        shutil.copytree(self._root / name, folder, dirs_exist_ok=True)
+        shutil.copytree(self._root / name, folder, ignore=shutil.ignore_patterns("reports.jsonl"), dirs_exist_ok=True)
         log, result_file = (
             str(folder / Path(f).relative_to(self._root / name)) for f in (verdict.log, verdict.result_file)
         )

@@ -70,6 +70,7 @@ def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> Non
     assert (event.by, event.confirmed_by) == ("Li Na", None)
 
 
+@pytest.mark.long
 def test_a_second_engineer_confirms_it_where_the_product_requires_two(operator: Operator) -> None:
     use(operator, {"confirmation": {"required_for": ["override"]}}, instruments=OVERDUE, sign_in=ENGINEERS)
     access.set_pin("", "0000")
@@ -118,6 +119,7 @@ def test_a_certificate_from_the_verdict_and_from_the_history(
     assert events.count("certificate") == 1
 
 
+@pytest.mark.long
 def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
     use(operator, {"confirmation": {"required_for": ["certificate"]}}, sign_in=ENGINEERS)
     access.set_pin("", "0000")

@@ -47,6 +47,8 @@ if __name__ == "__main__":
     window.close()
 """
 
+pytestmark = pytest.mark.long
+
 
 def shown(site_folder: SiteFolder, size: tuple[int, int], scale: float) -> dict[str, Any]:
     """The window on a screen of this size, px, at this scale."""

@@ -51,6 +51,7 @@ def test_degrees_of_freedom_of_moving_ranges_match_their_spread() -> None:
     assert moving_range_dof(100_000) == pytest.approx(0.605 * 100_000, rel=2e-3)
 
 
+@pytest.mark.long
 def test_intervals_contain_the_true_index_as_often_as_they_promise() -> None:
     random, runs = np.random.default_rng(8), 3000
     inside = dict.fromkeys(("cp", "cpk", "pp", "ppk"), 0)

@@ -93,6 +93,7 @@ def test_the_limits_of_a_difference_are_0_where_the_f_test_says() -> None:
             assert (low > 0.0) == (factor > 1.0)
 
 
+@pytest.mark.long
 def test_intervals_contain_the_true_variation_as_often_as_they_promise() -> None:
     random, runs = np.random.default_rng(4), 800
     p, o, r = 10, 4, 3

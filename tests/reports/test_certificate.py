@@ -43,6 +43,10 @@ VERDICTS = {
 }
 
 
+#: The kinds of runs; those of the full calibration take long.
+CASES = [pytest.param(kind, marks=[pytest.mark.long] if kind in ("passed", "failed") else []) for kind in KINDS]
+
+
 @pytest.fixture
 def made(shared_runs: SharedRuns, tmp_path: Path, request: pytest.FixtureRequest) -> Made:
     return make(shared_runs, tmp_path / "site", request.param)
@@ -58,7 +62,7 @@ def text_of(page: pypdf.PageObject) -> str:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("made", KINDS, indirect=True, ids=KINDS)
+@pytest.mark.parametrize("made", CASES, indirect=True, ids=KINDS)
 def test_every_page_is_identified_and_the_document_says_all(made: Made, language: Language) -> None:
     content = printed(made, language)
     assert printed(made, language) == content
@@ -135,6 +139,7 @@ OTHERS: dict[str, tuple[dict[str, Any], str]] = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 @pytest.mark.parametrize("kind", OTHERS)
 def test_every_other_ending_has_a_certificate(made: Made, kind: str) -> None:
@@ -150,6 +155,7 @@ def test_every_other_ending_has_a_certificate(made: Made, kind: str) -> None:
     assert printed(other, "zh_CN").startswith(b"%PDF")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_a_check_standard_that_disagrees_is_named(made: Made) -> None:
     verdict = {"passed": False, "e_n": {}, "e_n_limit": 1.0, "t_squared": 9.0, "t_squared_limit": 1.0}
@@ -164,6 +170,7 @@ def test_a_check_standard_that_disagrees_is_named(made: Made) -> None:
     assert "Not conforming: 0" not in text
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_a_risk_is_that_of_the_decision(made: Made) -> None:
     """A value within its limits whose sigma is too large fails; the risk of accepting the value is not that of this."""
@@ -180,6 +187,7 @@ def test_a_risk_is_that_of_the_decision(made: Made) -> None:
     assert all(q.risk is None for q in build_certificate(stopped, made.certificate.meta).quantities)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_the_file_is_a_pdf_a_3b_with_the_result_attached(made: Made) -> None:
     reader = pypdf.PdfReader(io.BytesIO(printed(made)))
@@ -200,6 +208,7 @@ def test_the_file_is_a_pdf_a_3b_with_the_result_attached(made: Made) -> None:
     assert all(font[7:8] == "+" for font in fonts)  # subsets, hence embedded
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_the_budget_adds_up_to_the_variance(made: Made) -> None:
     certificate = made.certificate
@@ -212,6 +221,7 @@ def test_the_budget_adds_up_to_the_variance(made: Made) -> None:
         assert min(parts.values()) > -1e-3 * quantity.sigma**2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_scale_factors_carry_the_error_of_gravity_one_to_one(made: Made) -> None:
     relative = context_from_meta(made.certificate.meta).site.relative_gravity_sigma
@@ -222,6 +232,7 @@ def test_scale_factors_carry_the_error_of_gravity_one_to_one(made: Made) -> None
     assert made.certificate.budget.variance["gyro_bias_x"]["gravity"] < 1e-9 * made.certificate.quantities[0].sigma ** 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_as_found_and_as_left_are_the_estimate_minus_the_register(made: Made) -> None:
     registers = made.certificate.result.registers
@@ -239,6 +250,7 @@ def test_as_found_and_as_left_are_the_estimate_minus_the_register(made: Made) ->
     assert seen == 27
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_the_correlation_is_a_correlation_matrix(made: Made) -> None:
     matrix, names = made.certificate.correlation, [q.name for q in made.certificate.quantities]
@@ -249,6 +261,7 @@ def test_the_correlation_is_a_correlation_matrix(made: Made) -> None:
     assert matrix[names.index("gyro_bias_x"), names.index("gyro_bias_y")] == known
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["passed"], indirect=True)
 def test_the_sigmas_converge_to_those_of_the_result(made: Made) -> None:
     analysis = made.analysis
@@ -258,6 +271,7 @@ def test_the_sigmas_converge_to_those_of_the_result(made: Made) -> None:
     assert list(analysis.spans) == ["rate", "six_position", "excitation", "azimuth_flip"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["failed"], indirect=True)
 def test_a_failure_names_its_quantities_and_what_was_not_done(made: Made) -> None:
     decisions = {q.name: q.decision for q in made.certificate.quantities}

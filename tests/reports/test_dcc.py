@@ -28,6 +28,8 @@ from tests.reports.seal import KEYS, PASSWORD, write_certificate
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
 
+pytestmark = pytest.mark.long
+
 LABORATORY = LaboratorySection(
     name="惯性实验室",
     address="No. 1, Lab Street",
