@@ -50,6 +50,7 @@ def refused(operator: Operator) -> None:
     operator.press("override_choice")
 
 
+@pytest.mark.long
 def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> None:
     use(operator, {}, instruments=OVERDUE)
     access.set_pin("", "0000")

@@ -92,12 +92,14 @@ def test_every_quantity_has_charts_and_a_signal_opens_its_run(operator: Operator
     assert operator.window.page_tabs.currentWidget().objectName() == "engineer_page"
 
 
+@pytest.mark.long
 def test_slow_changes_are_charted_by_ewma_or_cusum(operator: Operator, page: QualityPage) -> None:
     assert "EWMA, λ = 0.2, L = 2.86" in operator.says()
     choose(operator, "quality_slow_combo", 1)
     assert "CUSUM, k = 0.5 σ, h = 4.77 σ" in operator.says()
 
 
+@pytest.mark.long
 def test_values_relative_to_their_sigma_mix_schedules(operator: Operator, page: QualityPage) -> None:
     before = page.control._charts["gyro_bias_x"].individuals.values
     choose(operator, "quality_scale_combo", 1)
@@ -161,6 +163,7 @@ def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operat
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("later", [0, 20])
 def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: QualityPage, later: int) -> None:
     values = np.append(np.zeros(BASELINE), np.full(later, 2e-4))

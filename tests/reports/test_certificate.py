@@ -43,8 +43,8 @@ VERDICTS = {
 }
 
 
-#: The kinds of runs; those of the full calibration take long.
-CASES = [pytest.param(kind, marks=[pytest.mark.long] if kind in ("passed", "failed") else []) for kind in KINDS]
+#: The kinds of runs; those of the full table take long.
+CASES = [pytest.param(kind, marks=[pytest.mark.long] if kind != "gimbal" else []) for kind in KINDS]
 
 
 @pytest.fixture
@@ -99,6 +99,7 @@ def test_a_simulation_says_so_beside_its_verdict(made: Made) -> None:
     assert "Simulation" not in "".join(page.extract_text() for page in pages)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("made", ["partial"], indirect=True)
 def test_a_partial_calibration_is_nowhere_a_pass(made: Made) -> None:
     assert made.certificate.verdict == "partial"

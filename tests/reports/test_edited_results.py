@@ -34,6 +34,7 @@ def test_another_value_is_refused(
     assert not (tmp_path / "edited.pdf").exists()
 
 
+@pytest.mark.long
 def test_a_verdict_that_the_log_does_not_give_is_refused(
     shared_runs: SharedRuns, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -85,6 +85,7 @@ def test_another_date_needs_a_revision_which_names_what_it_replaces(
     assert (last.revision, last.issued) == (2, datetime.now(UTC).date().isoformat())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("reason", ["Wrong customer", "Wrong address"])
 def test_of_two_revisions_at_a_time_one_is_refused(
     gimbal: Made, reason: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -108,6 +109,7 @@ def test_of_two_revisions_at_a_time_one_is_refused(
     assert f"{gimbal.result_file.stem}-R2" in first_page(slow)
 
 
+@pytest.mark.long
 def test_the_same_first_issue_twice_at_a_time_is_recorded_once(gimbal: Made, monkeypatch: pytest.MonkeyPatch) -> None:
     slow, fast = gimbal.folder / "slow.pdf", gimbal.folder / "fast.pdf"
 
@@ -122,6 +124,7 @@ def test_the_same_first_issue_twice_at_a_time_is_recorded_once(gimbal: Made, mon
     assert len(read_reports(gimbal.result_file.parent)) == 1
 
 
+@pytest.mark.long
 def test_nothing_is_issued_without_its_audit_event(
     gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -134,6 +137,7 @@ def test_nothing_is_issued_without_its_audit_event(
     assert not read_reports(gimbal.result_file.parent)
 
 
+@pytest.mark.long
 def test_no_certificate_is_dated_before_its_run_or_release(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     out = gimbal.folder / "first.pdf"
     assert report(gimbal.result_file, "-o", out, "--issued", "2001-01-01") == 2
@@ -152,6 +156,7 @@ def test_no_certificate_is_dated_before_its_run_or_release(gimbal: Made, capsys:
     assert (last.issued, last.reason) == ("2031-05-06", "Wrong customer")
 
 
+@pytest.mark.long
 def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     assert report(gimbal.result_file, "-o", gimbal.folder / "first.pdf") == 0
     result = json.loads(gimbal.result_file.read_text(encoding="utf-8"))
@@ -161,6 +166,7 @@ def test_another_result_of_the_same_log_needs_a_revision(gimbal: Made, capsys: p
     assert "with another result, date, template" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.long
 def test_other_templates_or_another_version_need_a_revision(
     gimbal: Made, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -177,6 +183,7 @@ def test_other_templates_or_another_version_need_a_revision(
     assert not other.exists()
 
 
+@pytest.mark.long
 def test_a_recording_is_solved_and_certified(gimbal: Made, capsys: pytest.CaptureFixture[str]) -> None:
     csv, out = gimbal.folder / "recording.csv", gimbal.folder / "recording.pdf"
     assert run_app(["export", str(gimbal.result_file.with_suffix(".h5")), "-o", str(csv)]) == 0

@@ -57,6 +57,7 @@ def exported_without_files(result_file: Path) -> Path:
     return csv
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("source", "message"),
     [
@@ -75,6 +76,7 @@ def test_no_copy_or_export_gets_a_certificate_without_the_second_person(
     assert not out.exists()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("source", [original, copy_of_the_result, exported])
 def test_the_window_asks_for_the_second_person_for_each_of_them(
     result_file: Path, source: Callable[[Path], Path]
