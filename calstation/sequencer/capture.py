@@ -28,7 +28,7 @@ from calstation.sequencer.steps import StepRunner
 REST = 10.0
 
 #: Duration of a rest in each attitude on a table, s.
-SHORT_REST = 1.9
+SHORT_REST = 1.8
 
 #: IMU time recorded after a move has settled, so that its last samples are included, s.
 _AFTER_MOVE = 0.1
