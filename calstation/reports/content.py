@@ -16,9 +16,6 @@ from calstation.records import InstrumentSection, LaboratorySection, Limit, LogM
 from calstation.reports.budget import Budget
 from calstation.results import ParameterConformity, Result
 
-#: Coverage factor of expanded uncertainties: a coverage of about 95 % for a normal distribution.
-COVERAGE_FACTOR = 2.0
-
 Decision = Literal["passed", "failed", "not_judged"]
 #: Statement of conformity; ``partial`` is that of a run of some stages of the product that are within their limits.
 Verdict = Literal["passed", "failed", "partial", "not_judged"]

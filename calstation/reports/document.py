@@ -18,10 +18,10 @@ from calstation.physics import (
     display_by_unit,
     unit_of_parameter,
 )
-from calstation.records import Check, context_from_meta
+from calstation.records import COVERAGE_FACTOR, Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
-from calstation.reports.content import COVERAGE_FACTOR, Certificate, Quantity, group_of, performed
+from calstation.reports.content import Certificate, Quantity, group_of, performed
 from calstation.reports.deviations import deviations, is_simulated
 from calstation.reports.numbers import NONE, check_unit, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain

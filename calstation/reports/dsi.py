@@ -14,7 +14,7 @@ from lxml.builder import ElementMaker
 from scipy.special import chdtri
 
 from calstation.physics import FloatArray
-from calstation.reports.content import COVERAGE_FACTOR
+from calstation.records import COVERAGE_FACTOR
 
 _NAMESPACE = "https://ptb.de/si"
 _SI = ElementMaker(namespace=_NAMESPACE, nsmap={"si": _NAMESPACE})
