@@ -1,0 +1,2 @@
+from .connect import connect as connect
+from .connect import upgrade as upgrade

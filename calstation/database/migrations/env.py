@@ -1,0 +1,9 @@
+"""Run by alembic: migrate over the connection that `calstation.database.connect` gives."""
+
+from alembic import context
+
+from calstation.database.tables import metadata
+
+context.configure(connection=context.config.attributes["connection"], target_metadata=metadata, render_as_batch=True)
+with context.begin_transaction():
+    context.run_migrations()

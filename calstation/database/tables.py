@@ -1,0 +1,115 @@
+"""Tables of the shared database, for PostgreSQL and SQLite; times are UTC."""
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    Column,
+    DateTime,
+    ForeignKey,
+    ForeignKeyConstraint,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    String,
+    Table,
+    Text,
+    UniqueConstraint,
+)
+
+metadata = MetaData(
+    naming_convention={
+        "pk": "pk_%(table_name)s",
+        "fk": "fk_%(table_name)s_%(column_0_name)s",
+        "uq": "uq_%(table_name)s_%(column_0_name)s",
+        "ix": "ix_%(table_name)s_%(column_0_name)s",
+    }
+)
+
+#: One row: the last revision of a run. Its lock orders the transactions, so that revisions appear in their order.
+revisions = Table("revisions", metadata, Column("last", BigInteger, primary_key=True, autoincrement=False))
+
+#: The outbox of each folder of runs; `last_number` is the last of its messages that arrived.
+outboxes = Table(
+    "outboxes",
+    metadata,
+    Column("id", String(36), primary_key=True),
+    Column("station", String, nullable=False),
+    Column("last_number", BigInteger, nullable=False),
+)
+
+#: Runs of all stations; `name` is the file name of the log without suffix. The columns from `serial` to `numbers` have
+#: the meaning of those of `calstation.records.run_index`.
+runs = Table(
+    "runs",
+    metadata,
+    Column("outbox", String(36), ForeignKey("outboxes.id"), primary_key=True),
+    Column("name", String, primary_key=True),
+    Column("revision", BigInteger, nullable=False, unique=True),
+    Column("serial", String, nullable=False, index=True),
+    Column("started_utc", String, nullable=False),
+    Column("content", Text, nullable=False),
+    Column("failed_checks", Text, nullable=False),
+    Column("parameters", Text, nullable=False),
+    Column("numbers", LargeBinary, nullable=False),
+    Column("result", Text),  #: The result JSON.
+    Column("log_sha256", String(64)),
+    Column("log", Text),  #: Where the log lies: URL of the archive, or host and path of the station.
+)
+
+#: Verified copies of logs in an archive.
+log_copies = Table(
+    "log_copies",
+    metadata,
+    Column("outbox", String(36), primary_key=True),
+    Column("name", String, primary_key=True),
+    Column("url", Text, nullable=False),
+    Column("file_sha256", String(64), nullable=False),
+    Column("size", BigInteger, nullable=False),
+    Column("archived", DateTime(timezone=True), nullable=False),
+    ForeignKeyConstraint(["outbox", "name"], ["runs.outbox", "runs.name"]),
+)
+
+#: Units that stations work on at present.
+claims = Table(
+    "claims",
+    metadata,
+    Column("serial", String, primary_key=True),
+    Column("outbox", String(36), primary_key=True),
+    Column("station", String, nullable=False),
+    Column("operator", String),
+    Column("claimed", DateTime(timezone=True), nullable=False),
+    Column("expires", DateTime(timezone=True), nullable=False),
+)
+
+#: Logs that were solved again. A solution is identified by log, program, configuration, range and stages.
+solutions = Table(
+    "solutions",
+    metadata,
+    Column("id", BigInteger().with_variant(Integer, "sqlite"), primary_key=True),
+    Column("log_sha256", String(64), nullable=False),
+    Column("software", String, nullable=False),
+    Column("configuration_sha256", String(64), nullable=False),
+    Column("first_seq", BigInteger, nullable=False),
+    Column("last_seq", BigInteger, nullable=False),
+    Column("stages", String, nullable=False),
+    Column("version", String, nullable=False),  #: Software version, with ``+label`` if the configuration was changed.
+    Column("request_sha256", String(64), nullable=False),  #: Digest of the wanted range, stages and changes.
+    Column("location", Text, nullable=False),  #: URL or path of the log.
+    Column("fingerprint", String, nullable=False),  #: Stamp of the file at `location`.
+    Column("outcome", String, nullable=False),  #: ``resolved`` or ``failed``.
+    Column("error_code", String),
+    Column("passed", Boolean),
+    Column("serial", String),
+    Column("product", String),
+    Column("station", String),
+    Column("started_utc", String),
+    Column("failed_checks", Text, nullable=False),
+    Column("parameters", Text, nullable=False),
+    Column("numbers", LargeBinary, nullable=False),
+    Column("result", Text, nullable=False),
+    Column("solved", DateTime(timezone=True), nullable=False),
+    UniqueConstraint("log_sha256", "software", "configuration_sha256", "first_seq", "last_seq", "stages"),
+    Index("ix_solutions_version", "version", "id"),
+    Index("ix_solutions_request", "request_sha256", "software"),
+)

@@ -1,0 +1,1 @@
+"""Many logs at once: solving them again on many cores, and comparing the solutions of two versions."""
