@@ -35,7 +35,7 @@ def local_scores(
         count = len(update.innovation) // 3
         if not count:
             effect[:PARAMETER_START] = 0.0
-            effect -= update.gain @ (update.H @ effect)
+            effect -= update.gain.T @ np.linalg.solve(update.root, update.H @ effect)
             continue
         span = min(int(np.searchsorted(stops, index[observed + count // 2])), len(spans) - 1)
         observed += count
@@ -47,9 +47,9 @@ def local_scores(
         white = np.zeros((len(update.H), width + 1))
         white[:, :begun] = update.H @ effect[:, :begun]
         white[:, now] += update.H[:, BIAS]
+        white = np.linalg.inv(update.root) @ white
         white[:, -1] = update.innovation
-        effect[:, :begun] -= update.gain @ white[:, :begun]
-        white = np.linalg.inv(np.linalg.cholesky(update.covariance)) @ white
+        effect[:, :begun] -= update.gain.T @ white[:, :begun]
         own_score[span] += white[:, now].T @ white[:, -1]
         own_information[span] += white[:, now].T @ white[:, now]
         together.append(white)

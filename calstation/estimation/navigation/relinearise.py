@@ -128,10 +128,10 @@ class _Meter:
         """Begin a pass of `groups` groups of observations."""
         self.groups, self.seen = groups, 0
 
-    def watch(self, _: NavigationFilter) -> None:
-        """Count a start or a group of observations."""
+    def advance(self, groups: int) -> None:
+        """Count groups of observations."""
         if self.report is not None:
-            self.seen += 1
+            self.seen += groups
             done = self.passes + min(1.0, self.seen / max(self.groups, 1))
             beyond = max(0.0, done - self.expected)
             self.report(0.9 * (done - beyond) / self.expected + 0.1 * (1.0 - 0.5**beyond))
@@ -213,9 +213,9 @@ class _Relinearisation:
         """Run one pass about a point and start attitudes; also return the attitudes at the ends."""
         run = NavigationFilter(self.context, self.prior, point)
         ends = []
-        self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) + 1 for s in found))
+        self.meter.begin(sum(-(-(s.end - s.begin) // (run.stride * run.group_size)) for s in found))
         for start, attitude in zip(found, attitudes, strict=True):
-            run.run(self.data, start, attitude, smooth, self.meter.watch)
+            run.run(self.data, start, attitude, smooth, progress=self.meter.advance)
             ends.append(run.attitude)
         self.meter.passes += 1
         return run, ends

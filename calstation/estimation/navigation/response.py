@@ -58,7 +58,7 @@ def filter_sensitivity(
     for update in updates:
         if not len(update.innovation):
             error[:PARAMETER_START] = 0.0
-            error -= update.gain @ (update.H @ error)
+            error -= update.gain.T @ solve_triangular(update.root, update.H @ error, lower=True)
             continue
         added = errors[group]
         group += 1
@@ -68,12 +68,10 @@ def filter_sensitivity(
         error[STATES:] *= update.decay[:, None]
         response = update.H @ error
         response[:, COUNT:] += update.H[:, BIAS] @ added
-        root = np.linalg.cholesky(update.covariance)
-        white = solve_triangular(root, np.column_stack([response, update.innovation]), lower=True)
-        product = white.T @ white
-        information += product[:-1, :-1]
-        score += product[:-1, -1]
-        error -= update.gain @ response
+        white = solve_triangular(update.root, response, lower=True)
+        information += white.T @ white
+        score += white.T @ update.innovation
+        error -= update.gain.T @ white
     left = np.where(estimated[:, None], error[PARAMETER_START:STATES], np.eye(COUNT, columns))
     return Sensitivity(score, information, left, candidates, float(data.time[0]), duration)
 

@@ -91,67 +91,6 @@ def _inverse(S: FloatArray) -> FloatArray:
 
 
 @nb.njit(cache=True)
-def _cholesky(S: FloatArray) -> FloatArray:
-    """Return the lower Cholesky factor of a positive definite matrix, shape (n, n)."""
-    n = S.shape[0]
-    L = np.zeros((n, n))
-    for i in range(n):
-        for j in range(i + 1):
-            s = S[i, j]
-            for k in range(j):
-                s -= L[i, k] * L[j, k]
-            L[i, j] = np.sqrt(s) if i == j else s / L[j, j]
-    return L
-
-
-@nb.njit(cache=True)
-def inverse_of_positive(S: FloatArray) -> FloatArray:
-    """Return the inverse of a positive definite matrix, shape (n, n), computed from its Cholesky factor."""
-    n = S.shape[0]
-    L = _cholesky(S)
-    U = np.zeros((n, n))  # L⁻¹
-    for j in range(n):
-        U[j, j] = 1.0 / L[j, j]
-        for i in range(j + 1, n):
-            s = 0.0
-            for k in range(j, i):
-                s -= L[i, k] * U[k, j]
-            U[i, j] = s / L[i, i]
-    A = np.empty((n, n))
-    for i in range(n):
-        for j in range(i + 1):
-            s = 0.0
-            for k in range(i, n):
-                s += U[k, i] * U[k, j]
-            A[i, j] = s
-            A[j, i] = s
-    return A
-
-
-@nb.njit(cache=True)
-def whitened(S: FloatArray, y: FloatArray) -> FloatArray:
-    """Return L⁻¹ y, where S = L Lᵀ: innovations of unit variance, as if processed one by one, shape (n,)."""
-    L = _cholesky(S)
-    n = len(y)
-    white = np.empty(n)
-    for i in range(n):
-        s = y[i]
-        for k in range(i):
-            s -= L[i, k] * white[k]
-        white[i] = s / L[i, i]
-    return white
-
-
-@nb.njit(cache=True)
-def make_symmetric(P: FloatArray) -> None:
-    """Replace `P` in place by the mean of `P` and its transpose."""
-    for i in range(P.shape[0]):
-        for j in range(i):
-            P[i, j] = 0.5 * (P[i, j] + P[j, i])
-            P[j, i] = P[i, j]
-
-
-@nb.njit(cache=True)
 def _process_noise(force: FloatArray, rate_q: float, force_q: float, T: float, Q: FloatArray) -> None:
     """Write into Q, shape (9, 9), the covariance in n of white rate and force noise over T s (Groves 14.80)."""
     fx, fy, fz = force[0], force[1], force[2]
