@@ -8,7 +8,6 @@ Multisensor Integrated Navigation Systems*, 2nd ed., ch. 3, 14; resets: Savage, 
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -53,17 +52,6 @@ class History:
         return np.asarray(np.sum(self.innovation**2, axis=1))
 
 
-class Update(NamedTuple):
-    """A group of observations as it was processed, for r rows and n states, see `Updates`."""
-
-    transition: FloatArray  #: Transition of φ, δv and δp over the group, shape (9, n).
-    decay: FloatArray  #: Decay of the bias drift over the group, shape (n − 39,).
-    H: FloatArray  #: Jacobian of the observations, shape (r, n).
-    root: FloatArray  #: Cholesky factor of the covariance of the innovations, shape (r, r).
-    gain: FloatArray  #: Transposed gain for the normalised innovations, shape (r, n).
-    innovation: FloatArray  #: Normalised, shape (r,); empty for that at a start, after φ, δv and δp were reset.
-
-
 #: Empty reference, with which the loop is closed.
 _FREE = (np.empty((0, 3, 3)), np.empty((0, 3)))
 #: Number of groups that are processed between two reports of progress.
@@ -96,7 +84,7 @@ class NavigationFilter:
             (np.empty(0, np.int64), np.empty((0, 3, 3)), np.empty((0, 3)), np.empty((0, 3)))
         ]
         #: Every update of a pass that follows a reference.
-        self.updates: list[Update] = []
+        self.updates: list[Updates] = []
         #: Number of observations in a group.
         self.group_size = max(round(GROUP_TIME / (self.stride * self.dt)), 1)
         self._groups: dict[int, VelocityGroup] = {}
@@ -167,7 +155,8 @@ class NavigationFilter:
         x += K @ (z - H @ x)
         left = np.eye(len(x)) - K @ H
         P[:] = left @ P @ left.T + K @ R @ K.T
-        self.updates.append(Update(np.empty((0, 0)), np.empty(0), H, root, gain, np.empty(0)))
+        none = np.empty((1, 0, 0))
+        self.updates.append(Updates(none, np.empty(0), H[None], root[None], gain[None], none[0], none, none[0]))
 
     def observe(
         self,
@@ -182,7 +171,8 @@ class NavigationFilter:
         `follow` contains the attitudes, shape (groups count, 3, 3), and velocities, m/s, shape (groups count, 3), of
         the reference; None closes the loop.
         """
-        group, found = self._group(count), updates(groups, count, len(self.state.x))
+        group = self._group(count)
+        found = updates(groups, count, np.diag(group.transition)[STATES:].copy())
         process(
             self.constants, self.setting, data.gyro, data.accel, start, *(follow or _FREE), self.work, group,
             self.state, found,
@@ -191,9 +181,7 @@ class NavigationFilter:
         self._history.append((index, found.attitude, found.rate, found.innovation.reshape(-1, 3)))
         self.group, self.last = group, found
         if follow is not None:
-            decay = np.diag(group.transition)[STATES:].copy()
-            rows = zip(found.transition, found.H, found.root, found.gain, found.innovation, strict=True)
-            self.updates += [Update(transition, decay, *others) for transition, *others in rows]
+            self.updates.append(found)
 
     def _group(self, count: int) -> VelocityGroup:
         """Return the arrays for a group of `count` observations, including the decay of bias drift over the group."""

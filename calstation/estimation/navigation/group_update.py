@@ -32,20 +32,24 @@ class State(NamedTuple):
 class Updates(NamedTuple):
     """g groups of k observations as they were processed, for r = 3 k rows and n states."""
 
-    transition: FloatArray  #: Transition of φ, δv and δp over the group, shape (g, 9, n).
+    #: Transition of φ, δv and δp over the group, shape (g, 9, n); empty for the observation at a start, after these
+    #: states were reset.
+    transition: FloatArray
+    decay: FloatArray  #: Decay of the bias drift over a group, shape (n − 39,).
     H: FloatArray  #: Jacobian of the observations, shape (g, r, n).
     root: FloatArray  #: Cholesky factor L of the covariance of the innovations, shape (g, r, r).
     gain: FloatArray  #: W, the transposed gain for the normalised innovations, shape (g, r, n).
-    innovation: FloatArray  #: Normalised: L⁻¹ (z − H x), shape (g, r).
+    innovation: FloatArray  #: Normalised: L⁻¹ (z − H x), shape (g, r); empty for the observation at a start.
     attitude: FloatArray  #: C_bn at each observation, shape (g k, 3, 3).
     rate: FloatArray  #: ω_ib at each observation, rad/s, shape (g k, 3).
 
 
-def updates(groups: int, count: int, size: int) -> Updates:
-    """Allocate the arrays for groups of `count` observations of `size` states."""
-    rows = 3 * count
+def updates(groups: int, count: int, decay: FloatArray) -> Updates:
+    """Allocate the arrays for groups of `count` observations."""
+    rows, size = 3 * count, STATES + len(decay)
     return Updates(
         np.empty((groups, NAVIGATION, size)),
+        decay,
         np.empty((groups, rows, size)),
         np.empty((groups, rows, rows)),
         np.empty((groups, rows, size)),

@@ -20,7 +20,8 @@ from calstation.estimation.common import (
     quietest,
     starts,
 )
-from calstation.estimation.navigation.filter import History, NavigationFilter, Update
+from calstation.estimation.navigation.filter import History, NavigationFilter
+from calstation.estimation.navigation.group_update import Updates
 from calstation.physics import (
     BoolArray,
     FloatArray,
@@ -57,7 +58,7 @@ class NavigationResult:
     passes: int
     converged: bool  #: Whether the last pass made no significant change.
     azimuth_free: bool  #: Whether the azimuth was found from the data alone.
-    updates: tuple[Update, ...]  #: Every update of the last pass, in order.
+    updates: tuple[Updates, ...]  #: Every update of the last pass, in order.
 
 
 def solve_navigation(
