@@ -48,6 +48,13 @@ def axis_rotation(axis: FloatArray | tuple[float, float, float], angle: float) -
     return _rodrigues(float(x) * angle, float(y) * angle, float(z) * angle)
 
 
+def axis_rotations(axis: FloatArray | tuple[float, float, float], angles: FloatArray) -> FloatArray:
+    """Return the right-handed rotations by `angles`, rad, shape (n,), about a unit `axis`, shape (n, 3, 3)."""
+    K = skew(np.asarray(axis, np.float64))
+    angles = angles[:, None, None]
+    return np.asarray(np.eye(3) + np.sin(angles) * K + (1.0 - np.cos(angles)) * (K @ K))
+
+
 @nb.njit(cache=True)
 def rotation_vector(C: FloatArray) -> FloatArray:
     """Return the rotation vector, rad, shape (3,), of a rotation matrix, for angles up to π."""
