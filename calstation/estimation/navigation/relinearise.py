@@ -36,6 +36,9 @@ from calstation.physics import (
 MOST_PASSES = 20
 #: Passes about a fixed point, after which the attitudes no longer change significantly.
 PASSES_AT_POINT = 2
+#: Mean normalised innovation squared, of 3 degrees of freedom, below which a first pass follows the motion well enough:
+#: what the errors of its point add is smaller than the noise.
+FITS = 1.25 * 3.0
 #: Number of passes that a solution usually needs, for the progress report.
 USUAL_PASSES = 2
 #: A pass is the last if its step, or the next step predicted from the last two, is below this many sigmas.
@@ -176,15 +179,18 @@ class _Relinearisation:
     def iterate(self, found: list[Start], attitudes: list[FloatArray], point: FloatArray) -> NavigationResult:
         """Run passes until one makes no significant change.
 
-        The very first pass closes the loop or not, whichever leaves the smaller innovations: closing it follows large
-        errors of the first point, but may go astray while little has been observed.
+        If the very first pass leaves innovations larger than their noise, it is made again in closed loop, and the one
+        with the smaller innovations counts: closing the loop follows large errors of the first point, but may go astray
+        while little has been observed.
         """
         moved = 1.0  # before the first pass the rate at which steps shrink is unknown
         for _ in range(MOST_PASSES):
             self.passes += 1
-            ways = (True,) if self.passes > 1 else (False, True)
-            passes = [self.one_pass(point, found, attitudes, smooth=smooth) for smooth in ways]
-            run, ends = min(passes, key=lambda each: float(np.sum(each[0].history.nis)))
+            run, ends = self.one_pass(point, found, attitudes, smooth=True)
+            nis = run.history.nis
+            if self.passes == 1 and not np.sum(nis) < FITS * len(nis):
+                other = self.one_pass(point, found, attitudes, smooth=False)
+                run, ends = min(other, (run, ends), key=lambda each: float(np.sum(each[0].history.nis)))
             belief = run.belief
             sigma = np.where(belief.sigma > 0.0, belief.sigma, 1.0)
             before, moved = moved, float(np.max((np.abs(belief.mean - point) / sigma)[self.estimated], initial=0.0))
