@@ -64,10 +64,10 @@ class NavigationFilter:
     `point` contains the parameters of the linearisation, SI, shape (30,).
 
     The live display closes the loop: corrections of attitude and velocity are fed back immediately. A pass of a
-    solution follows a smoothed `Reference` instead, and closes the loop only far from the solution. The transitions along a reference that jumps at every
-    observation have unobservable directions that differ by the size of the jumps, so a bias and a tilt of which only
-    the sum is observable would appear to be observable separately (Huang, Mourikis, Roumeliotis, *Observability-based
-    rules for designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
+    solution follows a smoothed `Reference` instead, and closes the loop only far from the solution. The transitions
+    along a reference that jumps at every observation have unobservable directions that differ by the size of the jumps,
+    so a bias and a tilt of which only the sum is observable would appear to be observable separately (Huang, Mourikis,
+    Roumeliotis, *Observability-based rules for designing consistent EKF SLAM estimators*, IJRR 29(5), 2010).
     """
 
     def __init__(self, context: SolveContext, prior: Belief, point: FloatArray) -> None:
