@@ -41,6 +41,16 @@ def rotation_matrix(rotvec: FloatArray) -> FloatArray:
     return np.asarray(_compiled_rodrigues(rotvec[0], rotvec[1], rotvec[2]))
 
 
+@nb.njit(cache=True)
+def rotate(rotvec: FloatArray, C: FloatArray) -> None:
+    """Replace C, shape (3, 3), by the rotation of a rotation vector, rad, times C."""
+    R = _compiled_rodrigues(rotvec[0], rotvec[1], rotvec[2])
+    for j in range(3):
+        x, y, z = C[0, j], C[1, j], C[2, j]
+        for i in range(3):
+            C[i, j] = R[i, 0] * x + R[i, 1] * y + R[i, 2] * z
+
+
 def axis_rotation(axis: FloatArray | tuple[float, float, float], angle: float) -> FloatArray:
     """Return the right-handed rotation by `angle`, rad, about a unit `axis`, shape (3, 3)."""
     x, y, z = axis

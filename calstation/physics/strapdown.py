@@ -225,8 +225,9 @@ def propagate(
     jacobian : whether to write the columns of the parameters and the Jacobian of the rate
     """
     C, F, middle = work.attitude, work.transition, np.empty((3, 3))
-    psi_phi, psi_v, psi_p = np.zeros((3, 12)), np.zeros((3, 27)), np.zeros((3, 27))
-    turn, push = np.empty((3, 12)), np.empty((3, 27))
+    rows = 3 if jacobian else 0
+    psi_phi, psi_v, psi_p = np.zeros((rows, 12)), np.zeros((rows, 27)), np.zeros((rows, 27))
+    turn, push = np.empty((rows, 12)), np.empty((rows, 27))
     force_sum, force_moment = np.zeros(3), np.zeros(3)
     rotation, v = _vector(earth), _vector(work.velocity)
 

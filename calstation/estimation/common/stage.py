@@ -4,6 +4,7 @@ import itertools
 from dataclasses import dataclass, field
 from functools import reduce
 
+import numba as nb
 import numpy as np
 
 from calstation.estimation.common.context import Belief, ImuModel
@@ -93,10 +94,19 @@ def _joined(parts: list[np.ndarray], dtype: type, columns: int = 0) -> np.ndarra
     return np.concatenate(parts).astype(dtype, copy=False)
 
 
+@nb.njit(cache=True)
 def window_mean(values: FloatArray, width: int) -> FloatArray:
     """Return the mean of the `width` samples ending at each index from width − 1, shape (n − width + 1, columns)."""
-    total = np.cumsum(np.vstack([np.zeros((1, values.shape[1])), values]), axis=0)
-    return np.asarray((total[width:] - total[:-width]) / width)
+    count, columns = values.shape
+    total = np.zeros((count + 1, columns))
+    mean = np.empty((max(count - width + 1, 0), columns))
+    for k in range(count):
+        for j in range(columns):
+            total[k + 1, j] = total[k, j] + values[k, j]
+    for k in range(len(mean)):
+        for j in range(columns):
+            mean[k, j] = (total[k + width, j] - total[k, j]) / width
+    return mean
 
 
 def largest(values: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ import numpy as np
 
 from calstation.estimation.navigation.triangular import cholesky, forward
 from calstation.estimation.navigation.velocity_group import NAVIGATION, Setting, VelocityGroup, observe
-from calstation.physics import STATES, Compensation, FloatArray, IntervalWork, rotation_matrix
+from calstation.physics import STATES, Compensation, FloatArray, IntervalWork, rotate
 
 
 class State(NamedTuple):
@@ -120,14 +120,11 @@ def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
     size = len(x)
     across, mean = np.zeros((NAVIGATION, NAVIGATION)), np.zeros(NAVIGATION)
     for i in range(NAVIGATION):
+        for k in range(size):
+            mean[i] += F[i, k] * x[k]
         for j in range(size):
             moved[i, j] = 0.0
-        for k in range(size):
-            f = F[i, k]
-            if f != 0.0:
-                mean[i] += f * x[k]
-                for j in range(size):
-                    moved[i, j] += f * P[k, j]
+        _add_rows(F[i], P, moved[i])
     for i in range(NAVIGATION):
         for j in range(i + 1):
             t = Q[i, j]
@@ -154,6 +151,16 @@ def predict(group: VelocityGroup, state: State, moved: FloatArray) -> None:
 
 
 @nb.njit(cache=True)
+def _add_rows(factors: FloatArray, A: FloatArray, out: FloatArray) -> None:
+    """Add the rows of A, shape (n, n), times their factors to `out`, three at a time: n is a multiple of 3."""
+    for k in range(0, len(factors), 3):
+        s, t, u = factors[k], factors[k + 1], factors[k + 2]
+        if s != 0.0 or t != 0.0 or u != 0.0:
+            for j in range(len(out)):
+                out[j] += s * A[k, j] + t * A[k + 1, j] + u * A[k + 2, j]
+
+
+@nb.njit(cache=True)
 def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArray, innovation: FloatArray) -> None:
     """Update mean and covariance with a group; write L, W and the normalised innovations."""
     x, P, H, M = state.x, state.P, group.H, group.M
@@ -164,12 +171,9 @@ def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArra
             gain[r, j] = M[j, r]
         residual = group.z[r]
         for k in range(size):
-            h = H[r, k]
-            if h != 0.0:
-                residual -= h * x[k]
-                for j in range(size):
-                    gain[r, j] += h * P[k, j]
+            residual -= H[r, k] * x[k]
         innovation[r] = residual
+        _add_rows(H[r], P, gain[r])
     transposed = H.T.copy()
     for r in range(rows):
         for q in range(rows):
@@ -190,10 +194,10 @@ def update(group: VelocityGroup, state: State, root: FloatArray, gain: FloatArra
         for j in range(size):
             x[j] += t * gain[r, j]
     for i in range(size):
-        for r in range(rows):
-            t = gain[r, i]
+        for r in range(0, rows, 3):
+            s, t, u = gain[r, i], gain[r + 1, i], gain[r + 2, i]
             for j in range(i + 1):
-                P[i, j] -= t * gain[r, j]
+                P[i, j] -= s * gain[r, j] + t * gain[r + 1, j] + u * gain[r + 2, j]
         for j in range(i):
             P[j, i] = P[i, j]
 
@@ -223,10 +227,8 @@ def _feed_back(state: State, work: IntervalWork, group: VelocityGroup, root: Flo
     for r in range(rows):
         for j in range(size):
             offset[j] -= white[r, 0] * gain[r, j]
-    correction = np.empty(3)
     for i in range(3):
-        correction[i] = x[i] - offset[i]
         work.velocity[i] += x[3 + i] - offset[3 + i]
-    work.attitude[:] = rotation_matrix(correction) @ work.attitude
+    rotate(x - offset, work.attitude)
     for i in range(6):
         x[i] = offset[i]

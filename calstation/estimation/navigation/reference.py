@@ -12,7 +12,7 @@ import numpy as np
 
 from calstation.estimation.common import FilterNoise, StageData
 from calstation.estimation.navigation.triangular import backward, cholesky, forward
-from calstation.physics import Compensation, FloatArray, IntervalWork, interval_work, propagate, rotation_matrix
+from calstation.physics import Compensation, FloatArray, IntervalWork, interval_work, propagate, rotate
 
 #: Prior sigma of the start heading, rad: small, because the parameters may be too inaccurate for gyrocompassing.
 HEADING_SIGMA = 1e-4
@@ -124,7 +124,7 @@ def _smoothed(
             for j in range(i + 1):
                 P[i, j] = predicted[i, j] - K[0, i] * K[0, j] - K[1, i] * K[1, j] - K[2, i] * K[2, j]
                 P[j, i] = P[i, j]
-        work.attitude[:] = rotation_matrix(d[:3]) @ work.attitude
+        rotate(d, work.attitude)
         for i in range(3):
             work.velocity[i] += d[3 + i]
             velocity[k + 1, i] = work.velocity[i]
@@ -137,7 +137,7 @@ def _smoothed(
             for i in range(6):
                 smoothed[k, i] += gains[k, m, i] * t
     for k in range(count + 1):
-        attitude[k] = rotation_matrix(smoothed[k, :3]) @ attitude[k]
+        rotate(smoothed[k], attitude[k])
         for i in range(3):
             velocity[k, i] += smoothed[k, 3 + i]
     return Reference(attitude, velocity)
