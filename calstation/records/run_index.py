@@ -236,7 +236,7 @@ class RunIndex:
         fields = ("name", "serial", "verdict", "product", "station", "operator", "partial", "failed_checks")
         query = select(days, *(_runs.c[name] for name in (*fields, "parameters", "numbers")))
         query = query.where(days.is_not(None), *_conditions(wanted))
-        rows = self._try(lambda connection: connection.execute(query).all())
+        rows = self._try(lambda connection: _rows(connection, query))
         # sorted here: SQLite would read the whole table in the order of time, which is random access
         order = np.argsort([row[0] for row in rows], kind="stable")
         columns = zip(*(rows[k] for k in order.tolist()), strict=True) if rows else [()] * 11
@@ -324,6 +324,12 @@ def _create(connection: Connection) -> None:
     _metadata.create_all(connection)
 
 
+def _rows(connection: Connection, query: Select[Any]) -> list[tuple[Any, ...]]:
+    """Return the rows as SQLite gives them, in a third of the time that SQLAlchemy's rows take."""
+    cursor = connection.execute(query).cursor
+    return [] if cursor is None else list(cursor.fetchall())
+
+
 def _conditions(wanted: RunFilter) -> list[ColumnElement[bool]]:
     columns = ("verdict", "product", "station", "operator")
     conditions = [_runs.c[name] == getattr(wanted, name) for name in columns if getattr(wanted, name)]
@@ -359,13 +365,12 @@ def _estimates(
     rows: dict[str, list[int]] = {}
     for k, names_json in enumerate(parameters):
         rows.setdefault(names_json, []).append(k)
-    values: dict[str, FloatArray] = {}
-    sigmas: dict[str, FloatArray] = {}
+    names_of = {names_json: json.loads(names_json) for names_json in rows}
+    column = {name: j for j, name in enumerate(dict.fromkeys(name for names in names_of.values() for name in names))}
+    found = np.full((2, len(column), len(parameters)), np.nan)
     for names_json, where in rows.items():
-        names = json.loads(names_json)
+        names = names_of[names_json]
         table = np.frombuffer(b"".join(numbers[k] for k in where)).reshape(len(where), 2, len(names))
-        index = np.array(where)
-        for j, name in enumerate(names):
-            for columns, found in ((values, table[:, 0, j]), (sigmas, table[:, 1, j])):
-                columns.setdefault(name, np.full(len(parameters), np.nan))[index] = found
+        found[np.ix_((0, 1), [column[name] for name in names], where)] = table.transpose(1, 2, 0)
+    values, sigmas = ({name: rows[j] for name, j in column.items()} for rows in found)
     return values, sigmas
