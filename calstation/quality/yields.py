@@ -72,10 +72,10 @@ class Yields:
 def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection[str] = ()) -> Yields:
     """Return the yield of the runs that started at `since` or later, s since 1970 in UTC.
 
-    The earlier runs show which units had their first run before. Runs of the units `without`, such as golden units, do
+    The earlier runs show which units had their first run before. Runs of check standards and of the units `without` do
     not count. A failed run that failed several checks counts for each of them.
     """
-    judged = [k for k in judged_runs(runs) if runs.serials[k] not in without]
+    judged = production_runs(runs, without)
     first: dict[tuple[str | None, str], int] = {}
     for k in judged:
         first.setdefault((runs.products[k], runs.serials[k]), k)
@@ -102,6 +102,12 @@ def judged_runs(runs: RunColumns) -> list[int]:
     """Return the indices of the full runs that ended with PASS or FAIL."""
     full = np.flatnonzero(~runs.partial).tolist()
     return [k for k in full if runs.verdicts[k] in ("passed", "failed")]
+
+
+def production_runs(runs: RunColumns, without: Collection[str]) -> list[int]:
+    """Return the indices of the judged runs that are of production: neither of check standards nor of `without`."""
+    standard = runs.check_standard.tolist()
+    return [k for k in judged_runs(runs) if not standard[k] and runs.serials[k] not in without]
 
 
 def _share(passed: Sequence[bool]) -> Share | None:

@@ -246,6 +246,20 @@ def test_a_check_standard_off_its_reference_fails_and_stops_production(site: Sit
 
 
 @pytest.mark.long
+def test_a_check_standard_that_ends_early_is_recognised_in_its_result(site_folder: SiteFolder) -> None:
+    reference = {"accel_scale_x": {"value": 0.0, "sigma": 1.0}}
+    standards = [{"serial": "SN-000042", "interval_days": 7.0, "reference": reference}]
+    entries = {"end_on_failure": True, "stages": ["six_position", "azimuth_flip"], "check_standards": standards}
+    site_folder.write(entries, out_of_limits=True)
+    assert site_folder.request().serial == "SN-000042"
+    result = load_result(Path(site_folder.run().result_file))
+    assert (result.outcome, result.stages) == ("failed", ["six_position"])
+    assert result.check_standard is not None
+    (run,) = site_history(site_folder).runs()
+    assert run.check_standard
+
+
+@pytest.mark.long
 def test_the_end_of_a_run_compares_no_parameter_that_its_data_do_not_determine(
     site: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
