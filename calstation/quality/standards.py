@@ -12,6 +12,7 @@ contain what the unit may have changed since the reference, from the stability i
 from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
@@ -26,6 +27,9 @@ from calstation.results import History, Result, StandardVerdict
 
 #: Probability that a run fails although neither station nor unit changed beyond their stated uncertainties.
 FALSE_ALARM = 0.0027
+
+#: Probability with which a run detects an error of the size of `StandardVerdict.detectable`.
+POWER = 0.9
 
 _YEAR = timedelta(days=365.25)
 _MOUNTING = frozenset(group_indices("outer_lever"))
@@ -83,9 +87,13 @@ def judge_standard(
     variance = np.array([r.sigma**2 for r in reference]) + imu.change_sigmas(years)[at] ** 2
     difference = found.mean[at] - np.array([r.value for r in reference])
     covariance = found.covariance[np.ix_(at, at)] + np.diag(variance)
-    errors = difference / (COVERAGE_FACTOR * np.sqrt(np.diag(covariance)))
+    sigma = np.sqrt(np.diag(covariance))
+    errors = difference / (COVERAGE_FACTOR * sigma)
     count, each = len(names), 0.5 * FALSE_ALARM
     limit = float(np.sqrt(chi_square_quantile(1.0 - each / max(count, 1), 1))) / COVERAGE_FACTOR
+    # x - x_ref is normal with the true error as mean: P(error beyond the limit) = POWER. The other limit is then more
+    # than 7 sigma away and adds less than 1e-12.
+    detectable = (COVERAGE_FACTOR * limit + NormalDist().inv_cdf(POWER)) * sigma
     t_squared = float(difference @ np.linalg.solve(covariance, difference)) if count else 0.0
     t_squared_limit = float(chi_square_quantile(1.0 - each, max(count, 1)))
     return StandardVerdict(
@@ -96,6 +104,7 @@ def judge_standard(
         t_squared_limit=t_squared_limit,
         degrees=count,
         false_alarm=FALSE_ALARM,
+        detectable=dict(zip(names, detectable.tolist(), strict=True)),
     )
 
 

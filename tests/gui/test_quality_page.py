@@ -1,5 +1,6 @@
 """The Quality page by real clicks: charts and their signals, capability, yield, check standards, repeatability."""
 
+import json
 import shutil
 from collections.abc import Iterator
 from datetime import date
@@ -11,10 +12,13 @@ import tomli_w
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
 
+from calstation.cli.app import run_app
 from calstation.config import library
 from calstation.gui.quality import QualityPage, study_view
-from calstation.gui.text import language
+from calstation.gui.text import language, parameter_text
+from calstation.physics import display
 from calstation.quality import BASELINE, GaugePlan, StationQuality, TableChart
+from calstation.results import load_result
 from calstation.simulation import synthesise_runs
 from tests.gui.conftest import Operator
 from tests.site_folder import BENCH, STATION
@@ -161,6 +165,36 @@ def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operat
         "All units, the last run of each",
         "Check standard GOLD-1",
     ]
+
+
+def test_the_errors_that_a_check_standard_detects_stand_beside_the_limits(
+    operator: Operator, page: QualityPage
+) -> None:
+    site, entry = operator.site_folder, {"value": 0.0, "sigma": 1e-8}
+    golden = load_result(next(site.runs.glob("GOLDEN-NAVA_*.json")))
+    product = library.find("products", "nav_a").read_text(encoding="utf-8")
+    own = site.home / "products" / "nav_a.toml"
+    standard = {"serial": "GOLDEN-NAVA", "interval_days": 7, "reference": {"gyro_bias_x": entry, "accel_bias_y": entry}}
+    own.write_text(product + tomli_w.dumps({"check_standards": [standard]}), encoding="utf-8")
+    site.station.write_text(tomli_w.dumps({**STATION, "name": golden.station, "bench": BENCH}), encoding="utf-8")
+    operator.window.app.set_station(site.station)
+    operator.window.app.set_product(own)
+    until_read(operator, page)
+    click_tab(operator, "Check standards")
+    click_row(operator, "standard_runs_table", 0)
+    found = page.standards._standard
+    assert found is not None
+    rows = cells(operator, "standard_power_table")
+    assert [row[0] for row in rows] == [parameter_text(name) for name in ("gyro_bias_x", "accel_bias_y")]
+    for (_, shown, unit, share), name in zip(rows, ("gyro_bias_x", "accel_bias_y"), strict=True):
+        value, in_unit = display(name, found.verdicts[-1].detectable[name])
+        assert (float(shown), unit) == (pytest.approx(value, rel=0.01), in_unit)
+        assert share == f"{100 * found.verdicts[-1].detectable[name] / found.half_limits[name]:.0f} %"
+    assert "Smallest true errors that this run detects with 90 % probability" in operator.says()
+    out = ["--station", str(site.station), "--product", str(own), "--out", str(site.runs)]
+    assert run_app(["quality", "standards", *out, "--json", str(site.home / "found.json")]) == 1
+    (row,) = json.loads((site.home / "found.json").read_text(encoding="utf-8"))["standards"]
+    assert row["detectable"]["gyro_bias_x"]["error"] == found.verdicts[-1].detectable["gyro_bias_x"]
 
 
 @pytest.mark.long

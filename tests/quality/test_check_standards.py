@@ -18,7 +18,7 @@ from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import Belief
 from calstation.physics import COUNT, NAMES, PARAMETERS, FloatArray
-from calstation.quality import FALSE_ALARM, judge_result, judge_standard, standard_states
+from calstation.quality import FALSE_ALARM, POWER, judge_result, judge_standard, standard_states
 from calstation.quality.standards import due_certificates, due_standards
 from calstation.records import audit_path, open_log, read_audit
 from calstation.results import History, load_result
@@ -77,6 +77,27 @@ def test_t_squared_of_correct_runs_is_chi_square_and_both_tests_keep_the_stated_
     assert failed <= stats.binom.ppf(0.999, len(verdicts), FALSE_ALARM)
 
 
+def test_an_error_of_the_stated_size_is_detected_with_the_stated_probability(stable: ImuProfile) -> None:
+    """Monte Carlo: run and reference are drawn around true values that differ by the detectable error."""
+    random, runs, name = np.random.default_rng(11), 1500, "accel_bias_y"
+    covariance, at = random_covariance(random), NAMES.index(name)
+    sigma = 0.7 * np.sqrt(np.diag(covariance))
+    true = random.standard_normal(COUNT)
+    once = judge_standard(standard(true, sigma), stable, NOW, Belief(true, covariance), NAMES)
+    assert once.detectable.keys() == once.e_n.keys()
+    moved = true.copy()
+    moved[at] += once.detectable[name]
+    found = random.multivariate_normal(moved, covariance, size=runs, method="cholesky")
+    references = random.normal(true, sigma, (runs, COUNT))
+    verdicts = [
+        judge_standard(standard(reference, sigma), stable, NOW, Belief(run, covariance), NAMES)
+        for run, reference in zip(found, references, strict=True)
+    ]
+    detected = sum(abs(verdict.e_n[name]) > verdict.e_n_limit for verdict in verdicts)
+    low, high = stats.binom.interval(0.999, runs, POWER)
+    assert low <= detected <= high
+
+
 def test_normalised_error_and_t_squared_of_one_parameter(stable: ImuProfile) -> None:
     """|x - ref| = 5 mm, sigmas 3 and 4 mm: E_n = 5 / (2 sqrt(9 + 16)) = 0.5, and T2 = 1."""
     known = CheckStandardSection.model_validate(
@@ -90,6 +111,9 @@ def test_normalised_error_and_t_squared_of_one_parameter(stable: ImuProfile) -> 
     assert verdict.t_squared == pytest.approx(1.0)
     assert verdict.e_n_limit == pytest.approx(0.5 * stats.norm.isf(0.25 * FALSE_ALARM))
     assert verdict.t_squared_limit == pytest.approx(stats.chi2.isf(0.5 * FALSE_ALARM, 1))
+    shift = verdict.detectable["inner_lever_x"] / 0.005  # of the noncentral normal distribution, in sigmas
+    edge = stats.norm.isf(0.25 * FALSE_ALARM)
+    assert stats.norm.sf(edge - shift) + stats.norm.cdf(-edge - shift) == pytest.approx(POWER, abs=1e-9)
     mean[at] = 0.1 + 2.0 * 0.005 * 1.01 * verdict.e_n_limit
     assert not judge_standard(known, stable, NOW, Belief(mean, covariance), NAMES).passed
     assert not judge_standard(known, stable, NOW, Belief(mean, covariance), ["gyro_bias_x"]).passed

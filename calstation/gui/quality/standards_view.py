@@ -21,8 +21,8 @@ from calstation.gui.widgets import (
     theme,
 )
 from calstation.messages import local_time
-from calstation.physics import ARCSECOND
-from calstation.quality import BASELINE, WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
+from calstation.physics import ARCSECOND, display
+from calstation.quality import BASELINE, POWER, WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
 
 #: Quantities of the table's geometry in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
@@ -36,12 +36,13 @@ class StandardsView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._found: StationQuality | None = None
-        self.standards, self.runs, self.instruments = (
-            CellTable(name) for name in ("standards_table", "standard_runs_table", "instruments_table")
+        self.standards, self.runs, self.instruments, self.power = (
+            CellTable(name)
+            for name in ("standards_table", "standard_runs_table", "instruments_table", "standard_power_table")
         )
         self.errors, self.table = ErrorBars(), TableCharts()
         self._build_tables()
-        titles = [ElidedLabel("muted") for _ in range(5)]
+        titles = [ElidedLabel("muted") for _ in range(6)]
         for title, words in zip(
             titles,
             (
@@ -52,13 +53,16 @@ class StandardsView(QWidget):
                 lambda: self.tr("Geometry of the table: EWMA and its limits after a baseline of {} runs").format(
                     BASELINE
                 ),
+                lambda: self.tr("Smallest true errors that this run detects with {} % probability").format(
+                    round(100 * POWER)
+                ),
             ),
             strict=True,
         ):
             bind(title, words)
         left, middle, right = QWidget(), QWidget(), QWidget()
         column(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3), on=left)
-        column(titles[3], (self.errors, 1), on=middle)
+        column(titles[3], (self.errors, 3), titles[5], (self.power, 2), on=middle)
         column(titles[4], (self.table, 1), on=right)
         column(
             (split((left, 8), (middle, 6), (right, 6), handle=2 * theme.GRID), 1),
@@ -91,6 +95,7 @@ class StandardsView(QWidget):
             (self.standards, lambda: self.tr("Check standards")),
             (self.runs, lambda: self.tr("Runs of the check standard")),
             (self.instruments, lambda: self.tr("Instruments")),
+            (self.power, lambda: self.tr("Smallest errors detected")),
         ):
             table.verticalHeader().hide()
             table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
@@ -120,6 +125,15 @@ class StandardsView(QWidget):
                 text(lambda: self.tr("Name"), "name", number=False),
                 text(lambda: self.tr("Certificate"), "certificate", number=False),
                 text(lambda: self.tr("Due"), "due", number=False),
+            )
+        )
+        text = self.power.column
+        self.power.parameters.set_columns(
+            (
+                text(lambda: self.tr("Parameter"), "parameter", number=False),
+                text(lambda: self.tr("Error"), "error"),
+                text(lambda: self.tr("Unit"), "unit", number=False),
+                text(lambda: self.tr("of the limit"), "share"),
             )
         )
         self.standards.selectionModel().currentRowChanged.connect(lambda *_: self._show_runs())
@@ -175,6 +189,7 @@ class StandardsView(QWidget):
             self.runs.selectRow(0)
         else:
             self.errors.show_errors({}, 1.0)
+            self.power.show_cells({})
 
     def _run(self, line: int) -> int | None:
         keys = list(self.runs.cells)
@@ -184,6 +199,7 @@ class StandardsView(QWidget):
         standard, k = self._standard, self._run(line)
         if standard is not None and k is not None:
             self.errors.show_errors(standard.verdicts[k].e_n, standard.verdicts[k].e_n_limit)
+            self.power.show_cells(_power_cells(standard, k))
 
     def _open(self, line: int) -> None:
         standard, k = self._standard, self._run(line)
@@ -261,6 +277,16 @@ def _state_column(table: CellTable, heading: Words) -> Column:
         number=False,
         state=lambda key: table.cells[key]["kind"],
     )
+
+
+def _power_cells(standard: StandardHistory, k: int) -> dict[str, dict[str, str]]:
+    """Return the cells of the errors that a run detects, by parameter."""
+    cells = {}
+    for name, error in standard.verdicts[k].detectable.items():
+        value, unit = display(name, error)
+        share = f"{100.0 * error / standard.half_limits[name]:.0f} %" if name in standard.half_limits else "–"
+        cells[name] = {"parameter": parameter_text(name), "error": f"{value:.3g}", "unit": unit, "share": share}
+    return cells
 
 
 def _instrument_state(overdue: bool, dated: bool) -> str:
