@@ -21,6 +21,7 @@ from calstation.config import CheckStandardSection, ProductConfig, ResolvedConfi
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, chi_square_quantile
+from calstation.messages import Text
 from calstation.physics import INDEX, group_indices, parameter_vector
 from calstation.records import COVERAGE_FACTOR, RunFilter, RunRecord, covariance_from
 from calstation.results import History, Result, StandardVerdict
@@ -59,6 +60,18 @@ class Due:
         if self.reason == "overdue":
             return ConfigurationError("quality.standard_overdue", serial=self.name, since=since, **values)
         return ConfigurationError("quality.certificate_overdue", name=self.name, since=since[:10], **values)
+
+    @property
+    def cause(self) -> Text:
+        """What is not in order, as a part of a sentence."""
+        since = "" if self.since is None else f"{self.since.astimezone():%Y-%m-%d %H:%M}"
+        if self.reason == "never":
+            return Text.of("quality.cause_never", serial=self.name)
+        if self.reason == "out":
+            return Text.of("quality.cause_out", serial=self.name, since=since)
+        if self.reason == "overdue":
+            return Text.of("quality.cause_overdue", serial=self.name, since=since)
+        return Text.of("quality.cause_certificate", name=self.name, since=since[:10])
 
 
 @dataclass(frozen=True)
@@ -178,7 +191,10 @@ def require_standards(setup: ResolvedConfiguration, history: History, now: datet
         return []
     found = [*due_standards(setup.station, setup.product, history, now), *due_certificates(setup.station, now)]
     if found and reason is None:
-        raise found[0].error(setup)
+        if len(found) == 1:
+            raise found[0].error(setup)
+        values = {"product": setup.product.name, "station": setup.station.name}
+        raise ConfigurationError("quality.not_in_order", causes=[due.cause for due in found], **values)
     return found
 
 

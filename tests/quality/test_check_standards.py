@@ -326,6 +326,18 @@ def test_an_overdue_certificate_refuses_production_of_the_station(site_folder: S
     setup = resolve_configuration(site_folder.request())
     assert [each.name for each in due_certificates(setup.station, datetime.now(UTC))] == ["rate table"]
 
+    instruments[2]["due"] = due
+    write(site_folder)
+    site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
+    several = refused(site_folder, "quality.not_in_order")
+    day = due.isoformat()
+    assert several.render().text == (
+        "Production of 'short' on station 'test bench' is refused for several reasons: "
+        f"no run of check standard {GOLDEN} has passed, the calibration of 'rate table' was due on {day}, "
+        f"the calibration of 'gravity survey' was due on {day}."
+    )
+    assert several.render("zh_CN").text.endswith(f"“rate table”应于 {day} 前送检、“gravity survey”应于 {day} 前送检。")
+
 
 def test_an_override_without_need_is_not_recorded(site_folder: SiteFolder) -> None:
     assert allowed(site_folder, override_standard="just in case") is None
