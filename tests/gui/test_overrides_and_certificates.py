@@ -66,6 +66,10 @@ def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> Non
     operator.until_ended()
     (result,) = operator.site_folder.runs.glob("*.json")
     assert load_result(result).standard_override == "table is at the laboratory"
+    note = "Calibrated although a check standard or an instrument was not in order: table is at the laboratory"
+    for page in ("operator_page", "engineer_page", "history_page"):
+        operator.window.show_page(page)
+        operator.until(lambda: note in operator.says())
     events = events_of(operator)
     (event,) = [each for each in events if each.event == "standard_overridden"]
     assert (event.by, event.confirmed_by) == ("Li Na", None)
