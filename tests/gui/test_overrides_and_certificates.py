@@ -126,7 +126,9 @@ def test_a_certificate_from_the_verdict_and_from_the_history(
 
 @pytest.mark.long
 def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
-    use(operator, {"confirmation": {"required_for": ["certificate"]}}, sign_in=ENGINEERS)
+    report = {"folder": "reports", "language": "en"}
+    (operator.site_folder.station.parent / "reports").mkdir(exist_ok=True)
+    use(operator, {"confirmation": {"required_for": ["certificate"]}}, sign_in=ENGINEERS, report=report)
     access.set_pin("", "0000")
     for badge, pin in PINS.items():
         access.set_pin("0000", pin, badge)
@@ -135,6 +137,9 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
     operator.press("start_button")
     operator.until(lambda: operator.verdict)
     operator.until_ended()
+    for page in ("engineer_page", "operator_page"):
+        operator.window.show_page(page)
+        operator.until(lambda: "The certificate waits for two people" in operator.says())
     operator.press("certificate_button")
     operator.until(lambda: operator.widget("certificate_button_panel").isVisible())
     fill(operator, "certificate_button", badge="B0001", pin="1111", second_badge="B0002", second_pin="2222")
