@@ -3,6 +3,7 @@
 import json
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QLineEdit, QPushBu
 
 from calstation.cli.app import run_app
 from calstation.config import library
+from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.gui.quality import QualityPage, study_view
 from calstation.gui.text import language, parameter_text
 from calstation.physics import display
@@ -206,6 +208,14 @@ def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: 
     click_tab(operator, "Check standards")
     page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
     assert "after a baseline of 100 runs" in operator.says()
+    missing = "Nothing is tested yet: 100 of 100 runs of the baseline are missing."  # of the two other quantities
+    assert missing in operator.says()
+    page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, chart)))
+    assert "Nothing is tested yet" not in operator.says()
+    short = replace(chart, values=values[:40], started_utc=chart.started_utc[:40], baseline=40, alarms=())
+    page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, short)))
+    assert "60 of 100 runs of the baseline are missing" in operator.says()
+    page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
     low, high, average = page.standards.table.plots[0].listDataItems()[1:4]
     for item in (low, high, average):
         assert list(item.xData if later else []) == list(range(BASELINE + 1, BASELINE + later + 1))

@@ -17,6 +17,8 @@ from calstation.gui.widgets import (
     Words,
     column,
     dashed,
+    label,
+    show_text,
     split,
     theme,
 )
@@ -41,6 +43,7 @@ class StandardsView(QWidget):
             for name in ("standards_table", "standard_runs_table", "instruments_table", "standard_power_table")
         )
         self.errors, self.table = ErrorBars(), TableCharts()
+        self.waiting = label(wrap=True, name="table_waiting_label")
         self._build_tables()
         titles = [ElidedLabel("muted") for _ in range(6)]
         for title, words in zip(
@@ -63,7 +66,7 @@ class StandardsView(QWidget):
         left, middle, right = QWidget(), QWidget(), QWidget()
         column(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3), on=left)
         column(titles[3], (self.errors, 3), titles[5], (self.power, 2), on=middle)
-        column(titles[4], (self.table, 1), on=right)
+        column(titles[4], self.waiting, (self.table, 1), on=right)
         column(
             (split((left, 8), (middle, 6), (right, 6), handle=2 * theme.GRID), 1),
             on=self,
@@ -144,6 +147,9 @@ class StandardsView(QWidget):
         found = self._found
         if found is None:
             return
+        known = min((found.table[name].baseline if name in found.table else 0) for name in _QUANTITIES)
+        text = self.tr("Nothing is tested yet: {0} of {1} runs of the baseline are missing.")
+        show_text(self.waiting, text.format(BASELINE - known, BASELINE) if known < BASELINE else "")
         cells = {}
         for each in found.standards:
             state, wrong = each.state, each.state.wrong

@@ -340,6 +340,10 @@
         <source>of the limit</source>
         <translation>占限值</translation>
     </message>
+    <message>
+        <source>Nothing is tested yet: {0} of {1} runs of the baseline are missing.</source>
+        <translation>尚不检验：基线的 {1} 次标定还缺 {0} 次。</translation>
+    </message>
 </context>
 <context>
     <name>StudyView</name>
