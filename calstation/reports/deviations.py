@@ -17,19 +17,13 @@ _MOST = 8
 def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     """Yield the deviations, the most important first."""
     result = certificate.result
-    if is_simulated(certificate):
+    if certificate.meta.is_simulated:
         yield Text("certificate.d_simulated")
     yield from _of_end(result)
     yield from _of_values(certificate)
     yield from _of_data(result, analysis)
     yield from _of_traceability(certificate)
     yield from analysis.warnings
-
-
-def is_simulated(certificate: Certificate) -> bool:
-    """Whether the run was made on the virtual bench."""
-    run = certificate.meta.run
-    return run is not None and run.seed is not None
 
 
 def _of_end(result: Result) -> Iterator[Text]:

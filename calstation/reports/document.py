@@ -22,7 +22,7 @@ from calstation.records import COVERAGE_FACTOR, Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
 from calstation.reports.content import Certificate, Quantity, group_of, performed
-from calstation.reports.deviations import deviations, is_simulated
+from calstation.reports.deviations import deviations
 from calstation.reports.numbers import NONE, check_unit, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain
 from procedures import method
@@ -58,7 +58,7 @@ class _Document:
             "issued": certificate.issued.isoformat(),
             "verdict": certificate.verdict,
             "verdict_text": self._say(self._verdict()),
-            "simulated": self._say(Text("certificate.d_simulated")) if is_simulated(certificate) else None,
+            "simulated": self._say(Text("certificate.d_simulated")) if certificate.meta.is_simulated else None,
             "rule": self._say(Text(f"certificate.rule_{certificate.rule}")),
             "coverage_factor": f"{COVERAGE_FACTOR:g}",
             "laboratory": None if laboratory is None else laboratory.model_dump(),

@@ -21,7 +21,7 @@ from calstation.config.request import RunRequest
 from calstation.errors import InputError
 from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX
-from calstation.records import context_from_meta
+from calstation.records import context_from_meta, open_log
 from calstation.reports import pdf as pdf_module
 from calstation.reports.content import build_certificate
 from calstation.reports.issue import ReportRequest, attachments, issue_report
@@ -30,6 +30,7 @@ from calstation.results import Result
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
+from calstation.simulation.bench_recordings import make_recording
 from calstation.simulation.hooks import BenchHooks
 from tests.reports.certificates import KINDS, LABORATORY, Made, make
 from tests.shared_runs import SharedRuns
@@ -97,6 +98,29 @@ def test_a_simulation_says_so_beside_its_verdict(made: Made) -> None:
     real = replace(made, certificate=replace(made.certificate, meta=meta))
     pages = pypdf.PdfReader(io.BytesIO(printed(real))).pages
     assert "Simulation" not in "".join(page.extract_text() for page in pages)
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_simulation_does_not_carry_the_accreditation(made: Made) -> None:
+    meta = made.certificate.meta
+    assert meta.run is not None
+    assert meta.laboratory is not None
+    accredited = meta.laboratory.model_copy(update={"accreditation": "UKAS 0000"})
+    simulated = meta.model_copy(update={"laboratory": accredited})
+    real = simulated.model_copy(update={"run": meta.run.model_copy(update={"seed": None})})
+    recorded = real.model_copy(update={"simulated": True})
+    for each, shown in ((simulated, None), (recorded, None), (real, "UKAS 0000")):
+        certificate = build_certificate(made.certificate.result, each)
+        assert certificate.laboratory is not None
+        assert certificate.laboratory.accreditation == shown
+        assert certificate.laboratory.name == accredited.name
+
+
+def test_recordings_of_the_bench_say_that_they_are_simulated(tmp_path: Path) -> None:
+    make_recording("hand", tmp_path / "hand.h5")
+    meta = open_log(tmp_path / "hand.h5").meta
+    assert meta.run is None
+    assert meta.is_simulated
 
 
 @pytest.mark.long
