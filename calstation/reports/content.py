@@ -62,6 +62,7 @@ class Certificate:
     budget: Budget | None  #: None if it was not computed.
     verdict: Verdict
     rule: str  #: Decision rule, see `calstation.results.conformity`.
+    received: date | None = None  #: Date of receipt of the unit; None if it was not stated.
 
     @property
     def identification(self) -> str:

@@ -56,6 +56,7 @@ class _Document:
             "supersedes": certificate.supersedes,
             "reason": certificate.reason,
             "issued": certificate.issued.isoformat(),
+            "received": None if certificate.received is None else certificate.received.isoformat(),
             "verdict": certificate.verdict,
             "verdict_text": self._say(self._verdict()),
             "simulated": self._say(Text("certificate.d_simulated")) if certificate.meta.is_simulated else None,
