@@ -148,7 +148,16 @@ class _Document:
             "stage": stage,
             "words": stage.replace("_", " "),
         }
-        return _capital(render(code, values, self._language, window=True).text) if known(code) else check.name
+        return (
+            _capital(self._own(render(code, values, self._language, window=True).text)) if known(code) else check.name
+        )
+
+    def _stage_name(self, stage: str) -> str:
+        return self._own(term("stage", stage, self._language))
+
+    def _own(self, text: str) -> str:
+        """Return a text of the window in the words of the certificate: in Chinese it says 校准, the window 标定."""
+        return text.replace("标定", "校准")
 
     def _check(self, check: Check) -> dict[str, Any]:
         unit, size = _UNITS.get(check.kind) or check_unit(check.unit)
@@ -223,7 +232,7 @@ class _Document:
         tested = found is not None and found.passed is not None
         schedule = self._meta.schedule.get(stage, {})
         return {
-            "name": term("stage", stage, self._language),
+            "name": self._stage_name(stage),
             "text": self._say(Text(words)) if known(words) else "",
             "minutes": rounded((end - begin) / 60.0, 0.11) if math.isfinite(end) else NONE,
             "estimates": str(len(names | {q.name for q in self._certificate.quantities if q.stage == stage})),
@@ -299,7 +308,7 @@ class _Document:
     def _charts(self) -> dict[str, Any]:
         analysis = self._analysis
         spans = [
-            {"name": term("stage", stage, self._language), "begin": a / 60.0, "end": b / 60.0}
+            {"name": self._stage_name(stage), "begin": a / 60.0, "end": b / 60.0}
             for stage, (a, b) in analysis.spans.items()
         ]
         return {
@@ -371,7 +380,7 @@ class _Document:
             "horizontal": "gyro_bias" in found,
         }
         return {
-            "stage": term("stage", stage, self._language),
+            "stage": self._stage_name(stage),
             "up": [rests.axis(k).replace("-", "−") for k in range(len(rests))],
             "series": [
                 {"name": name, "unit": unit, "value": value, "sigma": sigma}
