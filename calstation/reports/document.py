@@ -63,7 +63,15 @@ class _Document:
             "rule": self._say(Text(f"certificate.rule_{certificate.rule}")),
             "coverage_factor": f"{COVERAGE_FACTOR:g}",
             "laboratory": None if laboratory is None else laboratory.model_dump(),
-            "unit": {"serial": result.serial, "product": result.product, "imu": self._file("imu")},
+            "unit": {
+                "serial": result.serial,
+                "product": result.product,
+                "imu": self._file("imu"),
+                "secondaries": [
+                    {"name": term("dcc", "secondary", self._language, number=number), "serial": imu.serial}
+                    for number, imu in self._meta.secondaries.items()
+                ],
+            },
             "performed": self._performed(),
             "operator": result.operator,
             "station": result.station,

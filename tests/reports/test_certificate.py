@@ -22,6 +22,7 @@ from calstation.errors import InputError
 from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX
 from calstation.records import context_from_meta, open_log
+from calstation.records.meta import FurtherImuSection
 from calstation.reports import pdf as pdf_module
 from calstation.reports.content import build_certificate
 from calstation.reports.issue import ReportRequest, attachments, issue_report
@@ -115,6 +116,25 @@ def test_a_simulation_does_not_carry_the_accreditation(made: Made) -> None:
         assert certificate.laboratory is not None
         assert certificate.laboratory.accreditation == shown
         assert certificate.laboratory.name == accredited.name
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_the_first_page_names_every_imu(made: Made) -> None:
+    imu = made.certificate.meta.imu.model_dump(exclude_unset=True)
+    second = FurtherImuSection.model_validate(
+        {name: value for name, value in imu.items() if name in FurtherImuSection.model_fields}
+        | {"serial": "SECOND-0002"}
+    )
+    meta = made.certificate.meta.model_copy(update={"imu2": second})
+    pair = replace(made, certificate=replace(made.certificate, meta=meta))
+    for language, words in (("en", "SecondaryIMU2SECOND-0002"), ("zh_CN", "从IMU2SECOND-0002")):
+        (page, *_) = typeset_pages(pair, language)
+        assert words in page
+
+
+def typeset_pages(made: Made, language: Language) -> list[str]:
+    pdf = typeset(made.certificate, made.analysis, language, [])
+    return [text_of(page) for page in pypdf.PdfReader(io.BytesIO(pdf)).pages]
 
 
 def test_recordings_of_the_bench_say_that_they_are_simulated(tmp_path: Path) -> None:
