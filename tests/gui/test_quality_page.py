@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import date
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +18,8 @@ from calstation.cli.app import run_app
 from calstation.config import library
 from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.gui.quality import QualityPage, study_view
-from calstation.gui.text import language, parameter_text
-from calstation.physics import display
+from calstation.gui.text import language, parameter_text, with_minus
+from calstation.physics import NAMES, display
 from calstation.quality import BASELINE, GaugePlan, StationQuality, TableChart
 from calstation.results import load_result
 from calstation.simulation import synthesise_runs
@@ -188,11 +189,19 @@ def test_the_errors_that_a_check_standard_detects_stand_beside_the_limits(
     assert found is not None
     rows = cells(operator, "standard_power_table")
     assert [row[0] for row in rows] == [parameter_text(name) for name in ("gyro_bias_x", "accel_bias_y")]
-    for (_, shown, unit, share), name in zip(rows, ("gyro_bias_x", "accel_bias_y"), strict=True):
+    for (_, e_n, shown, unit, share), name in zip(rows, ("gyro_bias_x", "accel_bias_y"), strict=True):
         value, in_unit = display(name, found.verdicts[-1].detectable[name])
+        assert e_n == with_minus(f"{found.verdicts[-1].e_n[name]:.2f}")
         assert (float(shown), unit) == (pytest.approx(value, rel=0.01), in_unit)
         assert share == f"{100 * found.verdicts[-1].detectable[name] / found.half_limits[name]:.0f} %"
     assert "Smallest true errors that this run detects with 90 % probability" in operator.says()
+    names = page.standards.errors.getAxis("left")._tickLevels[0]
+    assert [name for _, name in names] == [parameter_text(name) for name in ("gyro_bias_x", "accel_bias_y")]
+    page.standards.errors.show_errors(dict.fromkeys(NAMES, 0.5), 2.0)
+    errors = page.standards.errors
+    rows = [row for row, _ in errors.getAxis("left")._tickLevels[0]]
+    space = errors.getViewBox().height() / len(NAMES)
+    assert all(b - a >= errors.fontMetrics().height() / space for a, b in pairwise(rows)), "names do not overlap"
     out = ["--station", str(site.station), "--product", str(own), "--out", str(site.runs)]
     assert run_app(["quality", "standards", *out, "--json", str(site.home / "found.json")]) == 1
     (row,) = json.loads((site.home / "found.json").read_text(encoding="utf-8"))["standards"]

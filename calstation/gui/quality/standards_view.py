@@ -1,5 +1,6 @@
 """Check standards and instruments of the station, the errors of the last check, and the geometry of the table."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -7,7 +8,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QAbstractItemView, QWidget
 
-from calstation.gui.text import bind, on_language_change, parameter_text, say
+from calstation.gui.text import bind, on_language_change, parameter_text, say, with_minus
 from calstation.gui.widgets import (
     CellTable,
     Column,
@@ -134,6 +135,7 @@ class StandardsView(QWidget):
         self.power.parameters.set_columns(
             (
                 text(lambda: self.tr("Parameter"), "parameter", number=False),
+                text(lambda: "Eₙ", "e_n"),
                 text(lambda: self.tr("Error"), "error"),
                 text(lambda: self.tr("Unit"), "unit", number=False),
                 text(lambda: self.tr("of the limit"), "share"),
@@ -222,6 +224,7 @@ class ErrorBars(ThemedPlot):
         self._limit = 1.0
         self.getAxis("left").setWidth(22 * theme.GRID)
         self.getViewBox().invertY(True)
+        self.getViewBox().sigResized.connect(self._label_rows)
         theme.on_appearance_change(self, self._draw)
 
     def show_errors(self, errors: Mapping[str, float], limit: float) -> None:
@@ -236,12 +239,19 @@ class ErrorBars(ThemedPlot):
         values, rows = np.array(list(self._errors.values())), np.arange(len(self._errors))
         brushes = [theme.faint(c.bad if abs(value) > self._limit else c.accent, 130) for value in values]
         self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=values, brushes=brushes, pen=c.line))
-        self.getAxis("left").setTicks([[(k, parameter_text(name)) for k, name in enumerate(self._errors)]])
         for limit in (-self._limit, self._limit):
             self.addItem(pg.InfiniteLine(limit, 90, pen=dashed(c.bad)))
         reach = 1.1 * max(self._limit, float(np.abs(values).max(initial=0.0)))
         self.setXRange(-reach, reach, padding=0)
         self.setYRange(-0.5, max(len(rows), 4) - 0.5)
+        self._label_rows()
+
+    def _label_rows(self) -> None:
+        """Name as many rows as there is space for."""
+        space = self.getViewBox().height() / max(len(self._errors), 4)
+        step = max(1, math.ceil(self.fontMetrics().height() / max(space, 1.0)))
+        names = [(k, parameter_text(name)) for k, name in enumerate(self._errors)]
+        self.getAxis("left").setTicks([names[::step]])
 
 
 class TableCharts(StackedPlots[Mapping[str, TableChart]]):
@@ -288,10 +298,13 @@ def _state_column(table: CellTable, heading: Words) -> Column:
 def _power_cells(standard: StandardHistory, k: int) -> dict[str, dict[str, str]]:
     """Return the cells of the errors that a run detects, by parameter."""
     cells = {}
-    for name, error in standard.verdicts[k].detectable.items():
+    verdict = standard.verdicts[k]
+    for name, error in verdict.detectable.items():
         value, unit = display(name, error)
         share = f"{100.0 * error / standard.half_limits[name]:.0f} %" if name in standard.half_limits else "–"
-        cells[name] = {"parameter": parameter_text(name), "error": f"{value:.3g}", "unit": unit, "share": share}
+        e_n = with_minus(f"{verdict.e_n[name]:.2f}")
+        named = {"parameter": parameter_text(name), "e_n": e_n}
+        cells[name] = {**named, "error": f"{value:.3g}", "unit": unit, "share": share}
     return cells
 
 
