@@ -166,8 +166,11 @@ def due_standards(station: StationConfig, product: ProductConfig, history: Histo
 
 
 def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
-    """Return the station's table and surveys whose next calibration was due before the day of `now`."""
-    today = now.astimezone().date()
+    """Return the station's table and surveys whose next calibration was due before the day (UTC) of `now`.
+
+    Certificates have the days of UTC too.
+    """
+    today = now.astimezone(UTC).date()
     return [
         Due(instrument.name, "certificate", _midnight(instrument.due))
         for instrument in station.instruments

@@ -23,7 +23,7 @@ from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
 from calstation.reports.content import Certificate, Quantity, group_of, performed
 from calstation.reports.deviations import deviations
-from calstation.reports.numbers import NONE, check_unit, in_display, interval, percentage, rounded, short
+from calstation.reports.numbers import NONE, check_unit, exact, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain
 from procedures import method
 
@@ -137,7 +137,7 @@ class _Document:
             "value": rounded(value, expanded),
             "expanded": rounded(expanded, expanded),
             "limit": NONE if limit is None else interval(limit[0], limit[1]),
-            "sigma_limit": NONE if q.sigma_limit is None else short(display(q.name, q.sigma_limit)[0]),
+            "sigma_limit": NONE if q.sigma_limit is None else exact(display(q.name, q.sigma_limit)[0]),
             "found": rounded(in_display(q.name, q.as_found), expanded),
             "left": rounded(in_display(q.name, q.as_left), expanded),
             "decision": self._decision(q),
@@ -172,7 +172,7 @@ class _Document:
         if isinstance(check.limit, tuple):
             limit = interval(check.limit[0] / size, check.limit[1] / size)
         else:
-            limit = f"≤ {short(check.limit / size)}"
+            limit = f"≤ {exact(check.limit / size)}"
         return {
             "text": self._check_text(check),
             "value": short(check.value / size),

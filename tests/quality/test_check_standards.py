@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
@@ -337,6 +337,19 @@ def test_an_overdue_certificate_refuses_production_of_the_station(site_folder: S
         f"the calibration of 'gravity survey' was due on {day}."
     )
     assert several.render("zh_CN").text.endswith(f"“rate table”应于 {day} 前送检、“gravity survey”应于 {day} 前送检。")
+
+
+@pytest.mark.parametrize(("hour", "overdue"), [(15, []), (17, ["rate table"])])
+def test_an_instrument_is_due_until_the_end_of_the_day_in_utc(
+    site_folder: SiteFolder, hour: int, overdue: list[str]
+) -> None:
+    """As in a certificate, whatever the time zone of the computer."""
+    text = site_folder.station.read_text(encoding="utf-8")
+    instruments = [{"name": "rate table", "kind": "table", "due": date(2026, 11, 23)}]
+    site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
+    now = datetime(2026, 11, 23, tzinfo=timezone(timedelta(hours=-8))) + timedelta(hours=hour)  # UTC is 8 h later
+    found = due_certificates(resolve_configuration(site_folder.request()).station, now)
+    assert [each.name for each in found] == overdue
 
 
 def test_an_override_without_need_is_not_recorded(site_folder: SiteFolder) -> None:
