@@ -22,7 +22,7 @@ def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     yield from _of_end(result)
     yield from _of_values(certificate)
     yield from _of_data(result, analysis)
-    yield from _of_traceability(certificate)
+    yield from _of_traceability(certificate, analysis.identified.get("table_serial", ""))
     yield from analysis.warnings
 
 
@@ -92,7 +92,8 @@ def _of_data(result: Result, analysis: Analysis) -> Iterator[Text]:
         yield Text.of("certificate.d_spoilt", count=analysis.spoilt)
 
 
-def _of_traceability(certificate: Certificate) -> Iterator[Text]:
+def _of_traceability(certificate: Certificate, reported: str) -> Iterator[Text]:
+    """Yield what is missing from the traceability; `reported` is the serial number that the table reported, or ""."""
     day = certificate.days[0]
     for instrument in certificate.instruments:
         if instrument.due is not None and instrument.due < day:
@@ -101,6 +102,9 @@ def _of_traceability(certificate: Certificate) -> Iterator[Text]:
     tables = [i for i in certificate.instruments if i.kind == "table" and i.certificate is not None]
     if with_table and not tables:
         yield Text("certificate.d_no_table")
+    declared = [i.serial for i in certificate.instruments if i.kind == "table" and i.serial is not None]
+    if with_table and reported and declared and not {reported, *reported.split(" + ")} & {*declared}:
+        yield Text.of("certificate.d_other_table", reported=reported, declared=", ".join(declared))
 
 
 def _names(names: Sequence[str]) -> list[Text | str]:

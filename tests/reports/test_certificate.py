@@ -25,6 +25,7 @@ from calstation.records import context_from_meta, open_log
 from calstation.records.meta import FurtherImuSection
 from calstation.reports import pdf as pdf_module
 from calstation.reports.content import build_certificate
+from calstation.reports.deviations import deviations
 from calstation.reports.issue import ReportRequest, attachments, issue_report
 from calstation.reports.pdf import typeset
 from calstation.results import Result
@@ -116,6 +117,27 @@ def test_a_simulation_does_not_carry_the_accreditation(made: Made) -> None:
         assert certificate.laboratory is not None
         assert certificate.laboratory.accreditation == shown
         assert certificate.laboratory.name == accredited.name
+
+
+@pytest.mark.parametrize(
+    ("reported", "stage", "refused"),
+    [
+        ("T-0001", "six_position", True),
+        ("T-0042", "six_position", False),
+        ("X-1 + T-0042", "six_position", False),  # two drives
+        ("", "six_position", False),  # the table reports no serial number
+        ("by hand", "multi_position", False),
+    ],
+)
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_table_with_another_serial_number_gives_no_traceability(
+    made: Made, reported: str, stage: str, refused: bool
+) -> None:
+    result = made.certificate.result.model_copy(update={"stages": [stage]})
+    analysis = replace(made.analysis, identified={**made.analysis.identified, "table_serial": reported})
+    found = deviations(replace(made.certificate, result=result), analysis)
+    other = [text for text in found if text.code == "certificate.d_other_table"]
+    assert [text.values for text in other] == ([{"reported": reported, "declared": "T-0042"}] if refused else [])
 
 
 @pytest.mark.parametrize("made", ["gimbal"], indirect=True)
