@@ -400,6 +400,9 @@ def report(
     issued: Annotated[
         str | None, typer.Option(help="Date of issue; default: the day of the result.", metavar="YYYY-MM-DD")
     ] = None,
+    received: Annotated[
+        str | None, typer.Option(help="Date on which the unit was received.", metavar="YYYY-MM-DD")
+    ] = None,
     revise: Annotated[
         str | None, typer.Option(help="Issue the next revision, for this reason.", metavar="REASON")
     ] = None,
@@ -419,7 +422,9 @@ def report(
     """Write the calibration certificate of a result as a PDF."""
     from calstation.cli.report import report_command
 
-    raise typer.Exit(report_command(source, out, language, issued, revise, templates, dcc, sign, by, confirmed_by))
+    raise typer.Exit(
+        report_command(source, out, language, issued, received, revise, templates, dcc, sign, by, confirmed_by)
+    )
 
 
 app.add_typer(quality, name="quality")

@@ -23,6 +23,7 @@ def report_command(
     out: Path,
     language: str,
     issued: str | None,
+    received: str | None,
     revise: str | None,
     templates: Path | None,
     dcc: Path | None,
@@ -36,7 +37,8 @@ def report_command(
     for file in (out, dcc):
         if file is not None and (file.is_dir() or not file.absolute().parent.is_dir()):
             raise ConfigurationError("cli.out_unwritable", path=file)
-    request = ReportRequest(source, out, LANGUAGES[language], _day(issued), revise, templates, dcc, sign)
+    days = _day(issued), _day(received)
+    request = ReportRequest(source, out, LANGUAGES[language], *days, revise, templates, dcc, sign)
     if by is not None or confirmed_by is not None:
         first = ask_person(by or computer_user() or "", pin=confirmed_by is not None)
         request = replace(request, first=first, second=None if confirmed_by is None else ask_person(confirmed_by))

@@ -14,7 +14,8 @@ from calstation.config import load_product, load_station
 from calstation.errors import ConfigurationError
 from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.messages import local_time
-from calstation.quality import BASELINE, Due, StandardState, TableChart, station_quality
+from calstation.physics import display
+from calstation.quality import BASELINE, POWER, Due, StandardHistory, StandardState, TableChart, station_quality
 from calstation.results import refresh_history
 from calstation.simulation import golden_demo
 
@@ -29,13 +30,18 @@ def standards_command(station: Path | None, product: Path | None, out: Path, jso
     refresh_history(ignore_progress, out)
     found = station_quality(ignore_progress, out, station, product)
     states, overdue, charts = [each.state for each in found.standards], found.overdue, found.table
+    powers = [_power(each) for each in found.standards]
     row = {
         **{"station": place.name, "product": unit.name},
-        "standards": [_state_row(state) for state in states],
+        "standards": [{**_state_row(state), "detectable": power} for state, power in zip(states, powers, strict=True)],
         "certificates": [_due_row(due) for due in overdue],
         "table": {name: _chart_row(chart) for name, chart in charts.items()},
     }
-    lines = [_state_line(state) for state in states] or [say("cli.no_standards", product=unit.name)]
+    lines = [
+        line
+        for state, power in zip(states, powers, strict=True)
+        for line in (_state_line(state), *_power_lines(state.standard.serial, power))
+    ] or [say("cli.no_standards", product=unit.name)]
     lines += [say("cli.certificate_overdue", name=due.name, since=_day(due.since)) for due in overdue]
     lines += [_chart_line(name, chart) for name, chart in charts.items()]
     report(row, json, lines)
@@ -73,6 +79,27 @@ def _state_row(state: StandardState) -> dict[str, Any]:
         "due": _iso(state.due),
         "wrong": None if state.wrong is None else _due_row(state.wrong),
     }
+
+
+def _power(history: StandardHistory) -> dict[str, dict[str, float | None]]:
+    """Return the errors that the last run would have detected, SI and relative to the product's limits."""
+    if not history.verdicts:
+        return {}
+    halves = history.half_limits
+    return {
+        name: {"error": error, "of_limit": error / halves[name] if name in halves else None}
+        for name, error in history.verdicts[-1].detectable.items()
+    }
+
+
+def _power_lines(serial: str, power: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+    """Return a heading and a line for each parameter; none without a run."""
+    lines = [say("cli.standard_power", serial=serial, percent=100.0 * POWER)] if power else []
+    for name, row in power.items():
+        value, unit = display(name, row["error"] or 0.0)
+        share = "" if row["of_limit"] is None else say("cli.standard_power_share", percent=100.0 * row["of_limit"])
+        lines.append(f"  {name:<20} {value:>9.3g} {unit:<8}{share}".rstrip())
+    return lines
 
 
 def _due_row(due: Due) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from .gauge import gauge_study as gauge_study
 from .gauge_plan import GaugePlan as GaugePlan
 from .gauge_plan import Measurement as Measurement
 from .standards import FALSE_ALARM as FALSE_ALARM
+from .standards import POWER as POWER
 from .standards import Due as Due
 from .standards import StandardState as StandardState
 from .standards import due_certificates as due_certificates

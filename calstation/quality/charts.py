@@ -140,8 +140,8 @@ def ewma_chart(
     center, sigma = _center_and_sigma(values, center, sigma, baseline)
     average, _ = lfilter([weight], [1.0, weight - 1.0], values - center, zi=[0.0])
     average = np.asarray(average) + center
-    n = np.arange(1, len(values) + 1)
-    spread = width * sigma * np.sqrt(weight / (2.0 - weight) * (1.0 - (1.0 - weight) ** (2 * n)))
+    remaining = np.cumprod(np.full(len(values), (1.0 - weight) ** 2))  # (1 - lambda)^2n; a power takes longer
+    spread = width * sigma * np.sqrt(weight / (2.0 - weight) * (1.0 - remaining))
     beyond = np.abs(average - center) > spread
     return EwmaChart(
         values, average, center, sigma, center - spread, center + spread, weight, width, np.flatnonzero(beyond)

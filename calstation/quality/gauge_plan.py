@@ -130,6 +130,10 @@ class GaugePlan(BaseModel):
                 found[name] = crossed(values)[2]
         return found
 
+    def products(self, runs: RunColumns) -> set[str | None]:
+        """Return the products of the stored runs of the plan."""
+        return {runs.products[k] for _, k in self._measurements(runs)}
+
     def _measurements(self, runs: RunColumns) -> list[tuple[tuple[str, str], int]]:
         """Return unit and appraiser, and the index, of the first full runs of the study that were judged."""
         appraisers = runs.operators if self.by == "operator" else runs.stations

@@ -12,6 +12,7 @@ contain what the unit may have changed since the reference, from the stability i
 from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
@@ -20,12 +21,16 @@ from calstation.config import CheckStandardSection, ProductConfig, ResolvedConfi
 from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError, InputError
 from calstation.estimation.common import Belief, chi_square_quantile
+from calstation.messages import Text
 from calstation.physics import INDEX, group_indices, parameter_vector
 from calstation.records import COVERAGE_FACTOR, RunFilter, RunRecord, covariance_from
 from calstation.results import History, Result, StandardVerdict
 
 #: Probability that a run fails although neither station nor unit changed beyond their stated uncertainties.
 FALSE_ALARM = 0.0027
+
+#: Probability with which a run detects an error of the size of `StandardVerdict.detectable`.
+POWER = 0.9
 
 _YEAR = timedelta(days=365.25)
 _MOUNTING = frozenset(group_indices("outer_lever"))
@@ -56,6 +61,18 @@ class Due:
             return ConfigurationError("quality.standard_overdue", serial=self.name, since=since, **values)
         return ConfigurationError("quality.certificate_overdue", name=self.name, since=since[:10], **values)
 
+    @property
+    def cause(self) -> Text:
+        """What is not in order, as a part of a sentence."""
+        since = "" if self.since is None else f"{self.since.astimezone():%Y-%m-%d %H:%M}"
+        if self.reason == "never":
+            return Text.of("quality.cause_never", serial=self.name)
+        if self.reason == "out":
+            return Text.of("quality.cause_out", serial=self.name, since=since)
+        if self.reason == "overdue":
+            return Text.of("quality.cause_overdue", serial=self.name, since=since)
+        return Text.of("quality.cause_certificate", name=self.name, since=since[:10])
+
 
 @dataclass(frozen=True)
 class StandardState:
@@ -83,9 +100,13 @@ def judge_standard(
     variance = np.array([r.sigma**2 for r in reference]) + imu.change_sigmas(years)[at] ** 2
     difference = found.mean[at] - np.array([r.value for r in reference])
     covariance = found.covariance[np.ix_(at, at)] + np.diag(variance)
-    errors = difference / (COVERAGE_FACTOR * np.sqrt(np.diag(covariance)))
+    sigma = np.sqrt(np.diag(covariance))
+    errors = difference / (COVERAGE_FACTOR * sigma)
     count, each = len(names), 0.5 * FALSE_ALARM
     limit = float(np.sqrt(chi_square_quantile(1.0 - each / max(count, 1), 1))) / COVERAGE_FACTOR
+    # x - x_ref is normal with the true error as mean: P(error beyond the limit) = POWER. The other limit is then more
+    # than 7 sigma away and adds less than 1e-12.
+    detectable = (COVERAGE_FACTOR * limit + NormalDist().inv_cdf(POWER)) * sigma
     t_squared = float(difference @ np.linalg.solve(covariance, difference)) if count else 0.0
     t_squared_limit = float(chi_square_quantile(1.0 - each, max(count, 1)))
     return StandardVerdict(
@@ -96,6 +117,7 @@ def judge_standard(
         t_squared_limit=t_squared_limit,
         degrees=count,
         false_alarm=FALSE_ALARM,
+        detectable=dict(zip(names, detectable.tolist(), strict=True)),
     )
 
 
@@ -144,8 +166,11 @@ def due_standards(station: StationConfig, product: ProductConfig, history: Histo
 
 
 def due_certificates(station: StationConfig, now: datetime) -> list[Due]:
-    """Return the station's table and surveys whose next calibration was due before the day of `now`."""
-    today = now.astimezone().date()
+    """Return the station's table and surveys whose next calibration was due before the day (UTC) of `now`.
+
+    Certificates have the days of UTC too.
+    """
+    today = now.astimezone(UTC).date()
     return [
         Due(instrument.name, "certificate", _midnight(instrument.due))
         for instrument in station.instruments
@@ -169,7 +194,10 @@ def require_standards(setup: ResolvedConfiguration, history: History, now: datet
         return []
     found = [*due_standards(setup.station, setup.product, history, now), *due_certificates(setup.station, now)]
     if found and reason is None:
-        raise found[0].error(setup)
+        if len(found) == 1:
+            raise found[0].error(setup)
+        values = {"product": setup.product.name, "station": setup.station.name}
+        raise ConfigurationError("quality.not_in_order", causes=[due.cause for due in found], **values)
     return found
 
 

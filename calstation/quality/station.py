@@ -17,6 +17,7 @@ from calstation.quality.standards import (
     standard_states,
     whole_runs,
 )
+from calstation.quality.summary import limit_interval
 from calstation.quality.table_chart import TableChart, table_charts
 from calstation.results import History, StandardVerdict
 
@@ -32,6 +33,7 @@ class StandardHistory:
     names: tuple[str, ...]  #: Runs: file names of the logs without suffix.
     started_utc: tuple[str, ...]
     verdicts: tuple[StandardVerdict, ...]
+    half_limits: Mapping[str, float]  #: Half the width of the product's limits by parameter, SI.
 
 
 @dataclass(frozen=True)
@@ -72,4 +74,6 @@ def _standard_histories(
             except InputError:  # a result that cannot be read is not a run that can be shown
                 continue
         names, started = tuple(run.log.stem for run, _ in rows), tuple(run.started_utc for run, _ in rows)
-        yield StandardHistory(state, names, started, tuple(verdict for _, verdict in rows))
+        intervals = {name: limit_interval(product, name) for name in state.standard.reference}
+        halves = {name: 0.5 * (each[1] - each[0]) for name, each in intervals.items() if each is not None}
+        yield StandardHistory(state, names, started, tuple(verdict for _, verdict in rows), halves)

@@ -25,7 +25,7 @@ from calstation.quality.charts import (
     individuals_chart,
     standardised,
 )
-from calstation.quality.yields import Share, Yields, count_yields, judged_runs
+from calstation.quality.yields import Share, Yields, count_yields, judged_runs, production_runs
 from calstation.records import RunColumns, RunFilter
 from calstation.results import History
 
@@ -133,7 +133,7 @@ def summarise_quality(
         Product file, whose limits apply; by default all products, with the limits of the product file of their name.
     serial
         Golden unit: its runs are charted one by one. They do not count for the yield and the other charts, in which
-        each unit counts with its last run; nor do those of the products' check standards.
+        each unit counts with its last run; nor do runs of check standards, by their result or by a product of today.
     parameter
         Parameter that is charted; by default all.
     since
@@ -158,9 +158,10 @@ def summarise_quality(
     found: list[ParameterQuality] = []
     golden: list[ParameterQuality] = []
     names = sorted({name for name in runs.products if name is not None})
+    production = set(production_runs(runs, standards))
     for done, name in enumerate(names):
         rows = [k for k in judged_runs(runs) if runs.products[k] == name and runs.started[k] >= begin]
-        units = last_of_each_unit(runs, [k for k in rows if runs.serials[k] not in standards])
+        units = last_of_each_unit(runs, [k for k in rows if k in production])
         found += _charts(runs, name, units, parameter, None if relative else limits.get(name), relative=relative)
         alone = [k for k in rows if runs.serials[k] == serial]
         golden += _charts(runs, name, alone, parameter, None, relative=relative)

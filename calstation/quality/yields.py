@@ -2,17 +2,21 @@
 
 import math
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
+from itertools import compress
+from statistics import NormalDist
+from typing import TypeVar
 
 import numpy as np
-from scipy.stats import binomtest
 
 from calstation.records import RunColumns
 
 #: Probability of the intervals.
 _CONFIDENCE = 0.95
+
+K = TypeVar("K", str, date)
 
 
 @dataclass(frozen=True)
@@ -31,8 +35,10 @@ class Share:
     @classmethod
     def of(cls, passed: int, count: int) -> "Share":
         """Return the share of `count` runs, at least one."""
-        interval = binomtest(passed, count).proportion_ci(_CONFIDENCE, method="wilson")
-        return cls(passed, count, float(interval.low), float(interval.high))
+        share, z = passed / count, NormalDist().inv_cdf(0.5 + _CONFIDENCE / 2.0)
+        middle = (share + z**2 / (2 * count)) / (1.0 + z**2 / count)
+        half = z / (1.0 + z**2 / count) * math.sqrt(share * (1.0 - share) / count + (z / (2 * count)) ** 2)
+        return cls(passed, count, max(0.0, middle - half), min(1.0, middle + half))
 
     @property
     def value(self) -> float:
@@ -66,25 +72,29 @@ class Yields:
 def count_yields(runs: RunColumns, since: float = -math.inf, without: Collection[str] = ()) -> Yields:
     """Return the yield of the runs that started at `since` or later, s since 1970 in UTC.
 
-    The earlier runs show which units had their first run before. Runs of the units `without`, such as golden units, do
+    The earlier runs show which units had their first run before. Runs of check standards and of the units `without` do
     not count. A failed run that failed several checks counts for each of them.
     """
-    judged = [k for k in judged_runs(runs) if runs.serials[k] not in without]
+    judged = production_runs(runs, without)
     first: dict[tuple[str | None, str], int] = {}
     for k in judged:
         first.setdefault((runs.products[k], runs.serials[k]), k)
-    selected = [k for k in judged if runs.started[k] >= since]
-    passed = [verdict == "passed" for verdict in runs.verdicts]
-    units = [k for k in first.values() if runs.started[k] >= since]
-    days = {k: date.fromtimestamp(runs.started[k]).isoformat() for k in selected}
+    starts = runs.started.tolist()
+    selected = [k for k in judged if starts[k] >= since]
+    units = [k for k in first.values() if starts[k] >= since]
+    passed = [runs.verdicts[k] == "passed" for k in selected]
+    days = _by([date.fromtimestamp(starts[k]) for k in selected], passed)
+    products, stations, operators = (
+        _by([column[k] for k in selected], passed) for column in (runs.products, runs.stations, runs.operators)
+    )
     return Yields(
-        overall=_share(passed, selected),
-        first_pass=_share(passed, units),
-        days=_by(passed, days.items()),
-        products=_by(passed, ((k, runs.products[k]) for k in selected)),
-        stations=_by(passed, ((k, runs.stations[k]) for k in selected)),
-        operators=_by(passed, ((k, runs.operators[k]) for k in selected)),
-        failed_checks=_pareto([runs.failed_checks[k] for k in selected if not passed[k]]),
+        overall=_share(passed),
+        first_pass=_share([runs.verdicts[k] == "passed" for k in units]),
+        days={day.isoformat(): share for day, share in days.items()},
+        products=products,
+        stations=stations,
+        operators=operators,
+        failed_checks=_pareto([runs.failed_checks[k] for k in selected if runs.verdicts[k] != "passed"]),
     )
 
 
@@ -94,19 +104,20 @@ def judged_runs(runs: RunColumns) -> list[int]:
     return [k for k in full if runs.verdicts[k] in ("passed", "failed")]
 
 
-def _share(passed: Sequence[bool], rows: Sequence[int]) -> Share | None:
-    return Share.of(sum(passed[k] for k in rows), len(rows)) if rows else None
+def production_runs(runs: RunColumns, without: Collection[str]) -> list[int]:
+    """Return the indices of the judged runs that are of production: neither of check standards nor of `without`."""
+    standard = runs.check_standard.tolist()
+    return [k for k in judged_runs(runs) if not standard[k] and runs.serials[k] not in without]
 
 
-def _by(passed: Sequence[bool], groups: Iterable[tuple[int, str | None]]) -> dict[str, Share]:
-    """Return the share of each group's runs, given the group of each run."""
-    counts: Counter[str] = Counter()
-    good: Counter[str] = Counter()
-    for k, name in groups:
-        if name is not None:
-            counts[name] += 1
-            good[name] += passed[k]
-    return {name: Share.of(good[name], counts[name]) for name in sorted(counts)}
+def _share(passed: Sequence[bool]) -> Share | None:
+    return Share.of(sum(passed), len(passed)) if passed else None
+
+
+def _by(groups: Sequence[K | None], passed: Sequence[bool]) -> dict[K, Share]:
+    """Return the share of each group's runs, given the group of each run, in order."""
+    counts, good = Counter(groups), Counter(compress(groups, passed))
+    return {name: Share.of(good[name], counts[name]) for name in sorted(name for name in counts if name is not None)}
 
 
 def _pareto(failed: Sequence[tuple[str, ...]]) -> tuple[FailedCheck, ...]:

@@ -200,6 +200,7 @@ class LogMeta(StrictModel):
     schedule: dict[str, dict[str, JsonValue]] = Field(default_factory=dict)  #: Schedule of each stage.
     profiles: dict[str, str] = Field(default_factory=dict)  #: Texts of the station and product files, by kind.
     registers: dict[str, float] = Field(default_factory=dict)  #: Registers of the unit, SI, if they act on its output.
+    simulated: bool | None = None  #: Whether a recording was simulated; of a run, `run.seed` says so.
     previous: dict[str, float] = Field(default_factory=dict)  #: Last calibration, SI, if the product's checks use it.
     imu2: FurtherImuSection | None = None
     imu3: FurtherImuSection | None = None
@@ -215,6 +216,11 @@ class LogMeta(StrictModel):
         """The secondary IMUs by number."""
         sections = {number: getattr(self, f"imu{number}") for number in FURTHER_IMUS}
         return {number: section for number, section in sections.items() if section is not None}
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the samples are those of the virtual bench."""
+        return bool(self.simulated) or (self.run is not None and self.run.seed is not None)
 
     @property
     def calibrated(self) -> frozenset[str]:

@@ -25,6 +25,7 @@ class IssuedReport:
     reason: str | None  #: Reason for a revision.
     content_sha256: str  #: Digest of result, configuration, program version and templates.
     software: str  #: Version of the program.
+    received: str | None = None  #: Date of receipt of the unit, ISO 8601; None if it was not stated.
 
     @property
     def identification(self) -> str:

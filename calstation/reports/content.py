@@ -62,6 +62,7 @@ class Certificate:
     budget: Budget | None  #: None if it was not computed.
     verdict: Verdict
     rule: str  #: Decision rule, see `calstation.results.conformity`.
+    received: date | None = None  #: Date of receipt of the unit; None if it was not stated.
 
     @property
     def identification(self) -> str:
@@ -104,7 +105,7 @@ def build_certificate(
         issued=issued,
         result=result,
         meta=meta,
-        laboratory=meta.laboratory,
+        laboratory=_laboratory(meta),
         instruments=tuple(meta.instruments),
         quantities=quantities,
         correlation=_correlation([q.name for q in quantities], result.correlation),
@@ -112,6 +113,13 @@ def build_certificate(
         verdict=_verdict(result),
         rule="simple" if result.conformity is None else result.conformity.rule,
     )
+
+
+def _laboratory(meta: LogMeta) -> LaboratorySection | None:
+    """Return the laboratory of a log, without its accreditation if the run is a simulation, which it does not cover."""
+    if meta.laboratory is None or not meta.is_simulated:
+        return meta.laboratory
+    return meta.laboratory.model_copy(update={"accreditation": None})
 
 
 def certificate_number(result: Result) -> str:

@@ -76,6 +76,8 @@ def _core_data(certificate: Certificate) -> etree._Element:
     core.append(_DCC("uniqueIdentifier", _token(certificate.identification)))
     if log.sha256:
         core.append(_DCC("identifications", _identification("calibrationLaboratory", log.sha256, "log")))
+    if certificate.received is not None:
+        core.append(_DCC("receiptDate", certificate.received.isoformat()))
     core.append(_DCC("beginPerformanceDate", begin.isoformat()))
     core.append(_DCC("endPerformanceDate", end.isoformat()))
     core.append(_DCC("performanceLocation", "other" if laboratory and laboratory.place else "laboratory"))

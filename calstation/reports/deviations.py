@@ -17,19 +17,13 @@ _MOST = 8
 def deviations(certificate: Certificate, analysis: Analysis) -> Iterator[Text]:
     """Yield the deviations, the most important first."""
     result = certificate.result
-    if is_simulated(certificate):
+    if certificate.meta.is_simulated:
         yield Text("certificate.d_simulated")
     yield from _of_end(result)
     yield from _of_values(certificate)
     yield from _of_data(result, analysis)
-    yield from _of_traceability(certificate)
+    yield from _of_traceability(certificate, analysis.identified.get("table_serial", ""))
     yield from analysis.warnings
-
-
-def is_simulated(certificate: Certificate) -> bool:
-    """Whether the run was made on the virtual bench."""
-    run = certificate.meta.run
-    return run is not None and run.seed is not None
 
 
 def _of_end(result: Result) -> Iterator[Text]:
@@ -98,7 +92,8 @@ def _of_data(result: Result, analysis: Analysis) -> Iterator[Text]:
         yield Text.of("certificate.d_spoilt", count=analysis.spoilt)
 
 
-def _of_traceability(certificate: Certificate) -> Iterator[Text]:
+def _of_traceability(certificate: Certificate, reported: str) -> Iterator[Text]:
+    """Yield what is missing from the traceability; `reported` is the serial number that the table reported, or ""."""
     day = certificate.days[0]
     for instrument in certificate.instruments:
         if instrument.due is not None and instrument.due < day:
@@ -107,6 +102,9 @@ def _of_traceability(certificate: Certificate) -> Iterator[Text]:
     tables = [i for i in certificate.instruments if i.kind == "table" and i.certificate is not None]
     if with_table and not tables:
         yield Text("certificate.d_no_table")
+    declared = [i.serial for i in certificate.instruments if i.kind == "table" and i.serial is not None]
+    if with_table and reported and declared and not {reported, *reported.split(" + ")} & {*declared}:
+        yield Text.of("certificate.d_other_table", reported=reported, declared=", ".join(declared))
 
 
 def _names(names: Sequence[str]) -> list[Text | str]:

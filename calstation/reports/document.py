@@ -22,8 +22,8 @@ from calstation.records import COVERAGE_FACTOR, Check, context_from_meta
 from calstation.reports.analysis import Analysis
 from calstation.reports.budget import SOURCES
 from calstation.reports.content import Certificate, Quantity, group_of, performed
-from calstation.reports.deviations import deviations, is_simulated
-from calstation.reports.numbers import NONE, check_unit, in_display, interval, percentage, rounded, short
+from calstation.reports.deviations import deviations
+from calstation.reports.numbers import NONE, check_unit, exact, in_display, interval, percentage, rounded, short
 from calstation.results import Verification, plain
 from procedures import method
 
@@ -56,13 +56,22 @@ class _Document:
             "supersedes": certificate.supersedes,
             "reason": certificate.reason,
             "issued": certificate.issued.isoformat(),
+            "received": None if certificate.received is None else certificate.received.isoformat(),
             "verdict": certificate.verdict,
             "verdict_text": self._say(self._verdict()),
-            "simulated": self._say(Text("certificate.d_simulated")) if is_simulated(certificate) else None,
+            "simulated": self._say(Text("certificate.d_simulated")) if certificate.meta.is_simulated else None,
             "rule": self._say(Text(f"certificate.rule_{certificate.rule}")),
             "coverage_factor": f"{COVERAGE_FACTOR:g}",
             "laboratory": None if laboratory is None else laboratory.model_dump(),
-            "unit": {"serial": result.serial, "product": result.product, "imu": self._file("imu")},
+            "unit": {
+                "serial": result.serial,
+                "product": result.product,
+                "imu": self._file("imu"),
+                "secondaries": [
+                    {"name": term("dcc", "secondary", self._language, number=number), "serial": imu.serial}
+                    for number, imu in self._meta.secondaries.items()
+                ],
+            },
             "performed": self._performed(),
             "operator": result.operator,
             "station": result.station,
@@ -128,7 +137,7 @@ class _Document:
             "value": rounded(value, expanded),
             "expanded": rounded(expanded, expanded),
             "limit": NONE if limit is None else interval(limit[0], limit[1]),
-            "sigma_limit": NONE if q.sigma_limit is None else short(display(q.name, q.sigma_limit)[0]),
+            "sigma_limit": NONE if q.sigma_limit is None else exact(display(q.name, q.sigma_limit)[0]),
             "found": rounded(in_display(q.name, q.as_found), expanded),
             "left": rounded(in_display(q.name, q.as_left), expanded),
             "decision": self._decision(q),
@@ -147,14 +156,23 @@ class _Document:
             "stage": stage,
             "words": stage.replace("_", " "),
         }
-        return _capital(render(code, values, self._language, window=True).text) if known(code) else check.name
+        return (
+            _capital(self._own(render(code, values, self._language, window=True).text)) if known(code) else check.name
+        )
+
+    def _stage_name(self, stage: str) -> str:
+        return self._own(term("stage", stage, self._language))
+
+    def _own(self, text: str) -> str:
+        """Return a text of the window in the words of the certificate: in Chinese it says 校准, the window 标定."""
+        return text.replace("标定", "校准")
 
     def _check(self, check: Check) -> dict[str, Any]:
         unit, size = _UNITS.get(check.kind) or check_unit(check.unit)
         if isinstance(check.limit, tuple):
             limit = interval(check.limit[0] / size, check.limit[1] / size)
         else:
-            limit = f"≤ {short(check.limit / size)}"
+            limit = f"≤ {exact(check.limit / size)}"
         return {
             "text": self._check_text(check),
             "value": short(check.value / size),
@@ -222,7 +240,7 @@ class _Document:
         tested = found is not None and found.passed is not None
         schedule = self._meta.schedule.get(stage, {})
         return {
-            "name": term("stage", stage, self._language),
+            "name": self._stage_name(stage),
             "text": self._say(Text(words)) if known(words) else "",
             "minutes": rounded((end - begin) / 60.0, 0.11) if math.isfinite(end) else NONE,
             "estimates": str(len(names | {q.name for q in self._certificate.quantities if q.stage == stage})),
@@ -298,7 +316,7 @@ class _Document:
     def _charts(self) -> dict[str, Any]:
         analysis = self._analysis
         spans = [
-            {"name": term("stage", stage, self._language), "begin": a / 60.0, "end": b / 60.0}
+            {"name": self._stage_name(stage), "begin": a / 60.0, "end": b / 60.0}
             for stage, (a, b) in analysis.spans.items()
         ]
         return {
@@ -370,7 +388,7 @@ class _Document:
             "horizontal": "gyro_bias" in found,
         }
         return {
-            "stage": term("stage", stage, self._language),
+            "stage": self._stage_name(stage),
             "up": [rests.axis(k).replace("-", "−") for k in range(len(rests))],
             "series": [
                 {"name": name, "unit": unit, "value": value, "sigma": sigma}

@@ -34,7 +34,7 @@ from calstation.records import (
     write_atomic,
 )
 from calstation.reports.analysis import analyse
-from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue
+from calstation.reports.content import Certificate, build_certificate, certificate_number, earliest_issue, performed
 from calstation.reports.dcc import write_dcc
 from calstation.reports.deviations import deviations
 from calstation.reports.pdf import Attachment, templates, typeset
@@ -53,6 +53,7 @@ class ReportRequest:
     out: Path  #: PDF to write.
     language: Language = "en"
     issued: date | None = None  #: Date of issue; None for the day of `earliest_issue`.
+    received: date | None = None  #: Date of receipt of the unit; None for that of the last issue, if it had one.
     revise: str | None = None  #: Reason for a new revision.
     templates: Path | None = None  #: Folder of templates that take precedence over those of the site.
     dcc: Path | None = None  #: XML to write: the digital calibration certificate, which is also in the PDF.
@@ -198,13 +199,17 @@ def _numbered(
     earliest = earliest_issue(result)
     if request.issued is not None and earliest is not None and request.issued < earliest:
         raise InputError("report.issued_too_early", date=request.issued.isoformat(), earliest=earliest.isoformat())
+    begun = performed(result)
+    if request.received is not None and begun is not None and request.received > begun[0].date():
+        raise InputError("report.received_late", date=request.received.isoformat(), begun=begun[0].date().isoformat())
     if request.revise is not None and not request.revise.strip():
         raise InputError("report.no_reason")
     certificate = build_certificate(result, log.meta, issued=request.issued or known)
     if request.revise is None and last is not None:
         asked = None if request.issued is None else request.issued.isoformat()
+        received = None if request.received is None else request.received.isoformat()
         for each, before in zip(reversed(same), [*reversed(same[:-1]), None], strict=True):
-            if each.content_sha256 == digest and asked in (None, each.issued):
+            if each.content_sha256 == digest and asked in (None, each.issued) and received in (None, each.received):
                 return _revised(certificate, each, before), last, None
         raise InputError("report.already_issued", number=last.identification, date=last.issued)
     if request.revise is None:
@@ -216,7 +221,10 @@ def _numbered(
         today = datetime.now(UTC).date()
         issued = request.issued or max(today, earliest or today)
         reason, revision = request.revise.strip(), last.revision + 1
-    record = IssuedReport(number, revision, issued.isoformat(), reason, digest, __version__)
+    received = last.received if last is not None else None
+    if request.received is not None:
+        received = request.received.isoformat()
+    record = IssuedReport(number, revision, issued.isoformat(), reason, digest, __version__, received)
     return _revised(certificate, record, last), last, record
 
 
@@ -253,6 +261,7 @@ def _revised(certificate: Certificate, record: IssuedReport, before: IssuedRepor
         supersedes=None if before is None else f"{before.identification} ({before.issued})",
         reason=record.reason,
         issued=date.fromisoformat(record.issued),
+        received=None if record.received is None else date.fromisoformat(record.received),
     )
 
 

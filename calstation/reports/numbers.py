@@ -46,9 +46,14 @@ def short(value: float) -> str:
     return with_minus(text)
 
 
+def exact(value: float) -> str:
+    """Return a limit with up to seven digits, so that no value is judged otherwise than as it reads."""
+    return with_minus(f"{value:.7g}") if 1e-4 <= abs(value) < 1e7 else short(value)
+
+
 def interval(low: float, high: float) -> str:
     """Return the text of a permitted interval."""
-    return f"±{short(high)}" if low == -high else f"{short(low)} … {short(high)}"
+    return f"±{exact(high)}" if low == -high else f"{exact(low)} … {exact(high)}"
 
 
 def check_unit(unit: str) -> tuple[str, float]:

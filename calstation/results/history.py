@@ -232,6 +232,7 @@ def _from_result(folder: Path, name: str, stamp: str, result: Result, beside: Pa
         closed=result.closed_utc is not None,
         partial=result.partial,
         released=result.released,
+        check_standard=result.check_standard is not None,
     )
     texts = (record.serial, record.started_utc, record.outcome, record.product, record.station, record.operator)
     "".join(filter(None, (*texts, *record.stages, record.error))).encode()  # raises for a lone surrogate
@@ -291,12 +292,17 @@ def shift_start(starts: Iterable[str], now: datetime | None = None) -> datetime:
 def count_shift(report: ProgressCallback, folder: Path, station: str, since: datetime) -> ShiftCount:
     """Job: count the runs of a station in a folder that began at `since` or later.
 
-    Partial runs do not count, nor do runs that were stopped or ended in a fault; a resumed run counts once.
+    Partial runs and runs of check standards do not count, nor do runs that were stopped or ended in a fault; a resumed
+    run counts once.
     """
     history = History(folder)
     history.refresh()
     begun = RunFilter(station=station, since=f"{since.astimezone(UTC):%Y-%m-%dT%H:%M:%S}")
-    runs = [run for run in history.runs(begun, limit=None) if run.verdict in ("passed", "failed") and not run.partial]
+    runs = [
+        run
+        for run in history.runs(begun, limit=None)
+        if run.verdict in ("passed", "failed") and not run.partial and not run.check_standard
+    ]
     passed = sum(run.outcome == "passed" for run in runs)
     mean = sum(run.duration for run in runs) / len(runs) if runs else None
     return ShiftCount(passed, len(runs) - passed, mean)

@@ -61,6 +61,8 @@ class StandardVerdict(_Section):
     t_squared_limit: Number
     degrees: int  #: Number of parameters compared.
     false_alarm: Number  #: Probability that an unchanged station and unit fail.
+    #: Smallest true error of each parameter that its normalised error shows with 90 % probability, SI.
+    detectable: dict[str, Number] = Field(default_factory=dict)
 
 
 class StageConsistency(_Section):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from calstation.config import ResolvedConfiguration, confirmation_required
 from calstation.reports import station_request
+from calstation.sequencer import Emit, Message
 
 #: Processes that may outlive the engine; without a reference, Python would warn of them.
 _started: list[subprocess.Popen[bytes]] = []
@@ -14,16 +15,17 @@ _started: list[subprocess.Popen[bytes]] = []
 logger = logging.getLogger(__name__)
 
 
-def start_report(setup: ResolvedConfiguration, result_file: Path) -> None:
+def start_report(setup: ResolvedConfiguration, result_file: Path, emit: Emit) -> None:
     """Start the report of a result if the station asks for one; its errors are in the application log.
 
-    A certificate that a second person must confirm is not made automatically.
+    A certificate that a second person must confirm is not made automatically; a message says that it waits.
     """
     section, source = setup.station.report, setup.sources.get("station")
     if section is None or section.folder is None or source is None:
         return
     if confirmation_required("certificate", setup.product, setup.station).second:
         logger.warning("no automatic report of %s: a second person must confirm its certificate", result_file)
+        emit(Message("certificate_waits"))
         return
     request = station_request(source.path, section, result_file)
     out = request.out

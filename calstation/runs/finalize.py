@@ -58,6 +58,7 @@ class Finalization:
         if not self._setup.product.end_on_failure or judge(run.meta, run.chain.prior, solutions).passed:
             return True
         run.emit(Message("stopped_early", {"stage": solution.stage}))
+        self._judge_standard(solutions)
         return False
 
     def finalize(

@@ -48,9 +48,9 @@ def close_run(run: OpenRun, ended: Ended) -> None:
     with suppress(OSError):  # only the index, which the next run restores
         history.refresh()
     logger.info("verdict %s, result %s", outcome, beside)
-    run.prepared.emit(Verdict(outcome, str(log.path), str(beside), written))
     if outcome in ("passed", "failed"):
-        start_report(run.setup, beside.absolute())
+        start_report(run.setup, beside.absolute(), run.prepared.emit)
+    run.prepared.emit(Verdict(outcome, str(log.path), str(beside), written))
 
 
 def advice(product: ProductConfig, outcome: str, failures: int, finished: bool) -> str | None:

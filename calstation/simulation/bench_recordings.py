@@ -74,7 +74,9 @@ def _imu_section(imu: ImuTruth, serial: str) -> dict[str, Any]:
 def _meta(imu: ImuTruth, grade: GradeName, **more: Any) -> LogMeta:
     sigma = {p.name: {"sigma": float(2.0 * GRADES[grade].sigma[p.group])} for p in PARAMETERS}
     site = {"latitude_deg": _LATITUDE_DEG, "longitude_deg": 108.9, "height_m": _HEIGHT}
-    return LogMeta.model_validate({"site": site, "imu": _imu_section(imu, f"BENCH-{grade}"), "prior": sigma, **more})
+    return LogMeta.model_validate(
+        {"site": site, "imu": _imu_section(imu, f"BENCH-{grade}"), "prior": sigma, "simulated": True, **more}
+    )
 
 
 def _truth(imu: ImuTruth) -> dict[str, float]:

@@ -16,7 +16,7 @@ import numpy as np
 from calstation.bench.truth import BenchTruth
 from calstation.estimation.common import Belief, SolveContext, stage_data
 from calstation.estimation.positions import TABLE_QUANTITIES, table_axes, table_rests
-from calstation.physics import BoolArray, FloatArray
+from calstation.physics import FloatArray
 from calstation.quality import BASELINE, WEIGHT, WIDTH, alarms
 from calstation.results import one_blas_thread
 from calstation.simulation.study import (
@@ -188,40 +188,26 @@ def resampled(values: FloatArray, runs: int, after: int, shift: float, seed: int
     center = np.array([each.mean(axis=0) for each in drawn])
     sigma = np.array([each.std(axis=0, ddof=1) for each in drawn])
 
-    def draw() -> FloatArray:
-        return np.asarray(values[random.integers(len(values), size=_TRIALS)])
+    def draw(count: int) -> FloatArray:
+        """Draw `count` runs of every series, shape (count, series, quantities)."""
+        return np.asarray(values[random.integers(len(values), size=(count, _TRIALS))])
 
-    chart, total = _Charts(center, sigma), np.zeros(_TRIALS)
-    for _ in range(runs):
-        total += chart.step(draw()).sum(axis=1)
-    chart = _Charts(center, sigma)
-    for _ in range(_BEFORE):
-        chart.step(draw())
+    def each_alarms(series: FloatArray) -> list[list[tuple[int, ...]]]:
+        """Return the alarms by series and quantity."""
+        return [
+            [alarms(series[:, k, i], center[k, i], sigma[k, i]) for i in range(center.shape[1])] for k in range(_TRIALS)
+        ]
+
+    total = np.array([sum(map(len, found)) for found in each_alarms(draw(runs))])
     longest = max(after, 10 * WITHIN)
-    first = np.full(center.shape, longest + 1)
-    for k in range(1, longest + 1):  # each chart sees the shift of its own quantity as if it were the only one
-        alarmed = chart.step(draw() + shift * true_sigma)
-        first = np.where(alarmed & (first > longest), k, first)
+    # each chart sees the shift of its own quantity as if it were the only one
+    shifted = each_alarms(np.concatenate([draw(_BEFORE), draw(longest) + shift * true_sigma]))
+    first = np.array(
+        [[next((a - _BEFORE + 1 for a in found if a >= _BEFORE), longest + 1) for found in row] for row in shifted]
+    )
     return {
-        "run_length": float(runs * _TRIALS / max(total.sum(), 1.0)),
+        "run_length": float(runs * _TRIALS / max(int(total.sum()), 1)),
         "few_alarms": float(np.mean(total <= MOST_ALARMS)),
         "alarmed_in_time": dict(zip(TABLE_QUANTITIES, np.mean(first <= after, axis=0).tolist(), strict=True)),
         "median_runs": dict(zip(TABLE_QUANTITIES, np.median(first, axis=0).tolist(), strict=True)),
     }
-
-
-class _Charts:
-    """Many EWMA charts side by side, like `calstation.quality.alarms`."""
-
-    def __init__(self, center: FloatArray, sigma: FloatArray) -> None:
-        self._center, self._sigma = center, sigma
-        self._average, self._count = np.zeros_like(center), np.zeros_like(center)
-
-    def step(self, values: FloatArray) -> BoolArray:
-        """Add one value to each chart; return where it alarms and starts again."""
-        self._average = WEIGHT * (values - self._center) / self._sigma + (1.0 - WEIGHT) * self._average
-        self._count += 1.0
-        spread = np.sqrt(WEIGHT / (2.0 - WEIGHT) * (1.0 - (1.0 - WEIGHT) ** (2.0 * self._count)))
-        alarmed = np.abs(self._average) > WIDTH * spread
-        self._average[alarmed] = self._count[alarmed] = 0.0
-        return np.asarray(alarmed)

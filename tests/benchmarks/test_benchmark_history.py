@@ -1,5 +1,6 @@
 """Time to find, chart and count the runs of a history of 100,000, relative to reading the runs that are listed."""
 
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from time import perf_counter
@@ -7,8 +8,9 @@ from time import perf_counter
 import numpy as np
 import pytest
 
+from calstation.config import library, load_product
 from calstation.physics.parameters import NAMES
-from calstation.quality import cusum_chart, ewma_chart, individuals_chart
+from calstation.quality import cusum_chart, ewma_chart, individuals_chart, summarise_quality
 from calstation.records.run_index import IndexedRun, RunFilter, RunIndex, RunRecord
 
 COUNT, LISTED = 100_000, 300
@@ -97,3 +99,30 @@ def test_charts_of_100000_runs_cost_less_than_reading_their_columns(indexes, ben
     benchmark.pedantic(charts, rounds=3)
     figures(charts_ratio=round(ratio, 3))
     assert ratio < 1.0
+
+
+def test_all_charts_and_yields_of_50000_runs_cost_little_more_than_their_columns(
+    indexes, benchmark, figures, tmp_path, monkeypatch
+):
+    """A second on 2 cores, one of them used: what the Quality page reads after a choice."""
+    monkeypatch.setenv("CALSTATION_HOME", str(tmp_path / "home"))
+    product, random = library.find("products", "nav_a"), np.random.default_rng(1)
+    index, name = RunIndex(tmp_path), load_product(product)[1].name
+    for start in range(0, COUNT // 2, 5000):
+        runs = [run(k) for k in range(start, start + 5000)]
+        records = [replace(each.record, serial=each.name, product=name) for each in runs]
+        values = [dict(zip(NAMES, row, strict=True)) for row in random.normal(0.0, 1e-6, (5000, len(NAMES))).tolist()]
+        index.put(
+            replace(each, record=record, values=found)
+            for each, record, found in zip(runs, records, values, strict=True)
+        )
+
+    def summary():
+        return summarise_quality(lambda *_: None, tmp_path, product)
+
+    assert len(summary().parameters) == len(NAMES)
+    columns = shortest(lambda: index.columns(RunFilter(product=name)))
+    ratio = shortest(summary) / columns
+    benchmark.pedantic(summary, rounds=3)
+    figures(summary_ratio=round(ratio, 2), columns_s=round(columns, 2))
+    assert ratio < 4.0

@@ -120,6 +120,8 @@ def test_a_study_is_planned_and_evaluated_from_the_stored_runs(calstation: Run, 
     assert [*found] == [*NAMES]
     assert found["gyro_bias_x"]["gauge"]["percent_tolerance"] is None
     assert found["gyro_bias_x"]["categories"] > 5
+    refused = calstation(*study, "--product", "mems_c")
+    assert (refused.code, "its runs are of Navigation grade A" in refused.err) == (2, True)
     other = calstation(*study, "--parameter", "clock_offset")
     assert (other.code, "not every run of the study solved the parameter" in other.err.lower()) == (2, True)
     assert [*calstation(*study, "--parameter", "gyro_bias_y").json["parameters"]] == ["gyro_bias_y"]

@@ -32,6 +32,7 @@ def test_a_station_without_a_driven_table_is_refused(station):
         design_schedule(ignore, DesignRequest(library.find("stations", station), time_limit=1.0))
 
 
+@pytest.mark.long
 def test_a_table_with_a_known_lever_gets_a_schedule(tmp_path, monkeypatch):
     monkeypatch.setenv("CALSTATION_HOME", str(tmp_path))
     changed(tmp_path, "tables", "bench", ('outer_lever = "estimated"', 'outer_lever = "fixed"'))

@@ -24,6 +24,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.long
 def test_a_state_is_added_on_the_engineer_page(operator: Operator, log: Path) -> None:
     window = operator.window
     window.show_page("engineer_page")

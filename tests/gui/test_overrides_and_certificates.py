@@ -66,6 +66,10 @@ def test_an_engineer_overrides_an_overdue_certificate(operator: Operator) -> Non
     operator.until_ended()
     (result,) = operator.site_folder.runs.glob("*.json")
     assert load_result(result).standard_override == "table is at the laboratory"
+    note = "Calibrated although a check standard or an instrument was not in order: table is at the laboratory"
+    for page in ("operator_page", "engineer_page", "history_page"):
+        operator.window.show_page(page)
+        operator.until(lambda: note in operator.says())
     events = events_of(operator)
     (event,) = [each for each in events if each.event == "standard_overridden"]
     assert (event.by, event.confirmed_by) == ("Li Na", None)
@@ -122,7 +126,9 @@ def test_a_certificate_from_the_verdict_and_from_the_history(
 
 @pytest.mark.long
 def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
-    use(operator, {"confirmation": {"required_for": ["certificate"]}}, sign_in=ENGINEERS)
+    report = {"folder": "reports", "language": "en"}
+    (operator.site_folder.station.parent / "reports").mkdir(exist_ok=True)
+    use(operator, {"confirmation": {"required_for": ["certificate"]}}, sign_in=ENGINEERS, report=report)
     access.set_pin("", "0000")
     for badge, pin in PINS.items():
         access.set_pin("0000", pin, badge)
@@ -131,6 +137,9 @@ def test_two_engineers_confirm_a_certificate(operator: Operator) -> None:
     operator.press("start_button")
     operator.until(lambda: operator.verdict)
     operator.until_ended()
+    for page in ("engineer_page", "operator_page"):
+        operator.window.show_page(page)
+        operator.until(lambda: "The certificate waits for two people" in operator.says())
     operator.press("certificate_button")
     operator.until(lambda: operator.widget("certificate_button_panel").isVisible())
     fill(operator, "certificate_button", badge="B0001", pin="1111", second_badge="B0002", second_pin="2222")

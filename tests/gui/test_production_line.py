@@ -354,6 +354,7 @@ def test_a_label_is_printed_on_request_and_again_from_the_history(
     assert received[1] == received[0]
 
 
+@pytest.mark.long
 def test_an_unreachable_printer_is_reported(operator: Operator) -> None:
     (operator.site_folder.product.parent / "label.zpl").write_text(ZPL, encoding="utf-8")
     with socket.create_server(("127.0.0.1", 0)) as closed:
@@ -379,7 +380,10 @@ def test_a_typst_label_is_a_pdf_beside_the_runs(operator: Operator, opened: list
     assert str(pdf) in operator.says()
 
 
-@pytest.mark.parametrize(("bench", "stages", "verdict"), [({"out_of_limits": True}, None, "FAIL"), ({}, 1, "PARTIAL")])
+@pytest.mark.parametrize(
+    ("bench", "stages", "verdict"),
+    [({"out_of_limits": True}, None, "FAIL"), pytest.param({}, 1, "PARTIAL", marks=pytest.mark.long)],
+)
 def test_no_label_for_a_failed_or_partial_run(
     operator: Operator, bench: dict[str, Any], stages: int | None, verdict: str
 ) -> None:

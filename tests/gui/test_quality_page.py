@@ -1,8 +1,11 @@
 """The Quality page by real clicks: charts and their signals, capability, yield, check standards, repeatability."""
 
+import json
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import date
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +14,14 @@ import tomli_w
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QComboBox, QFileDialog, QLabel, QLineEdit, QPushButton, QTabBar, QTableView
 
+from calstation.cli.app import run_app
 from calstation.config import library
+from calstation.estimation.positions import TABLE_QUANTITIES
 from calstation.gui.quality import QualityPage, study_view
-from calstation.gui.text import language
+from calstation.gui.text import language, parameter_text, with_minus
+from calstation.physics import NAMES, display
 from calstation.quality import BASELINE, GaugePlan, StationQuality, TableChart
+from calstation.results import load_result
 from calstation.simulation import synthesise_runs
 from tests.gui.conftest import Operator
 from tests.site_folder import BENCH, STATION
@@ -163,6 +170,44 @@ def test_an_overdue_instrument_and_a_standard_that_never_passed(operator: Operat
     ]
 
 
+def test_the_errors_that_a_check_standard_detects_stand_beside_the_limits(
+    operator: Operator, page: QualityPage
+) -> None:
+    site, entry = operator.site_folder, {"value": 0.0, "sigma": 1e-8}
+    golden = load_result(next(site.runs.glob("GOLDEN-NAVA_*.json")))
+    product = library.find("products", "nav_a").read_text(encoding="utf-8")
+    own = site.home / "products" / "nav_a.toml"
+    standard = {"serial": "GOLDEN-NAVA", "interval_days": 7, "reference": {"gyro_bias_x": entry, "accel_bias_y": entry}}
+    own.write_text(product + tomli_w.dumps({"check_standards": [standard]}), encoding="utf-8")
+    site.station.write_text(tomli_w.dumps({**STATION, "name": golden.station, "bench": BENCH}), encoding="utf-8")
+    operator.window.app.set_station(site.station)
+    operator.window.app.set_product(own)
+    until_read(operator, page)
+    click_tab(operator, "Check standards")
+    click_row(operator, "standard_runs_table", 0)
+    found = page.standards._standard
+    assert found is not None
+    rows = cells(operator, "standard_power_table")
+    assert [row[0] for row in rows] == [parameter_text(name) for name in ("gyro_bias_x", "accel_bias_y")]
+    for (_, e_n, shown, unit, share), name in zip(rows, ("gyro_bias_x", "accel_bias_y"), strict=True):
+        value, in_unit = display(name, found.verdicts[-1].detectable[name])
+        assert e_n == with_minus(f"{found.verdicts[-1].e_n[name]:.2f}")
+        assert (float(shown), unit) == (pytest.approx(value, rel=0.01), in_unit)
+        assert share == f"{100 * found.verdicts[-1].detectable[name] / found.half_limits[name]:.0f} %"
+    assert "Smallest true errors that this run detects with 90 % probability" in operator.says()
+    names = page.standards.errors.getAxis("left")._tickLevels[0]
+    assert [name for _, name in names] == [parameter_text(name) for name in ("gyro_bias_x", "accel_bias_y")]
+    page.standards.errors.show_errors(dict.fromkeys(NAMES, 0.5), 2.0)
+    errors = page.standards.errors
+    rows = [row for row, _ in errors.getAxis("left")._tickLevels[0]]
+    space = errors.getViewBox().height() / len(NAMES)
+    assert all(b - a >= errors.fontMetrics().height() / space for a, b in pairwise(rows)), "names do not overlap"
+    out = ["--station", str(site.station), "--product", str(own), "--out", str(site.runs)]
+    assert run_app(["quality", "standards", *out, "--json", str(site.home / "found.json")]) == 1
+    (row,) = json.loads((site.home / "found.json").read_text(encoding="utf-8"))["standards"]
+    assert row["detectable"]["gyro_bias_x"]["error"] == found.verdicts[-1].detectable["gyro_bias_x"]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("later", [0, 20])
 def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: QualityPage, later: int) -> None:
@@ -172,6 +217,14 @@ def test_limits_of_the_table_begin_after_its_baseline(operator: Operator, page: 
     click_tab(operator, "Check standards")
     page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
     assert "after a baseline of 100 runs" in operator.says()
+    missing = "Nothing is tested yet: 100 of 100 runs of the baseline are missing."  # of the two other quantities
+    assert missing in operator.says()
+    page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, chart)))
+    assert "Nothing is tested yet" not in operator.says()
+    short = replace(chart, values=values[:40], started_utc=chart.started_utc[:40], baseline=40, alarms=())
+    page._show_station(StationQuality((), (), (), dict.fromkeys(TABLE_QUANTITIES, short)))
+    assert "60 of 100 runs of the baseline are missing" in operator.says()
+    page._show_station(StationQuality((), (), (), {"orthogonality": chart}))
     low, high, average = page.standards.table.plots[0].listDataItems()[1:4]
     for item in (low, high, average):
         assert list(item.xData if later else []) == list(range(BASELINE + 1, BASELINE + later + 1))

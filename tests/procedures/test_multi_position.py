@@ -108,7 +108,12 @@ OCTANT = np.deg2rad(45.0)
 
 
 @pytest.mark.parametrize(
-    ("cause", "size", "component"), [("accel_cubic", 1e-5, 1), ("g_sensitivity", 2e-5, 1), ("gyro_cubic", 1e-3, 0)]
+    ("cause", "size", "component"),
+    [
+        ("accel_cubic", 1e-5, 1),
+        pytest.param("g_sensitivity", 2e-5, 1, marks=pytest.mark.long),
+        pytest.param("gyro_cubic", 1e-3, 0, marks=pytest.mark.long),
+    ],
 )
 def test_an_effect_outside_the_model_is_named_though_it_looks_like_noise(mems, cause, size, component):
     imu, _ = mems
@@ -287,6 +292,7 @@ def test_recordings_without_rest_or_motion_are_refused(mems):
         solved(recording(imu, 9, moving, step=np.deg2rad(120.0)), context, prior)
 
 
+@pytest.mark.long
 def test_motions_across_cuts_are_not_used(mems):
     imu, block = mems
     found = solved(block, context_of(imu), prior_of("mems"))

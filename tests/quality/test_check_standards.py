@@ -2,7 +2,7 @@
 
 import json
 from dataclasses import replace
-from datetime import UTC, date, datetime, timedelta
+from datetime import UTC, date, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from calstation.devices.profiles import ImuProfile, load_imu_profile
 from calstation.errors import ConfigurationError
 from calstation.estimation.common import Belief
 from calstation.physics import COUNT, NAMES, PARAMETERS, FloatArray
-from calstation.quality import FALSE_ALARM, judge_result, judge_standard, standard_states
+from calstation.quality import FALSE_ALARM, POWER, judge_result, judge_standard, standard_states
 from calstation.quality.standards import due_certificates, due_standards
 from calstation.records import audit_path, open_log, read_audit
 from calstation.results import History, load_result
@@ -77,6 +77,27 @@ def test_t_squared_of_correct_runs_is_chi_square_and_both_tests_keep_the_stated_
     assert failed <= stats.binom.ppf(0.999, len(verdicts), FALSE_ALARM)
 
 
+def test_an_error_of_the_stated_size_is_detected_with_the_stated_probability(stable: ImuProfile) -> None:
+    """Monte Carlo: run and reference are drawn around true values that differ by the detectable error."""
+    random, runs, name = np.random.default_rng(11), 1500, "accel_bias_y"
+    covariance, at = random_covariance(random), NAMES.index(name)
+    sigma = 0.7 * np.sqrt(np.diag(covariance))
+    true = random.standard_normal(COUNT)
+    once = judge_standard(standard(true, sigma), stable, NOW, Belief(true, covariance), NAMES)
+    assert once.detectable.keys() == once.e_n.keys()
+    moved = true.copy()
+    moved[at] += once.detectable[name]
+    found = random.multivariate_normal(moved, covariance, size=runs, method="cholesky")
+    references = random.normal(true, sigma, (runs, COUNT))
+    verdicts = [
+        judge_standard(standard(reference, sigma), stable, NOW, Belief(run, covariance), NAMES)
+        for run, reference in zip(found, references, strict=True)
+    ]
+    detected = sum(abs(verdict.e_n[name]) > verdict.e_n_limit for verdict in verdicts)
+    low, high = stats.binom.interval(0.999, runs, POWER)
+    assert low <= detected <= high
+
+
 def test_normalised_error_and_t_squared_of_one_parameter(stable: ImuProfile) -> None:
     """|x - ref| = 5 mm, sigmas 3 and 4 mm: E_n = 5 / (2 sqrt(9 + 16)) = 0.5, and T2 = 1."""
     known = CheckStandardSection.model_validate(
@@ -90,6 +111,9 @@ def test_normalised_error_and_t_squared_of_one_parameter(stable: ImuProfile) -> 
     assert verdict.t_squared == pytest.approx(1.0)
     assert verdict.e_n_limit == pytest.approx(0.5 * stats.norm.isf(0.25 * FALSE_ALARM))
     assert verdict.t_squared_limit == pytest.approx(stats.chi2.isf(0.5 * FALSE_ALARM, 1))
+    shift = verdict.detectable["inner_lever_x"] / 0.005  # of the noncentral normal distribution, in sigmas
+    edge = stats.norm.isf(0.25 * FALSE_ALARM)
+    assert stats.norm.sf(edge - shift) + stats.norm.cdf(-edge - shift) == pytest.approx(POWER, abs=1e-9)
     mean[at] = 0.1 + 2.0 * 0.005 * 1.01 * verdict.e_n_limit
     assert not judge_standard(known, stable, NOW, Belief(mean, covariance), NAMES).passed
     assert not judge_standard(known, stable, NOW, Belief(mean, covariance), ["gyro_bias_x"]).passed
@@ -246,6 +270,20 @@ def test_a_check_standard_off_its_reference_fails_and_stops_production(site: Sit
 
 
 @pytest.mark.long
+def test_a_check_standard_that_ends_early_is_recognised_in_its_result(site_folder: SiteFolder) -> None:
+    reference = {"accel_scale_x": {"value": 0.0, "sigma": 1.0}}
+    standards = [{"serial": "SN-000042", "interval_days": 7.0, "reference": reference}]
+    entries = {"end_on_failure": True, "stages": ["six_position", "azimuth_flip"], "check_standards": standards}
+    site_folder.write(entries, out_of_limits=True)
+    assert site_folder.request().serial == "SN-000042"
+    result = load_result(Path(site_folder.run().result_file))
+    assert (result.outcome, result.stages) == ("failed", ["six_position"])
+    assert result.check_standard is not None
+    (run,) = site_history(site_folder).runs()
+    assert run.check_standard
+
+
+@pytest.mark.long
 def test_the_end_of_a_run_compares_no_parameter_that_its_data_do_not_determine(
     site: SiteFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -287,6 +325,31 @@ def test_an_overdue_certificate_refuses_production_of_the_station(site_folder: S
     assert error.values["since"] == due.isoformat()
     setup = resolve_configuration(site_folder.request())
     assert [each.name for each in due_certificates(setup.station, datetime.now(UTC))] == ["rate table"]
+
+    instruments[2]["due"] = due
+    write(site_folder)
+    site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
+    several = refused(site_folder, "quality.not_in_order")
+    day = due.isoformat()
+    assert several.render().text == (
+        "Production of 'short' on station 'test bench' is refused for several reasons: "
+        f"no run of check standard {GOLDEN} has passed, the calibration of 'rate table' was due on {day}, "
+        f"the calibration of 'gravity survey' was due on {day}."
+    )
+    assert several.render("zh_CN").text.endswith(f"“rate table”应于 {day} 前送检、“gravity survey”应于 {day} 前送检。")
+
+
+@pytest.mark.parametrize(("hour", "overdue"), [(15, []), (17, ["rate table"])])
+def test_an_instrument_is_due_until_the_end_of_the_day_in_utc(
+    site_folder: SiteFolder, hour: int, overdue: list[str]
+) -> None:
+    """As in a certificate, whatever the time zone of the computer."""
+    text = site_folder.station.read_text(encoding="utf-8")
+    instruments = [{"name": "rate table", "kind": "table", "due": date(2026, 11, 23)}]
+    site_folder.station.write_text(tomli_w.dumps({"instruments": instruments}) + text, encoding="utf-8")
+    now = datetime(2026, 11, 23, tzinfo=timezone(timedelta(hours=-8))) + timedelta(hours=hour)  # UTC is 8 h later
+    found = due_certificates(resolve_configuration(site_folder.request()).station, now)
+    assert [each.name for each in found] == overdue
 
 
 def test_an_override_without_need_is_not_recorded(site_folder: SiteFolder) -> None:

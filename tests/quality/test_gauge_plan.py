@@ -36,6 +36,7 @@ def stored(order: list[Measurement], **changes: object) -> RunColumns:
         "stations": ("bench 1",) * n,
         "operators": tuple(m.appraiser for m in order),
         "partial": np.zeros(n, dtype=bool),
+        "check_standard": np.zeros(n, dtype=bool),
         "failed_checks": ((),) * n,
         "values": {"gyro_bias_x": np.array(values), "accel_bias_x": np.array([np.nan, *values[1:]])},
         "sigmas": {},

@@ -11,6 +11,7 @@ from calstation.config import library, load_product
 from calstation.quality import judged_runs, last_of_each_unit, limit_interval, summarise_quality
 from calstation.results import History
 from tests.results.test_history import write
+from tests.results.test_shift import VERDICT
 
 NAV = "Navigation grade A"
 BEGIN = datetime(2026, 11, 1, tzinfo=UTC)
@@ -68,6 +69,21 @@ def test_charts_and_capability_of_a_product(folder: Path) -> None:
     assert every.yields.products.keys() == {NAV, "unknown"}
     assert every.parameters[0].capability == bias.capability  # the limits of the product file of that name
     json.dumps(every.to_json(), allow_nan=False)
+
+
+def test_a_check_standard_does_not_count_although_no_product_names_it_any_more(tmp_path: Path) -> None:
+    for k in range(12):
+        values = {"gyro_bias_x": 1e-6 * (k % 5)}
+        write(tmp_path, f"SN-{k}", f"SN-{k}", "passed", 1, values=values)
+        write(tmp_path, f"G_{k}", "GOLD", "failed", 2, values=values, check_standard=VERDICT)
+    History(tmp_path).refresh()
+    for product in (None, library.find("products", "nav_a")):
+        found = summarise_quality(ignore, tmp_path, product)
+        assert found.yields.overall is not None
+        assert (found.yields.overall.passed, found.yields.overall.count) == (12, 12)
+        assert [len(each.names) for each in found.parameters] == [12]
+    (golden,) = summarise_quality(ignore, tmp_path, serial="GOLD").golden
+    assert len(golden.names) == 12
 
 
 def test_the_runs_of_one_unit_show_a_step(folder: Path) -> None:

@@ -39,6 +39,7 @@ def columns(rows: list[tuple[int, str, str, bool, str | None, str | None, tuple[
         stations,
         operators,
         np.array(partial),
+        np.array([serial == "GOLD" for serial in serials]),
         failed,
         {},
         {},
@@ -58,6 +59,11 @@ def test_yield_counts_full_runs_that_were_judged() -> None:
     assert counts(found.stations) == {"s1": (2, 4), "s2": (1, 2)}
     assert counts(found.operators) == {"li": (1, 3), "wu": (2, 2)}
     assert found.failed_checks == (FailedCheck("x", 2, 2 / 3), FailedCheck("y", 2, 1.0))
+
+
+def test_runs_of_check_standards_do_not_count() -> None:
+    golden = [(day, "GOLD", verdict, False, "s3", "xu", ("g",)) for day in range(3) for verdict in ("failed", "passed")]
+    assert count_yields(columns([*ROWS, *golden])) == count_yields(columns(ROWS))
 
 
 def test_first_runs_before_the_date_do_not_count_later() -> None:

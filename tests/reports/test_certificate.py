@@ -21,15 +21,18 @@ from calstation.config.request import RunRequest
 from calstation.errors import InputError
 from calstation.messages import Language, parameter_name
 from calstation.physics import INDEX
-from calstation.records import context_from_meta
+from calstation.records import context_from_meta, open_log
+from calstation.records.meta import FurtherImuSection
 from calstation.reports import pdf as pdf_module
 from calstation.reports.content import build_certificate
+from calstation.reports.deviations import deviations
 from calstation.reports.issue import ReportRequest, attachments, issue_report
 from calstation.reports.pdf import typeset
 from calstation.results import Result
 from calstation.runs.run import execute
 from calstation.sequencer.control import Control
 from calstation.sequencer.events import Event, Verdict
+from calstation.simulation.bench_recordings import make_recording
 from calstation.simulation.hooks import BenchHooks
 from tests.reports.certificates import KINDS, LABORATORY, Made, make
 from tests.shared_runs import SharedRuns
@@ -82,6 +85,7 @@ def test_every_page_is_identified_and_the_document_says_all(made: Made, language
     wanted += [LABORATORY["laboratory"]["customer"], "PTB-0815", made.certificate.issued.isoformat(), "k=2", "95"]
     for text in wanted:
         assert "".join(text.replace("\u00ad", "").split()) in whole, text
+    assert "标定" not in whole, "the certificate has one word for calibration"
     for name in result.parameters:
         group = parameter_name(name, language).rpartition(" ")[0]
         assert "".join(group.split()).lower() in whole.lower()
@@ -97,6 +101,69 @@ def test_a_simulation_says_so_beside_its_verdict(made: Made) -> None:
     real = replace(made, certificate=replace(made.certificate, meta=meta))
     pages = pypdf.PdfReader(io.BytesIO(printed(real))).pages
     assert "Simulation" not in "".join(page.extract_text() for page in pages)
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_simulation_does_not_carry_the_accreditation(made: Made) -> None:
+    meta = made.certificate.meta
+    assert meta.run is not None
+    assert meta.laboratory is not None
+    accredited = meta.laboratory.model_copy(update={"accreditation": "UKAS 0000"})
+    simulated = meta.model_copy(update={"laboratory": accredited})
+    real = simulated.model_copy(update={"run": meta.run.model_copy(update={"seed": None})})
+    recorded = real.model_copy(update={"simulated": True})
+    for each, shown in ((simulated, None), (recorded, None), (real, "UKAS 0000")):
+        certificate = build_certificate(made.certificate.result, each)
+        assert certificate.laboratory is not None
+        assert certificate.laboratory.accreditation == shown
+        assert certificate.laboratory.name == accredited.name
+
+
+@pytest.mark.parametrize(
+    ("reported", "stage", "refused"),
+    [
+        ("T-0001", "six_position", True),
+        ("T-0042", "six_position", False),
+        ("X-1 + T-0042", "six_position", False),  # two drives
+        ("", "six_position", False),  # the table reports no serial number
+        ("by hand", "multi_position", False),
+    ],
+)
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_a_table_with_another_serial_number_gives_no_traceability(
+    made: Made, reported: str, stage: str, refused: bool
+) -> None:
+    result = made.certificate.result.model_copy(update={"stages": [stage]})
+    analysis = replace(made.analysis, identified={**made.analysis.identified, "table_serial": reported})
+    found = deviations(replace(made.certificate, result=result), analysis)
+    other = [text for text in found if text.code == "certificate.d_other_table"]
+    assert [text.values for text in other] == ([{"reported": reported, "declared": "T-0042"}] if refused else [])
+
+
+@pytest.mark.parametrize("made", ["gimbal"], indirect=True)
+def test_the_first_page_names_every_imu(made: Made) -> None:
+    imu = made.certificate.meta.imu.model_dump(exclude_unset=True)
+    second = FurtherImuSection.model_validate(
+        {name: value for name, value in imu.items() if name in FurtherImuSection.model_fields}
+        | {"serial": "SECOND-0002"}
+    )
+    meta = made.certificate.meta.model_copy(update={"imu2": second})
+    pair = replace(made, certificate=replace(made.certificate, meta=meta))
+    for language, words in (("en", "SecondaryIMU2SECOND-0002"), ("zh_CN", "从IMU2SECOND-0002")):
+        (page, *_) = typeset_pages(pair, language)
+        assert words in page
+
+
+def typeset_pages(made: Made, language: Language) -> list[str]:
+    pdf = typeset(made.certificate, made.analysis, language, [])
+    return [text_of(page) for page in pypdf.PdfReader(io.BytesIO(pdf)).pages]
+
+
+def test_recordings_of_the_bench_say_that_they_are_simulated(tmp_path: Path) -> None:
+    make_recording("hand", tmp_path / "hand.h5")
+    meta = open_log(tmp_path / "hand.h5").meta
+    assert meta.run is None
+    assert meta.is_simulated
 
 
 @pytest.mark.long

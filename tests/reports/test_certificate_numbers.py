@@ -30,6 +30,7 @@ def test_a_value_ends_at_the_second_digit_of_its_uncertainty(
 def test_limits_are_short() -> None:
     assert interval(-0.5, 0.5) == "±0.5"
     assert interval(-1.0, 2.0) == "−1 … 2"
+    assert interval(-1072.577, 1072.577) == "±1072.577"  # 0.0052 rad/s in °/h: not 1073, which would be refused
     assert short(648000.4) == "648000"
     assert short(1e-6) == "1 × 10⁻⁶"
     assert short(math.inf) == "–"

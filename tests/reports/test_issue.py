@@ -4,7 +4,7 @@ import json
 import shutil
 import subprocess
 import tomllib
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from calstation.reports.pdf import typeset
 from calstation.results import Result
 from calstation.runs import automatic_report
 from calstation.runs.automatic_report import start_report
+from calstation.sequencer import Event, Message
 from tests.reports.certificates import Made, make, with_laboratory
 from tests.shared_runs import SharedRuns
 from tests.site_folder import SiteFolder
@@ -263,20 +264,47 @@ def test_the_number_is_the_name_of_the_log(file: str, number: str) -> None:
     assert certificate_number(result.model_copy(update={"started_utc": None})) == f"{number}-01234567"
 
 
+def test_the_date_of_receipt_stays_with_the_certificate(
+    gimbal: Made, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def issue(name: str, *options: str) -> int:
+        dcc = ("--dcc", str(tmp_path / f"{name}.xml"))
+        return run_app(["report", str(gimbal.result_file), "-o", str(tmp_path / f"{name}.pdf"), *dcc, *options])
+
+    begun = gimbal.certificate.days[0]
+    late, before = begun + timedelta(days=1), begun - timedelta(days=3)
+    assert issue("late", "--received", late.isoformat()) == 2
+    assert f"cannot have been received on {late}" in capsys.readouterr().err
+    assert issue("first", "--received", before.isoformat()) == 0
+    assert issue("again") == 0
+    assert (tmp_path / "again.pdf").read_bytes() == (tmp_path / "first.pdf").read_bytes()
+    xml = (tmp_path / "first.xml").read_text("utf-8")
+    assert f"<dcc:receiptDate>{before}</dcc:receiptDate>" in xml
+    assert f"Received {before}" in " ".join(pypdf.PdfReader(tmp_path / "first.pdf").pages[0].extract_text().split())
+    assert issue("other", "--received", begun.isoformat()) == 2
+    assert "--revise" in capsys.readouterr().err
+    assert issue("kept", "--revise", "spelling") == 0
+    assert issue("revised", "--revise", "date of receipt", "--received", begun.isoformat()) == 0
+    reports = read_reports(gimbal.result_file.parent)
+    assert [each.received for each in reports] == [before.isoformat(), before.isoformat(), begun.isoformat()]
+
+
 def test_a_station_asks_for_reports_of_its_verdicts(
     site_folder: SiteFolder, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     started: list[Any] = []
+    told: list[Event] = []
     monkeypatch.setattr(subprocess, "Popen", lambda command, **options: started.append(command))
-    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
+    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
     assert not started
     with_laboratory(site_folder, report={"folder": "reports", "language": "zh", "template": "mine"})
-    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
+    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
     automatic_report._started.clear()
     site_folder.write({"confirmation": {"required_for": ["certificate"]}})
     with_laboratory(site_folder, report={"folder": "reports"})
-    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"))
+    start_report(resolve_configuration(site_folder.request()), Path("SN_1.json"), told.append)
     assert "a second person must confirm its certificate" in caplog.text
+    assert told == [Message("certificate_waits")]
     ((_, _, _, *command),) = started
     folder = site_folder.folder
     assert command == [

@@ -93,5 +93,5 @@ def test_reports_of_a_station_with_a_certificate_are_signed(
     setup = prepare_run(site_folder.request("six_position"))
     section = ReportSection(folder="reports", signing=SigningSection(certificate="keys/seal.p12"))
     signed = replace(setup, station=setup.station.model_copy(update={"report": section}))
-    automatic_report.start_report(signed, Path("SN-000042_1.json"))
+    automatic_report.start_report(signed, Path("SN-000042_1.json"), lambda _: None)
     assert started[0][-2:] == ["--sign", str(site_folder.folder / "keys" / "seal.p12")]

@@ -31,6 +31,7 @@ def test_result_and_log_tell_the_same_and_earlier_values_stand_beside(
     assert load_finished_run(ignore_progress, Path(first.result_file), runs).previous == {}
 
 
+@pytest.mark.long
 def test_a_log_without_a_result_is_solved(tmp_path: Path, shared_runs: SharedRuns) -> None:
     verdict = shared_runs.passed(tmp_path, "six_position")
     csv = tmp_path / "foreign.csv"

@@ -10,6 +10,12 @@ import pytest
 from calstation.results.history import ShiftCount, count_shift, shift_start
 from tests.results.test_history import write
 
+#: Comparison of a check standard with its reference.
+VERDICT = {
+    **{"passed": False, "e_n": {"gyro_bias_x": 3.0}, "e_n_limit": 2.0, "t_squared": 9.0, "t_squared_limit": 8.0},
+    **{"degrees": 1, "false_alarm": 0.0027},
+}
+
 THREE = ("06:00", "14:00", "22:00")
 
 
@@ -48,6 +54,7 @@ def test_only_whole_runs_that_passed_or_failed_count(tmp_path: Path) -> None:
     write(tmp_path, "f", "SN-4", "failed", 2, partial=True)
     write(tmp_path, "g", "SN-5", "fault", 2, error="no answer")
     write(tmp_path, "h", "SN-6", "passed", 2, station="bench 2")
+    write(tmp_path, "i", "GOLD", "failed", 2, check_standard=VERDICT)
     since = datetime(2026, 11, 2, 16, 0).astimezone()  # 08:00 UTC, when these runs began
     assert since.astimezone(UTC).hour == 8
     found = count_shift(lambda *_: None, tmp_path, "bench 1", since)

@@ -126,6 +126,7 @@ def test_an_export_has_all_readable_samples(log: Damaged) -> None:
     assert resolve(target).result.to_json()["parameters"] == resolve(log.path).result.to_json()["parameters"]
 
 
+@pytest.mark.long
 def test_samples_after_damaged_rows_are_drawn_at_their_time(log: Damaged, tmp_path: Path) -> None:
     row = log.rest("rate")
     log.hurt(row)

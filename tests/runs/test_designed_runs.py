@@ -71,6 +71,7 @@ def test_without_the_stop_rule_every_move_takes_place(designed: SiteFolder) -> N
     assert (ended.reason, ended.rounds) == ("rounds", len(MOVES))
 
 
+@pytest.mark.long
 def test_pause_and_resume_within_the_stage(designed: SiteFolder) -> None:
     pause = designed.once(StepStarted, Command.PAUSE, after=4)
 

@@ -95,6 +95,7 @@ def test_some_stages_of_a_log_solved_again_are_partial(
     assert json.loads((tmp_path / "all.json").read_text(encoding="utf-8"))["partial"] is False
 
 
+@pytest.mark.long
 def test_a_stopped_partial_run_is_resumed_with_its_prior(
     site_folder: SiteFolder, shared_runs: SharedRuns, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -18,7 +18,7 @@ from calstation.gui.engineer.preview import PreviewView
 from calstation.gui.engineer.registers_view import UNNAMED, RegistersView
 from calstation.gui.engineer.result_analysis import ResultAnalysis
 from calstation.gui.shell import AppContext, EndStageButton, Page, RunStatus, RunStrip
-from calstation.gui.text import bind, error_text, on_language_change, product_text, say
+from calstation.gui.text import bind, error_text, event_sentence, on_language_change, product_text, say
 from calstation.gui.widgets import (
     Choice,
     ElidedLabel,
@@ -176,12 +176,17 @@ class EngineerPage(Page):
         self._update()
 
     def _running_changed(self, running: bool) -> None:
-        """After a run, clear its serial number and restore the product's stages, so that no later run is partial."""
+        """After a run, clear its serial number and restore the product's stages, so that no later run is partial.
+
+        Show whether its certificate waits for two people.
+        """
         if not running and self.app.engine_link.operation is None:
             self._header.serial_edit.clear()
             found = self._options
             if found is not None and found.offered and self.choice.parts.stages != found.stages:
                 self.choice.parts.offer(found.offered, found.stages)
+            if ("certificate_waits", {}) in self.app.run.remarks:
+                self.notice.ask("caution", lambda: event_sentence("certificate_waits", {}), str)
         self._update()
 
     def _drop_question(self) -> None:

@@ -12,6 +12,7 @@ from calstation.gui.engineer.cycle_view import CycleView
 from calstation.gui.engineer.diagnostics_views import InnovationsView, ResidualsView
 from calstation.gui.engineer.observability_view import ObservabilityView
 from calstation.gui.engineer.verdict import verdict_badge, verdict_text
+from calstation.gui.operator import advice
 from calstation.gui.shell import AppContext, ReleaseBar
 from calstation.gui.text import (
     bind,
@@ -39,6 +40,7 @@ from calstation.gui.widgets import (
     label,
     ordered,
     row,
+    show_text,
     theme,
 )
 from calstation.messages import local_time
@@ -77,7 +79,7 @@ class ResultView(QWidget):
         self.shown: FinishedRun | None = None
         self.missing = MissingState(adding, "add_state_button")
         self._badge = StateBadge(theme.SECTION)
-        self._about = label(wrap=True)
+        self._about, self._note = label(wrap=True), label(wrap=True, name="override_note")
         self._table = table = CellTable("result_table", grouped=True)
         table.parameters.set_columns(
             (
@@ -115,6 +117,7 @@ class ResultView(QWidget):
         )
         column(
             row(self._badge, (self._about, 1), copy, spacing=2 * theme.GRID),
+            self._note,
             release,
             (table, 2),
             self.missing,
@@ -186,6 +189,7 @@ class ResultView(QWidget):
             names = [term("group", state) for state in result.states_added]
             about.append(event_sentence("states_added", {"states": names}))
         self._about.setText("  ·  ".join(about))
+        show_text(self._note, "\n".join(advice.override_notes(result)))
 
 
 def _register_texts(registers: Registers) -> list[str]:

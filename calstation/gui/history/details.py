@@ -213,10 +213,7 @@ class RunDetails(QFrame):
             return
         self._serial.setText(run.serial)
         self.badge.show_state(KINDS.get(run.verdict, "none"), term("badge", run.badge))
-        override = None if result is None else result.standard_override
-        words = self.tr("Calibrated although a check standard or an instrument was not in order: {0}")
-        started = [] if override is None else [words.format(override)]
-        self.reason_label.setText("\n".join(filter(None, (*started, self._reason(run)))))
+        self.reason_label.setText("\n".join(filter(None, (*advice.override_notes(result), self._reason(run)))))
         lines = []
         if result is not None and result.judged:
             failed = result.failed_checks
@@ -236,10 +233,7 @@ class RunDetails(QFrame):
             text = free_text(run.error) if fault is None else error_text(fault)
             return "\n".join(part for part in (text.reason, text.remedy) if part)
         if result is not None and result.override is not None:
-            override = result.override
-            people = ", ".join(filter(None, (override.by, override.confirmed_by)))
-            when = local_time(override.utc)
-            return self.tr("Released by {0}, {1}: {2}").format(people, when, override.why)
+            return ""  # the note of the release says it
         if run.outcome in ("passed", "failed") and result is not None:
             if result.failed_checks:
                 return self.tr("Outside its limits:")

@@ -13,6 +13,7 @@ from calstation.gui.text import (
     say,
     with_minus,
 )
+from calstation.messages import local_time
 from calstation.physics import GROUPS, INDEX, PARAMETERS, display, number
 from calstation.records import Check
 from calstation.results import Parameter, Result, cause_text, missing_state
@@ -54,6 +55,18 @@ def reason(outcome: str, result: Result | None, stopped: str = "stopped") -> str
     first = failed_check_text(tests[0] if tests else max(failed, key=_share), result)
     first = first[0].upper() + first[1:]
     return first if len(failed) == 1 else f"{first} {say('advice.more_failed', count=len(failed) - 1)}"
+
+
+def override_notes(result: Result | None) -> list[str]:
+    """Return who released a unit that failed, and why a run was allowed although a check standard was not in order."""
+    notes = []
+    if result is not None and result.standard_override is not None:
+        notes.append(say("advice.standard_override", why=result.standard_override))
+    if result is not None and result.override is not None:
+        override = result.override
+        people = ", ".join(filter(None, (override.by, override.confirmed_by)))
+        notes.append(say("advice.released_by", people=people, when=local_time(override.utc), why=override.why))
+    return notes
 
 
 def next_action(outcome: str, result: Result | None) -> str:

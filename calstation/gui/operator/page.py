@@ -55,7 +55,8 @@ from calstation.sequencer import Command
 
 #: Refusals of production that an engineer can override.
 _OVERRIDABLE = tuple(
-    f"quality.{code}" for code in ("standard_never", "standard_overdue", "standard_out", "certificate_overdue")
+    f"quality.{code}"
+    for code in ("standard_never", "standard_overdue", "standard_out", "certificate_overdue", "not_in_order")
 )
 
 

@@ -232,7 +232,7 @@ class VerdictPanel(QFrame):
         for shown, content in (
             (self._source, self.tr("Where: {place}").format(place=text.where) if text and text.where else ""),
             (self.action_label, self.next_action()),
-            (self._notes, "\n".join(notes)),
+            (self._notes, "\n".join([*advice.override_notes(self._result), *notes])),
             (self._facts, "  ·  ".join(self._fact_texts())),
         ):
             show_text(shown, content)

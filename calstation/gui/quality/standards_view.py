@@ -1,5 +1,6 @@
 """Check standards and instruments of the station, the errors of the last check, and the geometry of the table."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -7,7 +8,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QAbstractItemView, QWidget
 
-from calstation.gui.text import bind, on_language_change, parameter_text, say
+from calstation.gui.text import bind, on_language_change, parameter_text, say, with_minus
 from calstation.gui.widgets import (
     CellTable,
     Column,
@@ -17,12 +18,14 @@ from calstation.gui.widgets import (
     Words,
     column,
     dashed,
+    label,
+    show_text,
     split,
     theme,
 )
 from calstation.messages import local_time
-from calstation.physics import ARCSECOND
-from calstation.quality import BASELINE, WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
+from calstation.physics import ARCSECOND, display
+from calstation.quality import BASELINE, POWER, WEIGHT, WIDTH, StandardHistory, StationQuality, TableChart, ewma_chart
 
 #: Quantities of the table's geometry in the order of the plots.
 _QUANTITIES = ("orthogonality", "tilt_x", "tilt_y")
@@ -36,12 +39,14 @@ class StandardsView(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self._found: StationQuality | None = None
-        self.standards, self.runs, self.instruments = (
-            CellTable(name) for name in ("standards_table", "standard_runs_table", "instruments_table")
+        self.standards, self.runs, self.instruments, self.power = (
+            CellTable(name)
+            for name in ("standards_table", "standard_runs_table", "instruments_table", "standard_power_table")
         )
         self.errors, self.table = ErrorBars(), TableCharts()
+        self.waiting = label(wrap=True, name="table_waiting_label")
         self._build_tables()
-        titles = [ElidedLabel("muted") for _ in range(5)]
+        titles = [ElidedLabel("muted") for _ in range(6)]
         for title, words in zip(
             titles,
             (
@@ -52,14 +57,17 @@ class StandardsView(QWidget):
                 lambda: self.tr("Geometry of the table: EWMA and its limits after a baseline of {} runs").format(
                     BASELINE
                 ),
+                lambda: self.tr("Smallest true errors that this run detects with {} % probability").format(
+                    round(100 * POWER)
+                ),
             ),
             strict=True,
         ):
             bind(title, words)
         left, middle, right = QWidget(), QWidget(), QWidget()
         column(titles[0], (self.standards, 2), titles[1], (self.runs, 4), titles[2], (self.instruments, 3), on=left)
-        column(titles[3], (self.errors, 1), on=middle)
-        column(titles[4], (self.table, 1), on=right)
+        column(titles[3], (self.errors, 3), titles[5], (self.power, 2), on=middle)
+        column(titles[4], self.waiting, (self.table, 1), on=right)
         column(
             (split((left, 8), (middle, 6), (right, 6), handle=2 * theme.GRID), 1),
             on=self,
@@ -91,6 +99,7 @@ class StandardsView(QWidget):
             (self.standards, lambda: self.tr("Check standards")),
             (self.runs, lambda: self.tr("Runs of the check standard")),
             (self.instruments, lambda: self.tr("Instruments")),
+            (self.power, lambda: self.tr("Smallest errors detected")),
         ):
             table.verticalHeader().hide()
             table.setSelectionMode(QAbstractItemView.SelectionMode.SingleSelection)
@@ -122,6 +131,16 @@ class StandardsView(QWidget):
                 text(lambda: self.tr("Due"), "due", number=False),
             )
         )
+        text = self.power.column
+        self.power.parameters.set_columns(
+            (
+                text(lambda: self.tr("Parameter"), "parameter", number=False),
+                text(lambda: "Eₙ", "e_n"),
+                text(lambda: self.tr("Error"), "error"),
+                text(lambda: self.tr("Unit"), "unit", number=False),
+                text(lambda: self.tr("of the limit"), "share"),
+            )
+        )
         self.standards.selectionModel().currentRowChanged.connect(lambda *_: self._show_runs())
         self.runs.selectionModel().currentRowChanged.connect(lambda current, _: self._show_errors(current.row()))
         self.runs.doubleClicked.connect(lambda index: self._open(index.row()))
@@ -130,6 +149,9 @@ class StandardsView(QWidget):
         found = self._found
         if found is None:
             return
+        known = min((found.table[name].baseline if name in found.table else 0) for name in _QUANTITIES)
+        text = self.tr("Nothing is tested yet: {0} of {1} runs of the baseline are missing.")
+        show_text(self.waiting, text.format(BASELINE - known, BASELINE) if known < BASELINE else "")
         cells = {}
         for each in found.standards:
             state, wrong = each.state, each.state.wrong
@@ -175,6 +197,7 @@ class StandardsView(QWidget):
             self.runs.selectRow(0)
         else:
             self.errors.show_errors({}, 1.0)
+            self.power.show_cells({})
 
     def _run(self, line: int) -> int | None:
         keys = list(self.runs.cells)
@@ -184,6 +207,7 @@ class StandardsView(QWidget):
         standard, k = self._standard, self._run(line)
         if standard is not None and k is not None:
             self.errors.show_errors(standard.verdicts[k].e_n, standard.verdicts[k].e_n_limit)
+            self.power.show_cells(_power_cells(standard, k))
 
     def _open(self, line: int) -> None:
         standard, k = self._standard, self._run(line)
@@ -200,6 +224,7 @@ class ErrorBars(ThemedPlot):
         self._limit = 1.0
         self.getAxis("left").setWidth(22 * theme.GRID)
         self.getViewBox().invertY(True)
+        self.getViewBox().sigResized.connect(self._label_rows)
         theme.on_appearance_change(self, self._draw)
 
     def show_errors(self, errors: Mapping[str, float], limit: float) -> None:
@@ -214,12 +239,19 @@ class ErrorBars(ThemedPlot):
         values, rows = np.array(list(self._errors.values())), np.arange(len(self._errors))
         brushes = [theme.faint(c.bad if abs(value) > self._limit else c.accent, 130) for value in values]
         self.addItem(pg.BarGraphItem(x0=0, y=rows, height=0.7, width=values, brushes=brushes, pen=c.line))
-        self.getAxis("left").setTicks([[(k, parameter_text(name)) for k, name in enumerate(self._errors)]])
         for limit in (-self._limit, self._limit):
             self.addItem(pg.InfiniteLine(limit, 90, pen=dashed(c.bad)))
         reach = 1.1 * max(self._limit, float(np.abs(values).max(initial=0.0)))
         self.setXRange(-reach, reach, padding=0)
         self.setYRange(-0.5, max(len(rows), 4) - 0.5)
+        self._label_rows()
+
+    def _label_rows(self) -> None:
+        """Name as many rows as there is space for."""
+        space = self.getViewBox().height() / max(len(self._errors), 4)
+        step = max(1, math.ceil(self.fontMetrics().height() / max(space, 1.0)))
+        names = [(k, parameter_text(name)) for k, name in enumerate(self._errors)]
+        self.getAxis("left").setTicks([names[::step]])
 
 
 class TableCharts(StackedPlots[Mapping[str, TableChart]]):
@@ -261,6 +293,19 @@ def _state_column(table: CellTable, heading: Words) -> Column:
         number=False,
         state=lambda key: table.cells[key]["kind"],
     )
+
+
+def _power_cells(standard: StandardHistory, k: int) -> dict[str, dict[str, str]]:
+    """Return the cells of the errors that a run detects, by parameter."""
+    cells = {}
+    verdict = standard.verdicts[k]
+    for name, error in verdict.detectable.items():
+        value, unit = display(name, error)
+        share = f"{100.0 * error / standard.half_limits[name]:.0f} %" if name in standard.half_limits else "–"
+        e_n = with_minus(f"{verdict.e_n[name]:.2f}")
+        named = {"parameter": parameter_text(name), "e_n": e_n}
+        cells[name] = {**named, "error": f"{value:.3g}", "unit": unit, "share": share}
+    return cells
 
 
 def _instrument_state(overdue: bool, dated: bool) -> str:

@@ -51,6 +51,7 @@ _REMARKS = (
     "stopped_early",
     "latitude_untold",
     "handover_waiting",
+    "certificate_waits",
 )
 
 #: Name of the last row, in which the registers are written and verified.

@@ -364,14 +364,6 @@
         <translation>接着做</translation>
     </message>
     <message>
-        <source>Calibrated although a check standard or an instrument was not in order: {0}</source>
-        <translation>标准件核查或仪器校准未处于正常状态时放行标定：{0}</translation>
-    </message>
-    <message>
-        <source>Released by {0}, {1}: {2}</source>
-        <translation>由 {0} 放行，{1}：{2}</translation>
-    </message>
-    <message>
         <source>It can be resumed after its last completed stage, or closed.</source>
         <translation>可以从最后完成的阶段之后接着做，或就此结束。</translation>
     </message>

@@ -5,6 +5,7 @@
     <name>CapabilityView</name>
     <message>
         <source>Process capability by parameter</source>
+        <extracomment>Smallest capability index that is usually required. Standard deviations around the mean in which the normal distribution is drawn.</extracomment>
         <translation>各参数的过程能力</translation>
     </message>
     <message>
@@ -52,6 +53,7 @@
     <name>ControlCharts</name>
     <message>
         <source>run</source>
+        <extracomment>The chart at the bottom. Largest number of runs whose points are drawn one by one. Width of the left axes, px. Number of these units in one of the charts.</extracomment>
         <translation>序号</translation>
     </message>
     <message>
@@ -75,6 +77,7 @@
     <name>ControlView</name>
     <message>
         <source>Chart of slow changes</source>
+        <extracomment>Largest number of signalling runs that are listed, the latest first. Number of the latest runs whose signals make a quantity notable.</extracomment>
         <translation>缓变控制图</translation>
     </message>
     <message>
@@ -174,6 +177,7 @@
     <name>QualityPage</name>
     <message>
         <source>The runs could not be read</source>
+        <extracomment>Numbers of past days that can be chosen; None for all.</extracomment>
         <translation>无法读取标定记录</translation>
     </message>
     <message>
@@ -245,6 +249,7 @@
     <name>StandardsView</name>
     <message>
         <source>Check standards of the product</source>
+        <extracomment>Quantities of the table&apos;s geometry in the order of the plots.</extracomment>
         <translation>该产品的标准件</translation>
     </message>
     <message>
@@ -264,6 +269,10 @@
         <translation>转台几何量：{} 次标定的基线之后的 EWMA 及其控制限</translation>
     </message>
     <message>
+        <source>Smallest true errors that this run detects with {} % probability</source>
+        <translation>此次标定能以 {} % 的概率检出的最小真实误差</translation>
+    </message>
+    <message>
         <source>Check standards</source>
         <translation>标准件</translation>
     </message>
@@ -274,6 +283,10 @@
     <message>
         <source>Instruments</source>
         <translation>仪器</translation>
+    </message>
+    <message>
+        <source>Smallest errors detected</source>
+        <translation>可检出的最小误差</translation>
     </message>
     <message>
         <source>State</source>
@@ -311,11 +324,32 @@
         <source>Certificate</source>
         <translation>证书编号</translation>
     </message>
+    <message>
+        <source>Parameter</source>
+        <translation>参数</translation>
+    </message>
+    <message>
+        <source>Error</source>
+        <translation>误差</translation>
+    </message>
+    <message>
+        <source>Unit</source>
+        <translation>单位</translation>
+    </message>
+    <message>
+        <source>of the limit</source>
+        <translation>占限值</translation>
+    </message>
+    <message>
+        <source>Nothing is tested yet: {0} of {1} runs of the baseline are missing.</source>
+        <translation>尚不检验：基线的 {1} 次标定还缺 {0} 次。</translation>
+    </message>
 </context>
 <context>
     <name>StudyView</name>
     <message>
         <source>Quantity</source>
+        <extracomment>State of each verdict. Components in the order of the table.</extracomment>
         <translation>量</translation>
     </message>
     <message>
@@ -402,6 +436,7 @@
     <name>YieldView</name>
     <message>
         <source>Yield by product, station and operator</source>
+        <extracomment>Largest number of failed checks drawn. Largest number of days that are drawn one by one. Smallest fraction shown on the axis of the yield.</extracomment>
         <translation>按产品、工位和操作员的合格率</translation>
     </message>
     <message>
