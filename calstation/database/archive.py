@@ -1,0 +1,122 @@
+"""Archive of closed logs in a folder, a mounted share or an S3 bucket (fsspec).
+
+Credentials come from where the file system looks for them, for S3 from the environment or the AWS profile.
+"""
+
+import hashlib
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from botocore.exceptions import BotoCoreError
+from fsspec import AbstractFileSystem
+from fsspec.core import url_to_fs
+from fsspec.implementations.local import LocalFileSystem
+
+from calstation.errors import InputError
+from calstation.records import sync_folder
+
+#: Number of bytes read at once.
+_CHUNK = 8 * 1024 * 1024
+
+#: Errors of an archive that cannot be reached, is full or refuses access.
+_FAILURES = (OSError, BotoCoreError)
+
+
+@dataclass(frozen=True)
+class LogCopy:
+    """A verified copy of a log."""
+
+    url: str
+    file_sha256: str  #: Digest of the bytes of the file.
+    size: int  #: Number of bytes.
+
+
+def archive_log(log: Path, archive: str) -> LogCopy:
+    """Copy a closed log into a folder of an archive, unless the same bytes are already there.
+
+    The copy gets its name after its bytes have been read back and compared, so that an interrupted copy leaves no file
+    of that name. Raises InputError, after which the copy can be tried again.
+    """
+    url = f"{archive.rstrip('/')}/{log.name}"
+    try:
+        files, path = _open(url)
+        with log.open("rb") as stream:
+            copy = LogCopy(url, _digest(stream), stream.tell())
+        if not (files.exists(path) and _digest_at(files, path) == copy.file_sha256):
+            _copy(log, files, path, copy)
+    except _FAILURES as exc:
+        raise InputError("database.archive_failed", log=log.name, archive=archive, reason=str(exc)) from exc
+    return copy
+
+
+@contextmanager
+def local_copy(url: str, file_sha256: str | None = None) -> Iterator[Path]:
+    """Yield the path of a copy of a log on the local disk, with the file beside a CSV; it is deleted afterwards.
+
+    `url` is a URL or a path, which may be on a mounted share; `file_sha256` is the digest that its bytes must have.
+    Raises InputError.
+    """
+    with TemporaryDirectory(prefix="calstation-log-", ignore_cleanup_errors=True) as folder:
+        local = Path(folder) / url.rstrip("/").replace("\\", "/").rsplit("/", 1)[-1]
+        try:
+            files, path = _open(url)
+            files.get_file(path, str(local))
+            stem, csv, _ = path.rpartition(".csv")
+            if csv:
+                files.get_file(f"{stem}.toml", str(local.parent / f"{local.name.rpartition('.csv')[0]}.toml"))
+        except _FAILURES as exc:
+            raise InputError("database.log_not_read", log=url, reason=str(exc)) from exc
+        with local.open("rb") as stream:
+            if file_sha256 is not None and _digest(stream) != file_sha256:
+                raise InputError("database.copy_damaged", log=url)
+        yield local
+
+
+def _copy(log: Path, files: AbstractFileSystem, path: str, copy: LogCopy) -> None:
+    folder, _, name = path.rpartition("/")
+    temporary = f"{folder}/.{name}.partial"
+    files.makedirs(folder, exist_ok=True)
+    try:
+        with log.open("rb") as source, files.open(temporary, "wb", block_size=_CHUNK) as target:
+            shutil.copyfileobj(source, target, _CHUNK)
+            if isinstance(files, LocalFileSystem):
+                target.flush()
+                os.fsync(target.fileno())
+        if _digest_at(files, temporary) != copy.file_sha256:
+            raise InputError("database.copy_damaged", log=copy.url)
+        if isinstance(files, LocalFileSystem):
+            Path(temporary).replace(path)
+            sync_folder(Path(folder))
+        else:
+            files.mv(temporary, path)
+    except BaseException:
+        with suppress(*_FAILURES):
+            files.rm_file(temporary)
+        raise
+
+
+def _open(url: str) -> tuple[AbstractFileSystem, str]:
+    """Return the file system of a URL or path, which lists no names from a cache, and the path in it."""
+    try:
+        files, path = url_to_fs(url, use_listings_cache=False, skip_instance_cache=True)
+    except (ValueError, ImportError) as exc:  # an unknown or missing file system
+        raise InputError("database.no_archive", url=url, reason=str(exc)) from exc
+    return files, path
+
+
+def _digest_at(files: AbstractFileSystem, path: str) -> str:
+    with files.open(path, "rb", block_size=_CHUNK) as stream:
+        return _digest(stream)
+
+
+def _digest(stream: Any) -> str:
+    digest = hashlib.sha256()
+    while chunk := stream.read(_CHUNK):
+        digest.update(chunk)
+    return digest.hexdigest()
