@@ -13,13 +13,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from botocore.exceptions import BotoCoreError
-from fsspec import AbstractFileSystem
-from fsspec.core import url_to_fs
-from fsspec.implementations.local import LocalFileSystem
-
-from calstation.errors import InputError
+from calstation.errors import ConfigurationError, InputError
 from calstation.records import sync_folder
+
+try:
+    from botocore.exceptions import BotoCoreError
+    from fsspec import AbstractFileSystem
+    from fsspec.core import url_to_fs
+    from fsspec.implementations.local import LocalFileSystem
+except ImportError as exc:
+    raise ConfigurationError("database.not_installed") from exc
 
 #: Number of bytes read at once.
 _CHUNK = 8 * 1024 * 1024
